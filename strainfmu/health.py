@@ -1,0 +1,51 @@
+"""How far an estimate may be believed: the states of health and the chi-square alarm level."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from math import erfc, exp, lgamma, log, sqrt
+
+FALSE_ALARM_PROBABILITY = 1e-4
+
+
+class HealthState(IntEnum):
+    """State of an estimate, worst last."""
+
+    OK = 0
+    """Strain and dynamic pressure are valid and the residual is as expected."""
+    INCONSISTENT = 1
+    """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
+    NO_COEFFICIENTS = 2
+    """Dynamic pressure is missing, not positive or not finite: loads are valid, coefficients are not."""
+    INVALID = 3
+    """A strain is not finite: nothing can be computed."""
+
+
+def chi_square_survival(value: float, degrees_of_freedom: int) -> float:
+    """Return the probability that a chi-square variable exceeds ``value``.
+
+    Source: the recurrence Q(k + 2) = Q(k) + (x/2)^(k/2) e^(-x/2) / Gamma(k/2 + 1)
+    (Abramowitz & Stegun, 26.4.8), started from Q(1) = erfc(sqrt(x/2)) or Q(2) = e^(-x/2).
+    """
+    if value <= 0.0:
+        return 1.0
+    half = 0.5 * value
+    start = 1 if degrees_of_freedom % 2 else 2
+    total = erfc(sqrt(half)) if start == 1 else exp(-half)
+    for k in range(start, degrees_of_freedom, 2):
+        total += exp(0.5 * k * log(half) - half - lgamma(0.5 * k + 1.0))
+    return min(total, 1.0)
+
+
+def chi_square_limit(degrees_of_freedom: int, false_alarm_probability: float = FALSE_ALARM_PROBABILITY) -> float:
+    """Return the value that a chi-square variable exceeds with ``false_alarm_probability``, by bisection."""
+    low, high = 0.0, float(degrees_of_freedom)
+    while chi_square_survival(high, degrees_of_freedom) > false_alarm_probability:
+        high *= 2.0
+    while high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        if chi_square_survival(middle, degrees_of_freedom) > false_alarm_probability:
+            low = middle
+        else:
+            high = middle
+    return high

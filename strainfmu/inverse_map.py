@@ -1,0 +1,184 @@
+"""The artefact ``map.h5``: everything that turns strain into loads, and what it was made from.
+
+The estimate of the pressure state is q = T d + k (paper, eq. segmented-ls-solution, with the mean's
+strain in k) and the loads are f = (G C_map V_r) q + G C_map p_mean. Both are affine, so the run-time
+needs their product only; T, k and the load rows stay in the file for whoever wants the state.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.errors import InputError
+from strainfmu.files import open_hdf5, write_hdf5_atomically
+
+FloatArray = NDArray[np.float64]
+
+SCHEMA = "strainfmu.inverse_map"
+SCHEMA_VERSION = 1
+
+LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
+COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+
+_UNITS = {
+    "gauge_position": "m",
+    "gauge_direction": "1",
+    "noise_std": "m/m",
+    "strain_gain": "Pa/(m/m)",
+    "state_offset": "Pa",
+    "load_per_state": "N/Pa, N.m/Pa",
+    "load_of_mean": "N, N.m",
+    "load_covariance": "(N, N.m)^2",
+    "mean_strain": "m/m",
+    "residual_whitening": "1/(m/m)",
+    "strain_range": "m/m",
+    "coefficient_range": "1",
+    "reference_area": "m2",
+    "reference_length": "m",
+    "nominal_dynamic_pressure": "Pa",
+}
+
+
+@dataclass(frozen=True)
+class InverseMap:
+    """A finished inverse map for n_d gauges and n_q pressure states.
+
+    Loads are ordered as :data:`LOAD_NAMES` [N, N, N, N m, N m], coefficients as :data:`COEFFICIENT_NAMES`.
+
+    Attributes
+    ----------
+    vehicle : name of the vehicle and what it stands for.
+    gauge_names : n_d names, unique.
+    gauge_position : (n_d, 3) position in body axes [m].
+    gauge_direction : (n_d, 3) unit vectors of the measured strain.
+    noise_std : (n_d,) standard deviation sigma of each gauge's noise [m/m].
+    strain_gain : (n_q, n_d) T [Pa/(m/m)].
+    state_offset : (n_q,) k [Pa].
+    load_per_state : (5, n_q) G C_map V_r [N/Pa, N m/Pa].
+    load_of_mean : (5,) loads of the mean pressure [N, N m].
+    load_covariance : (5, 5) covariance of the estimated loads [(N, N m)^2].
+    mean_strain : (n_d,) strain of the mean pressure [m/m].
+    residual_whitening : (n_d, n_d) W; chi-square of strain d is |W (d - mean_strain)|^2.
+    residual_degrees_of_freedom : expected value of that chi-square.
+    strain_range : (n_d,) largest |strain| over the snapshots [m/m].
+    coefficient_range : (5, 2) smallest and largest coefficient over the snapshots.
+    reference_area : S [m2].
+    reference_length : L [m].
+    nominal_dynamic_pressure : mean q_inf of the snapshots [Pa].
+    provenance : what the map was built from: settings, versions, hashes, the flight envelope.
+    """
+
+    vehicle: str
+    gauge_names: tuple[str, ...]
+    gauge_position: FloatArray
+    gauge_direction: FloatArray
+    noise_std: FloatArray
+    strain_gain: FloatArray
+    state_offset: FloatArray
+    load_per_state: FloatArray
+    load_of_mean: FloatArray
+    load_covariance: FloatArray
+    mean_strain: FloatArray
+    residual_whitening: FloatArray
+    residual_degrees_of_freedom: int
+    strain_range: FloatArray
+    coefficient_range: FloatArray
+    reference_area: float
+    reference_length: float
+    nominal_dynamic_pressure: float
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n_d, n_q = len(self.gauge_names), len(self.state_offset)
+        expected = {
+            "gauge_position": (n_d, 3),
+            "gauge_direction": (n_d, 3),
+            "noise_std": (n_d,),
+            "strain_gain": (n_q, n_d),
+            "load_per_state": (5, n_q),
+            "load_of_mean": (5,),
+            "load_covariance": (5, 5),
+            "mean_strain": (n_d,),
+            "residual_whitening": (n_d, n_d),
+            "strain_range": (n_d,),
+            "coefficient_range": (5, 2),
+        }
+        for name, shape in expected.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
+            if not np.all(np.isfinite(value)):
+                raise InputError(f"inverse map: {name} holds values that are not finite")
+        for name in ("reference_area", "reference_length", "nominal_dynamic_pressure"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"inverse map: {name} is {getattr(self, name)}, must be positive")
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return len(self.gauge_names)
+
+
+def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
+    """Write ``inverse_map`` to ``path`` atomically and return its content hash.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+
+    def fill(file: h5py.File) -> None:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        for entry in fields(inverse_map):
+            value = getattr(inverse_map, entry.name)
+            if entry.name == "provenance":
+                file.attrs["provenance"] = json.dumps(value, sort_keys=True)
+            elif entry.name == "gauge_names":
+                file.create_dataset(entry.name, data=np.array(value, dtype="S"))
+            elif entry.name == "vehicle":
+                file.attrs[entry.name] = value
+            else:
+                file.create_dataset(entry.name, data=value).attrs["unit"] = _UNITS.get(entry.name, "1")
+
+    return write_hdf5_atomically(path, fill)
+
+
+def load_inverse_map(path: Path) -> InverseMap:
+    """Read and check a map.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+        values: dict[str, Any] = {}
+        try:
+            for entry in fields(InverseMap):
+                if entry.name == "provenance":
+                    values[entry.name] = json.loads(file.attrs[entry.name])
+                elif entry.name == "gauge_names":
+                    values[entry.name] = tuple(name.decode() for name in file[entry.name][()])
+                elif entry.name == "vehicle":
+                    values[entry.name] = str(file.attrs[entry.name])
+                else:
+                    stored = file[entry.name][()]
+                    values[entry.name] = stored.item() if np.ndim(stored) == 0 else stored
+        except KeyError as error:
+            raise InputError(f"{path}: damaged, entry {error} is missing") from error
+    return InverseMap(**values)
+
+
+def content_hash_of(path: Path) -> str:
+    """Return the content hash that identifies the map at ``path`` (checked on reading)."""
+    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+        return str(file.attrs["content_hash"])
