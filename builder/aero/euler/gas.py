@@ -1,0 +1,114 @@
+"""Relations of a perfect gas with constant total enthalpy (non-dimensional, compiled).
+
+Sources: NACA Report 1135 (oblique shock, Prandtl-Meyer); Anderson, Modern Compressible Flow, ch. 4, 9.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+GAMMA = 1.4
+
+_COMPILE = {"cache": True, "nogil": True, "inline": "never"}
+
+
+@njit(**_COMPILE)
+def total_enthalpy(mach_number: float) -> float:
+    """Return the total enthalpy of the free stream (c_inf = 1)."""
+    return 1.0 / (GAMMA - 1.0) + 0.5 * mach_number * mach_number
+
+
+@njit(**_COMPILE)
+def axial_velocity(pressure: float, density: float, v: float, w: float, enthalpy: float) -> float:
+    """Return u from constant total enthalpy, or 0 where none is left for it."""
+    square = 2.0 * (enthalpy - GAMMA / (GAMMA - 1.0) * pressure / density) - v * v - w * w
+    return math.sqrt(square) if square > 0.0 else 0.0
+
+
+@njit(**_COMPILE)
+def primitive(
+    mass: float, momentum: float, lateral_y: float, lateral_z: float, enthalpy: float
+) -> tuple[float, float, float, float, float]:
+    """Return (p, rho, u, v, w) of E = (mass, momentum, lateral_y, lateral_z).
+
+    Total enthalpy makes u the larger root of a quadratic; where the axial Mach number falls to 1 the
+    roots meet, and beyond there is no state: u = 0 is returned then.
+    """
+    v = lateral_y / mass
+    w = lateral_z / mass
+    a = 0.5 * (GAMMA + 1.0) / (GAMMA - 1.0)
+    b = GAMMA / (GAMMA - 1.0) * momentum / mass
+    discriminant = b * b - 4.0 * a * (enthalpy - 0.5 * (v * v + w * w))
+    if not discriminant > 0.0:
+        return 0.0, 0.0, 0.0, v, w
+    u = (b + math.sqrt(discriminant)) / (2.0 * a)
+    return momentum - mass * u, mass / u, u, v, w
+
+
+@njit(**_COMPILE)
+def prandtl_meyer_angle(mach_number: float) -> float:
+    """Return the Prandtl-Meyer angle nu(M) [rad]."""
+    k = math.sqrt((GAMMA + 1.0) / (GAMMA - 1.0))
+    root = math.sqrt(max(mach_number * mach_number - 1.0, 0.0))
+    return k * math.atan(root / k) - math.atan(root)
+
+
+@njit(**_COMPILE)
+def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
+    """Return p2/p1 of an isentropic turn away by ``turning`` [rad] >= 0 (Newton on nu(M2))."""
+    target = prandtl_meyer_angle(mach_number) + turning
+    m = mach_number
+    for _ in range(30):
+        error = target - prandtl_meyer_angle(m)
+        slope = math.sqrt(max(m * m - 1.0, 1e-12)) / (m * (1.0 + 0.5 * (GAMMA - 1.0) * m * m))
+        step = error / slope
+        m = min(m + step, 10.0 * m)
+        if abs(step) < 1e-12 * m:
+            break
+    before = 1.0 + 0.5 * (GAMMA - 1.0) * mach_number * mach_number
+    after = 1.0 + 0.5 * (GAMMA - 1.0) * m * m
+    return (before / after) ** (GAMMA / (GAMMA - 1.0))
+
+
+@njit(**_COMPILE)
+def compressed_pressure_ratio(mach_number: float, turning: float) -> float:
+    """Return p2/p1 of the weak oblique shock that turns the flow by ``turning`` [rad] > 0; -1 if detached.
+
+    Closed form for the shock angle: Anderson (2003), eqs. 4.19 to 4.21.
+    """
+    m2 = mach_number * mach_number
+    tangent2 = math.tan(turning) ** 2
+    a = 1.0 + 0.5 * (GAMMA - 1.0) * m2
+    b = 1.0 + 0.5 * (GAMMA + 1.0) * m2
+    argument = (m2 - 1.0) ** 2 - 3.0 * a * b * tangent2
+    if argument <= 0.0:
+        return -1.0
+    scale = math.sqrt(argument)
+    c = 1.0 + 0.25 * (GAMMA + 1.0) * m2 * m2 + 0.5 * (GAMMA - 1.0) * m2
+    chi = ((m2 - 1.0) ** 3 - 9.0 * a * c * tangent2) / scale**3
+    if chi < -1.0:
+        return -1.0
+    tan_shock = (m2 - 1.0 + 2.0 * scale * math.cos((4.0 * math.pi + math.acos(min(chi, 1.0))) / 3.0)) / (
+        3.0 * a * math.tan(turning)
+    )
+    normal2 = m2 * tan_shock * tan_shock / (1.0 + tan_shock * tan_shock)
+    return 1.0 + 2.0 * GAMMA / (GAMMA + 1.0) * (normal2 - 1.0)
+
+
+@njit(**_COMPILE)
+def wall_pressure(pressure: float, density: float, speed: float, outflow_angle: float) -> float:
+    """Return the pressure after the flow is turned parallel to the wall.
+
+    ``outflow_angle`` [rad] is the angle by which the flow leaves the wall: positive turns expand it back,
+    negative ones compress it through a shock. Returns -1 where the shock would be detached.
+    Source: Abbett, Boundary condition calculation procedures for inviscid supersonic flow (1973).
+    """
+    mach_number = speed / math.sqrt(GAMMA * pressure / density)
+    if outflow_angle >= 0.0:
+        return pressure * expanded_pressure_ratio(mach_number, outflow_angle)
+    if outflow_angle > -1e-6:
+        slope = GAMMA * mach_number**2 / math.sqrt(mach_number**2 - 1.0)
+        return pressure * (1.0 - slope * outflow_angle)
+    return pressure * compressed_pressure_ratio(mach_number, -outflow_angle)

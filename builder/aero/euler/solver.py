@@ -1,0 +1,247 @@
+"""From tip to base: conical start, then marching along the meridian.
+
+The flow over the tip is conical, so marching over ever larger cones until nothing changes gives it: first
+on half the grid, then on the whole. A body that begins with a straight segment is done up to that
+segment's end; the rest is marched segment by segment, so that slope breaks are met exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan, degrees, e, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.euler import march
+from builder.aero.euler.gas import GAMMA
+from builder.geometry import BodyOfRevolution
+from strainfmu.errors import FlowReachError
+
+FloatArray = NDArray[np.float64]
+
+COURANT = 0.9
+FOLLOW_SHOCK = 3.0
+MAX_STEPS = 20_000
+OGIVE_START = 0.01
+"""Share of the first segment's length that is taken as a cone where that segment is curved."""
+
+
+@dataclass(frozen=True)
+class MarchingGrid:
+    """Resolution of the cross-plane.
+
+    Attributes
+    ----------
+    n_radial : cells between body and outer boundary.
+    n_circumferential : cells over the half body, leeward to windward.
+    clustering : cells grow outward by exp(clustering) from the first to the last.
+    conical_tolerance : relative change of the wall pressure per e-fold of x that ends the conical start.
+    """
+
+    n_radial: int = 24
+    n_circumferential: int = 36
+    clustering: float = 1.5
+    conical_tolerance: float = 1e-3
+
+    def spacing(self, n_radial: int) -> FloatArray:
+        """Return (n_radial + 1,) vertex positions from 0 (wall) to 1 (outer boundary)."""
+        t = np.linspace(0.0, 1.0, n_radial + 1)
+        return np.expm1(self.clustering * t) / np.expm1(self.clustering) if self.clustering else t
+
+
+@dataclass(frozen=True)
+class FlowSolution:
+    """Wall pressure of one flow, and how well it was computed.
+
+    Attributes
+    ----------
+    mach_number, incidence : M [1], total incidence a_T [rad].
+    roll_angle : (n_phi,) cell centres from the leeward meridian [rad], 0..pi.
+    pieces : per smooth piece of the meridian (stations (n,) [m], p/p_inf (n, n_phi)).
+    force : (2,) axial and normal force of p - p_inf from the wall fluxes, over p_inf [m2].
+    force_from_momentum : (2,) the same from the momentum deficit of the exit plane [m2].
+    mass_defect : relative imbalance of mass over the control volume.
+    conical_change : relative change of wall pressure in the last e-fold of the conical start.
+    n_steps : marching steps taken.
+    """
+
+    mach_number: float
+    incidence: float
+    roll_angle: FloatArray
+    pieces: tuple[tuple[FloatArray, FloatArray], ...]
+    force: FloatArray
+    force_from_momentum: FloatArray
+    mass_defect: float
+    conical_change: float
+    n_steps: int
+
+
+@dataclass
+class _Plane:
+    """State of the march at one station: E, outer boundary and what has been summed so far."""
+
+    x: float
+    conserved: FloatArray
+    outer: FloatArray
+    force: FloatArray
+    n_steps: int = 0
+
+
+def solve_flow(
+    body: BodyOfRevolution, mach_number: float, incidence: float, grid: MarchingGrid | None = None
+) -> FlowSolution:
+    """Solve the inviscid flow over ``body`` at Mach number M and total incidence a_T [rad].
+
+    Raises
+    ------
+    FlowReachError
+        The axial Mach number falls to 1, the wall shock detaches or the bow shock leaves the grid; the
+        message names the station and the condition.
+    """
+    grid = grid or MarchingGrid()
+    first = body.segments[0]
+    start = first.end_x if first.is_straight else OGIVE_START * first.end_x
+    start_angle = atan(float(body.radius(start)) / start)
+    plane, cone_pressure, change = _conical_start(start_angle, start, mach_number, incidence, grid)
+    stations, pressures = [np.array([0.0, start])], [np.stack([cone_pressure, cone_pressure])]
+    pieces: list[tuple[FloatArray, FloatArray]] = []
+    for segment in body.segments:
+        if segment.start_x in body.slope_breaks:
+            pieces.append((np.concatenate(stations), np.concatenate(pressures)))
+            stations, pressures = [], []
+        if segment.end_x <= plane.x:
+            continue
+        parameters = np.array(
+            [segment.start_x, segment.start_radius, segment.start_angle, segment.end_angle, segment.end_x]
+        )
+        x, pressure = _advance(plane, parameters, segment.end_x, mach_number, incidence, grid, FOLLOW_SHOCK)
+        stations.append(x)
+        pressures.append(pressure)
+    pieces.append((np.concatenate(stations), np.concatenate(pressures)))
+    momentum, mass_defect = _momentum_balance(plane, body.base_radius, mach_number, incidence, grid)
+    n_phi = grid.n_circumferential
+    return FlowSolution(
+        mach_number=mach_number,
+        incidence=incidence,
+        roll_angle=(np.arange(n_phi) + 0.5) * pi / n_phi,
+        pieces=tuple(pieces),
+        force=plane.force,
+        force_from_momentum=momentum,
+        mass_defect=mass_defect,
+        conical_change=change,
+        n_steps=plane.n_steps,
+    )
+
+
+def _conical_start(
+    half_angle: float, x: float, mach_number: float, incidence: float, grid: MarchingGrid
+) -> tuple[_Plane, FloatArray, float]:
+    """Return the plane at ``x`` of a cone's flow, its p/p_inf (n_phi,) and the last change per e-fold."""
+    cone = np.array([0.0, 0.0, half_angle, half_angle, np.inf])
+    coarse = MarchingGrid(max(grid.n_radial // 2, 8), max(grid.n_circumferential // 2, 8), grid.clustering)
+    mach_angle = np.arcsin(1.0 / mach_number)
+    reach = 1.3 * np.tan(min(mach_angle + max(half_angle, incidence), 1.3))
+    plane = _Plane(
+        x=1.0,
+        conserved=_free_stream(mach_number, incidence, coarse),
+        outer=np.full(coarse.n_circumferential + 1, reach),
+        force=np.zeros(2),
+    )
+    for _ in range(5):
+        _march_e_fold(plane, cone, mach_number, incidence, coarse, FOLLOW_SHOCK)
+    plane = _prolong(plane, coarse, grid)
+    pressure = _march_e_fold(plane, cone, mach_number, incidence, grid, FOLLOW_SHOCK)
+    change = np.inf
+    for _ in range(4):
+        before = pressure
+        pressure = _march_e_fold(plane, cone, mach_number, incidence, grid, 0.0)
+        change = float(np.max(np.abs(pressure / before - 1.0)))
+        if change < grid.conical_tolerance:
+            break
+    plane.x, plane.outer = x, plane.outer * x
+    area = (x * np.tan(half_angle)) ** 2
+    around = (np.arange(grid.n_circumferential) + 0.5) * pi / grid.n_circumferential
+    plane.force = area * np.array(
+        [pi * np.mean(pressure - 1.0), -pi * np.mean(pressure * np.cos(around)) / np.tan(half_angle)]
+    )
+    return plane, pressure, change
+
+
+def _march_e_fold(
+    plane: _Plane, cone: FloatArray, mach_number: float, incidence: float, grid: MarchingGrid, follow: float
+) -> FloatArray:
+    """March a cone from x = 1 to e, shrink the plane back to x = 1; return the last p/p_inf (n_phi,)."""
+    _, pressure = _advance(plane, cone, e, mach_number, incidence, grid, follow)
+    plane.outer /= e
+    plane.x = 1.0
+    return pressure[-1]
+
+
+def _advance(
+    plane: _Plane, segment: FloatArray, x_end: float, mach_number: float, incidence: float,
+    grid: MarchingGrid, follow: float,
+) -> tuple[FloatArray, FloatArray]:
+    """March ``plane`` to ``x_end`` and return stations (n,) and p/p_inf (n, n_phi)."""
+    n_phi = grid.n_circumferential
+    stations, pressures = np.empty(MAX_STEPS), np.empty((MAX_STEPS, n_phi))
+    status, n_steps, x, touched = march.march(
+        plane.conserved, plane.outer, grid.spacing(grid.n_radial), segment, plane.x, x_end,
+        mach_number, incidence, COURANT, follow, stations, pressures, plane.force,
+    )
+    if status != march.REACHED_END or touched:
+        reasons = {
+            march.AXIAL_SONIC: "the axial Mach number falls to 1",
+            march.WALL_DETACHED: "the shock at the wall detaches",
+            march.OUT_OF_STEPS: f"more than {MAX_STEPS} marching steps are needed",
+            march.REACHED_END: "the bow shock reaches the grid's outer boundary",
+        }
+        conical = np.isinf(segment[4])
+        raise FlowReachError(
+            f"euler: {reasons[status]} at x = {0.0 if conical else x:.4g} m{' (tip)' if conical else ''} "
+            f"for M {mach_number:g}, total incidence {degrees(incidence):.4g} deg: outside the solver's reach"
+        )
+    plane.x = x_end
+    plane.n_steps += n_steps
+    return stations[:n_steps].copy(), GAMMA * pressures[:n_steps]
+
+
+def _free_stream(mach_number: float, incidence: float, grid: MarchingGrid) -> FloatArray:
+    """Return E (4, n_phi, n_r) of the undisturbed stream."""
+    u, w = mach_number * np.cos(incidence), mach_number * np.sin(incidence)
+    state = np.array([u, u * u + 1.0 / GAMMA, 0.0, u * w])
+    return np.tile(state[:, None, None], (1, grid.n_circumferential, grid.n_radial))
+
+
+def _prolong(plane: _Plane, coarse: MarchingGrid, fine: MarchingGrid) -> _Plane:
+    """Put a plane of the coarse grid on the fine one: nearest cell, boundary interpolated."""
+
+    def nearest(n_fine: int, n_coarse: int) -> NDArray[np.intp]:
+        return np.minimum((np.arange(n_fine) + 0.5) * n_coarse / n_fine, n_coarse - 1).astype(np.intp)
+
+    rays = nearest(fine.n_circumferential, coarse.n_circumferential)
+    cells = nearest(fine.n_radial, coarse.n_radial)
+    angle = np.linspace(0.0, 1.0, fine.n_circumferential + 1)
+    outer = np.interp(angle, np.linspace(0.0, 1.0, coarse.n_circumferential + 1), plane.outer)
+    return _Plane(plane.x, np.ascontiguousarray(plane.conserved[:, rays][:, :, cells]), outer, np.zeros(2))
+
+
+def _momentum_balance(
+    plane: _Plane, base_radius: float, mach_number: float, incidence: float, grid: MarchingGrid
+) -> tuple[FloatArray, float]:
+    """Return the force (axial, normal) [m2] from the momentum of the exit plane, and the mass defect.
+
+    Control volume: free stream on the outer boundary, body, exit plane. With E the flux through planes of
+    x, the force of p - p_inf is the free stream's flux through the whole exit disc less the flow's through
+    its annulus, less p_inf times the base area.
+    """
+    spacing = grid.spacing(grid.n_radial)
+    vertex = np.empty((2, grid.n_circumferential + 1, grid.n_radial + 1))
+    area = np.empty((grid.n_circumferential, grid.n_radial))
+    march.place_vertices(base_radius, plane.outer, spacing, vertex)
+    march.cell_areas(vertex, area)
+    free_stream = _free_stream(mach_number, incidence, grid)
+    base_area = pi * base_radius**2
+    deficit = 2.0 * np.sum((free_stream - plane.conserved) * area, axis=(1, 2)) + free_stream[:, 0, 0] * base_area
+    force = GAMMA * np.array([deficit[1] - base_area / GAMMA, deficit[3]])
+    return force, float(deficit[0] / (free_stream[0, 0, 0] * base_area))

@@ -1,0 +1,63 @@
+"""Forces and moments of a surface pressure: the rows of G C_map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.geometry import SurfaceGrid
+
+FloatArray = NDArray[np.float64]
+
+# Gauss-Legendre on 0..1: exact for the cubic integrands of linear pressure on a linear meridian.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
+_POINTS, _WEIGHTS = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS
+
+
+@dataclass(frozen=True)
+class ReferenceQuantities:
+    """What coefficients are referred to: S [m2], L [m] and the moment point on the axis [m from the tip]."""
+
+    area: float
+    length: float
+    moment_station: float
+
+
+def load_operator(grid: SurfaceGrid, moment_station: float) -> FloatArray:
+    """Return the loads per nodal pressure, (5, n_nodes) [m2, m2, m2, m3, m3].
+
+    Rows: axial force F_x, normal force F_z, side force F_y, pitching moment (nose-up), yawing moment (nose
+    to starboard) about the point (moment_station, 0, 0). F = integral of -p n dS with n outward (paper, eq. for
+    q_coeff: G C_map); apply it to p - p_internal. Pressure is linear in x and trigonometric in roll; the
+    meridian is linear between stations.
+    """
+    x, r = grid.x, grid.radius
+    axial, lateral, moment = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
+    dx, dr = np.diff(x), np.diff(r)
+    for t, weight in zip(_POINTS, _WEIGHTS, strict=True):
+        at_x, at_r = x[:-1] + t * dx, r[:-1] + t * dr
+        for share, shift in ((1.0 - t, 0), (t, 1)):
+            k = np.arange(len(dx)) + shift
+            np.add.at(axial, k, weight * share * at_r * dr)
+            np.add.at(lateral, k, -weight * share * at_r * dx)
+            # Pressure acts along the outward normal (-dr, dx): its arm about the moment point has both parts.
+            np.add.at(moment, k, weight * share * at_r * ((at_x - moment_station) * dx + at_r * dr))
+    step = 2.0 * np.pi / grid.n_roll
+    cosine, sine = np.cos(grid.roll_angle), np.sin(grid.roll_angle)
+    around = np.ones(grid.n_roll)
+    rows = [
+        np.outer(axial, around),
+        np.outer(lateral, cosine),
+        np.outer(lateral, sine),
+        np.outer(moment, cosine),
+        np.outer(moment, sine),
+    ]
+    return step * np.stack([row.ravel() for row in rows])
+
+
+def coefficient_scale(dynamic_pressure: float, reference: ReferenceQuantities) -> FloatArray:
+    """Return (5,) factors from loads [N, N m] to C_A, C_N, C_Y, M_P, M_Y at q_inf [Pa]."""
+    force = 1.0 / (dynamic_pressure * reference.area)
+    return force * np.array([1.0, 1.0, 1.0, 1.0 / reference.length, 1.0 / reference.length])

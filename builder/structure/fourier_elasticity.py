@@ -1,0 +1,212 @@
+"""Elasticity of a body of revolution, harmonic by harmonic in roll angle (semi-analytic finite elements).
+
+Displacements are u_x, u_r ~ cos(m phi) and u_phi ~ sin(m phi); harmonics do not couple. Matrices and
+loads leave out the common factor of the integral over roll, 2 pi for m = 0 and pi otherwise
+(:func:`roll_integral`). For m = 0, u_phi stands for a displacement that is constant in roll.
+
+Source: Zienkiewicz and Taylor, The Finite Element Method, vol. 2 (5th ed.), section 9.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from builder.structure.meridian_mesh import MeridianMesh, quadratic_shape
+from builder.structure.wall import Material
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+# Two points along the wall, three through it. Three along would lock: on elements longer than sqrt(R t) the
+# membrane strain of a bent element is quadratic in xi and only vanishes at the two Gauss points. Three
+# through the wall leave no motion without strain, which two by two would.
+POINTS_ALONG, POINTS_THROUGH = 2, 3
+
+
+def roll_integral(harmonic: int) -> float:
+    """Return the integral of cos(m phi)^2 over roll, which loads and stiffness leave out."""
+    return 2.0 * np.pi if harmonic == 0 else np.pi
+
+
+@dataclass(frozen=True)
+class FourierStiffness:
+    """Stiffness of every harmonic: K_m = K_0 + m K_1 + m^2 K_2, without the roll integral.
+
+    Attributes
+    ----------
+    indices, indptr : pattern of the compressed columns, common to all harmonics.
+    term : (3, n_nonzero) entries of K_0, K_1, K_2 [N/m per radian].
+    """
+
+    indices: NDArray[np.intp]
+    indptr: NDArray[np.intp]
+    term: FloatArray
+
+    def matrix(self, harmonic: int) -> csc_array:
+        """Return K_m, (n_dof, n_dof), symmetric; no motion is held."""
+        n_dof = len(self.indptr) - 1
+        data = self.term[0] + harmonic * (self.term[1] + harmonic * self.term[2])
+        return csc_array((data, self.indices, self.indptr), shape=(n_dof, n_dof))
+
+
+def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffness:
+    """Assemble the stiffness of all harmonics at once.
+
+    Raises
+    ------
+    InputError
+        An element is turned inside out, which a wall too thick for the meridian's curvature does.
+    """
+    constant, linear, weight = _strain_displacement(mesh)
+    stress_constant = np.einsum("ij,eqjb,eq->eqib", material.stiffness, constant, weight)
+    stress_linear = np.einsum("ij,eqjb,eq->eqib", material.stiffness, linear, weight)
+    mixed = _virtual_work(constant, stress_linear)
+    term = np.stack(
+        [
+            _virtual_work(constant, stress_constant),
+            mixed + mixed.transpose(0, 2, 1),
+            _virtual_work(linear, stress_linear),
+        ]
+    )
+    dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(len(mesh.element), 27)
+    row = np.broadcast_to(dof[:, :, None], term.shape[1:]).ravel()
+    column = np.broadcast_to(dof[:, None, :], term.shape[1:]).ravel()
+    key, place = np.unique(column * mesh.n_dof + row, return_inverse=True)
+    indptr = np.searchsorted(key, np.arange(mesh.n_dof + 1) * mesh.n_dof)
+    data = np.stack([np.bincount(place, part.ravel()).astype(np.float64) for part in term])
+    return FourierStiffness(key % mesh.n_dof, indptr, data)
+
+
+def _virtual_work(strain: FloatArray, stress: FloatArray) -> FloatArray:
+    """Sum strain^T stress, (n_e, n_q, 6, 27) each, over points and components: (n_e, 27, 27)."""
+    n_e = len(strain)
+    return strain.reshape(n_e, -1, 27).transpose(0, 2, 1) @ stress.reshape(n_e, -1, 27)
+
+
+def _strain_displacement(mesh: MeridianMesh) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return strain per displacement amplitude, B_m = constant + m linear, and quadrature weights.
+
+    Returns
+    -------
+    constant, linear : (n_e, n_q, 6, 27) [1/m]; strains [x, r, phi, x-r, x-phi, r-phi], the first four
+        ~ cos(m phi), the last two ~ sin(m phi).
+    weight : (n_e, n_q) r dA [m^3] per radian.
+    """
+    shape, by_xi, by_eta, reference_weight = _reference_points()
+    position = mesh.node[mesh.element]
+    tangent_xi = np.einsum("qa,eac->eqc", by_xi, position)
+    tangent_eta = np.einsum("qa,eac->eqc", by_eta, position)
+    area = tangent_xi[..., 0] * tangent_eta[..., 1] - tangent_xi[..., 1] * tangent_eta[..., 0]
+    _refuse_folded(area, position)
+    r = np.einsum("qa,ea->eq", shape, position[..., 1])
+    d_x = (by_xi * tangent_eta[..., 1:] - by_eta * tangent_xi[..., 1:]) / area[..., None]
+    d_r = (by_eta * tangent_xi[..., :1] - by_xi * tangent_eta[..., :1]) / area[..., None]
+    over_r = shape / r[..., None]
+    constant = np.zeros((*area.shape, 6, 9, 3))
+    constant[..., 0, :, 0] = d_x
+    constant[..., 1, :, 1] = d_r
+    constant[..., 2, :, 1] = over_r
+    constant[..., 3, :, 0], constant[..., 3, :, 1] = d_r, d_x
+    constant[..., 4, :, 2] = d_x
+    constant[..., 5, :, 2] = d_r - over_r
+    linear = np.zeros_like(constant)
+    linear[..., 2, :, 2] = over_r
+    linear[..., 4, :, 0] = -over_r
+    linear[..., 5, :, 1] = -over_r
+    flat = (*area.shape, 6, 27)
+    return constant.reshape(flat), linear.reshape(flat), reference_weight * area * r
+
+
+def _reference_points() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return shape functions and their derivatives by xi and eta, (n_q, 9) each, and weights (n_q,)."""
+    xi, along_weight = np.polynomial.legendre.leggauss(POINTS_ALONG)
+    eta, through_weight = np.polynomial.legendre.leggauss(POINTS_THROUGH)
+    along, d_along = quadratic_shape(xi)
+    through, d_through = quadratic_shape(eta)
+
+    def product(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.einsum("pi,qj->pqij", a, b).reshape(len(xi) * len(eta), 9)
+
+    weight = np.outer(along_weight, through_weight).ravel()
+    return product(along, through), product(d_along, through), product(along, d_through), weight
+
+
+def _refuse_folded(area: FloatArray, position: FloatArray) -> None:
+    folded = np.flatnonzero((area <= 0.0).any(axis=1))
+    if len(folded):
+        raise InputError(
+            f"the wall folds over itself at x = {position[folded[0], 4, 0]:.4g} m: "
+            "it is too thick for the meridian's curvature or slope break there"
+        )
+
+
+def free_motions(mesh: MeridianMesh, harmonic: int) -> csc_array:
+    """Return the motions that supports and the axis leave free, (n_dof, n_free), unit entries.
+
+    On the axis displacement and strain are bounded: u_r = u_phi = 0 for m = 0; u_x = 0 and
+    u_r + u_phi = 0 (a lateral translation) for m = 1; no displacement for m >= 2. Pressure does not twist,
+    so for m = 0 u_phi = 0 everywhere, which also removes the free rotation in roll.
+    """
+    free = np.ones((len(mesh.node), 3), dtype=bool)
+    axis = mesh.axis_node
+    free[axis] = {0: [True, False, False], 1: [False, True, False]}.get(harmonic, [False, False, False])
+    if harmonic == 0:
+        free[:, 2] = False
+    free[mesh.guided_node, 0] = False
+    free[mesh.clamped_node] = False
+    dof = np.flatnonzero(free)
+    number = np.full(mesh.n_dof, -1)
+    number[dof] = np.arange(len(dof))
+    entry = np.ones(len(dof))
+    row, column = dof, number[dof]
+    if harmonic == 1:
+        moving = axis[free[axis, 1]]
+        row = np.concatenate([row, 3 * moving + 2])
+        column = np.concatenate([column, number[3 * moving + 1]])
+        entry = np.concatenate([entry, np.full(len(moving), -1.0)])
+    return csc_array((entry, (row, column)), shape=(mesh.n_dof, len(dof)))
+
+
+@dataclass(frozen=True)
+class HarmonicSolver:
+    """Factored stiffness of one harmonic with its supports.
+
+    Attributes
+    ----------
+    free : (n_dof, n_free) free motions.
+    factor : factors of the stiffness of the free motions.
+    """
+
+    free: csc_array
+    factor: SuperLU
+
+    def solve(self, load: FloatArray) -> FloatArray:
+        """Return displacement amplitudes [m], (n_dof, k), under nodal forces ``load`` (n_dof, k).
+
+        Forces are in newton per :func:`roll_integral`.
+        """
+        return np.asarray(self.free @ self.factor.solve(np.asarray(self.free.T @ load)))
+
+
+def factor_harmonic(mesh: MeridianMesh, stiffness: FourierStiffness, harmonic: int) -> HarmonicSolver:
+    """Hold the supports and factor the stiffness of one harmonic.
+
+    Raises
+    ------
+    InputError
+        The supports leave a rigid motion free.
+    """
+    free = free_motions(mesh, harmonic)
+    held = csc_array(free.T @ stiffness.matrix(harmonic) @ free)
+    try:
+        factor = splu(
+            held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+    except RuntimeError as error:
+        raise InputError(f"the supports leave a rigid motion of harmonic {harmonic} free") from error
+    return HarmonicSolver(free, factor)

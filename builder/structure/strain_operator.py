@@ -1,0 +1,229 @@
+"""Z_p, the linear map from nodal surface pressure to gauge strain.
+
+Per harmonic, Z = B K^-1 L is built from its rows: one solve of the symmetric K per gauge station and strain
+component (adjoint), then a product with the pressure load L. Source: the paper's eq. Z_p = B A^-1 C_map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.geometry import BodyOfRevolution, SurfaceGrid
+from builder.structure.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.gauges import PlacedGauges, place_gauges
+from builder.structure.inner_surface import inner_surface_points
+from builder.structure.meridian_mesh import MeridianMesh
+from builder.structure.shell_mesh import shell_mesh
+from builder.structure.surface_load import pressure_load
+from builder.structure.wall import Material, Wall
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+SAME_STATION = 1e-9  # m
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """How finely the structure is resolved.
+
+    Attributes
+    ----------
+    element_length : element length along the wall far from edges [m].
+    n_layers : elements through the wall.
+    max_harmonic : highest harmonic in roll angle.
+    """
+
+    element_length: float = 0.0075
+    n_layers: int = 2
+    max_harmonic: int = 16
+
+
+@dataclass(frozen=True)
+class HarmonicResponse:
+    """Strain on the inner surface per pressure 1 Pa * (hat function of station k) * cos(m phi).
+
+    Attributes
+    ----------
+    gauge_x : (n_gauge_x,) distinct gauge stations [m].
+    meridional, hoop : (n_gauge_x, max_harmonic + 1, n_x) normal strains [1/Pa]; they go as cos(m phi).
+    shear : same shape; tensor shear strain between the meridional (aft) and the circumferential direction
+        (increasing phi) [1/Pa]; it goes as sin(m phi).
+    """
+
+    gauge_x: FloatArray
+    meridional: FloatArray
+    hoop: FloatArray
+    shear: FloatArray
+
+    @property
+    def max_harmonic(self) -> int:
+        return self.meridional.shape[1] - 1
+
+
+def strain_rows(mesh: MeridianMesh, x: FloatArray, harmonic: int) -> FloatArray:
+    """Return strain on the inner surface per displacement amplitude.
+
+    The strains of a surface follow from displacements on it alone:
+    meridional du/ds . t, hoop (u_r + m u_phi)/r, and shear
+    (du_phi/ds - u_phi t_r/r - m (u . t)/r)/2, with t the tangent and s the length along it.
+
+    Parameters
+    ----------
+    mesh : the mesh.
+    x : (n,) stations [m] on the inner surface.
+    harmonic : the harmonic m.
+
+    Returns
+    -------
+    (n, 3, n_dof) [1/m]: meridional, hoop, shear (tensor).
+    """
+    point = inner_surface_points(mesh, x)
+    t_x, t_r = point.tangent.T[:, :, None]
+    by_s, over_r = point.slope, point.value / point.radius[:, None]
+    local = np.zeros((*point.node.shape, 3, 3))  # station, node, strain, displacement component
+    local[:, :, 0, 0], local[:, :, 0, 1] = by_s * t_x, by_s * t_r
+    local[:, :, 1, 1], local[:, :, 1, 2] = over_r, harmonic * over_r
+    local[:, :, 2, 0], local[:, :, 2, 1] = -0.5 * harmonic * over_r * t_x, -0.5 * harmonic * over_r * t_r
+    local[:, :, 2, 2] = 0.5 * (by_s - over_r * t_r)
+    rows = np.zeros((len(x), 3, len(mesh.node), 3))
+    rows[np.arange(len(x))[:, None], :, point.node] = local
+    return rows.reshape(len(x), 3, mesh.n_dof)
+
+
+def harmonic_response(
+    mesh: MeridianMesh,
+    material: Material,
+    gauge_x: FloatArray,
+    station_x: FloatArray,
+    max_harmonic: int,
+    progress: Progress | None = None,
+) -> HarmonicResponse:
+    """Compute the strain at gauge stations per pressure at surface stations, harmonic by harmonic.
+
+    Parameters
+    ----------
+    mesh : mesh with its supports.
+    material : of the wall.
+    gauge_x : stations of gauges [m] on the inner surface, in any order; equal ones are solved for once.
+    station_x : (n_x,) stations [m] of the pressure, as in ``SurfaceGrid.x``.
+    max_harmonic : highest harmonic in roll angle.
+    progress : called with (harmonics done, harmonics in all) after each harmonic.
+
+    Raises
+    ------
+    InputError
+        ``max_harmonic`` is negative, stations do not cover the surface, or supports leave a motion free.
+    """
+    if max_harmonic < 0:
+        raise InputError(f"max_harmonic {max_harmonic} must be at least 0")
+    distinct = _distinct(gauge_x)
+    stiffness = assemble_stiffness(mesh, material)
+    load = pressure_load(mesh, station_x)
+    strain = np.empty((3, len(distinct), max_harmonic + 1, len(station_x)))
+    for m in range(max_harmonic + 1):
+        solver = factor_harmonic(mesh, stiffness, m)
+        rows = strain_rows(mesh, distinct, m).reshape(3 * len(distinct), -1)
+        adjoint = solver.solve(rows.T)
+        strain[:, :, m] = (load.T @ adjoint).T.reshape(len(distinct), 3, -1).transpose(1, 0, 2)
+        if progress is not None:
+            progress(m + 1, max_harmonic + 1)
+    return HarmonicResponse(distinct, *strain)
+
+
+def _distinct(x: FloatArray) -> FloatArray:
+    """Return the distinct values of ``x`` in increasing order, those within a nanometre taken as one."""
+    ordered = np.sort(np.asarray(x, dtype=float))
+    return ordered[np.diff(ordered, prepend=-np.inf) > SAME_STATION]
+
+
+def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: SurfaceGrid) -> FloatArray:
+    """Return Z_p, the strain of every gauge per pressure at every surface node.
+
+    The pressure in roll is the trigonometric interpolant of the nodal values, harmonics above
+    ``max_harmonic`` left out; at the Nyquist harmonic it is the cosine alone. A pressure ~ sin(m phi) is
+    the cosine one rolled by a quarter period, so the sum over cosine and sine parts depends on the roll
+    angle between gauge and node only.
+
+    Parameters
+    ----------
+    response : strain per station pressure; its stations are those of ``grid``.
+    gauges : the gauges, at stations of ``response``.
+    grid : pressure nodes, node = station * n_roll + roll index.
+
+    Returns
+    -------
+    (n_gauges, n_nodes) [1/Pa].
+
+    Raises
+    ------
+    InputError
+        The grid has too few roll angles for ``max_harmonic``, or the response is of other stations.
+    """
+    top, n_roll = response.max_harmonic, grid.n_roll
+    if top > n_roll // 2:
+        raise InputError(f"max_harmonic {top} needs at least {2 * top} roll angles, the grid has {n_roll}")
+    if response.hoop.shape[2] != len(grid.x):
+        raise InputError(
+            f"the response has {response.hoop.shape[2]} surface stations, the grid {len(grid.x)}"
+        )
+    station = _station_of(response.gauge_x, gauges.x)
+    c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
+    even = c**2 * response.meridional[station] + s**2 * response.hoop[station]
+    odd = 2.0 * c * s * response.shear[station]
+    m = np.arange(top + 1)
+    weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0)[:, None] / n_roll
+    phase = m[:, None] * (gauges.roll_angle[:, None, None] - grid.roll_angle)
+    # At the Nyquist harmonic sin(m phi) vanishes on every node, so the rolled sine part is zero by itself.
+    z = even.transpose(0, 2, 1) @ (weight * np.cos(phase)) + odd.transpose(0, 2, 1) @ (weight * np.sin(phase))
+    return np.asarray(z.reshape(len(gauges.x), grid.n_nodes))
+
+
+def _station_of(station_x: FloatArray, x: FloatArray) -> NDArray[np.intp]:
+    """Return the index of the station nearest to each ``x`` [m], refusing those that have none."""
+    index = np.abs(x[:, None] - station_x).argmin(axis=1)
+    for i in np.flatnonzero(np.abs(x - station_x[index]) > 2.0 * SAME_STATION):
+        raise InputError(f"gauge {i + 1}: the response holds no station at x = {x[i]:.6g} m")
+    return index
+
+
+def structural_response(
+    body: BodyOfRevolution,
+    wall: Wall,
+    gauge_position: FloatArray,
+    gauge_direction: FloatArray,
+    station_x: FloatArray,
+    resolution: Resolution | None = None,
+    gauge_name: list[str] | None = None,
+    progress: Progress | None = None,
+) -> tuple[PlacedGauges, HarmonicResponse]:
+    """Go from the vehicle to the strain at its gauges per harmonic of the pressure.
+
+    Parameters
+    ----------
+    body, wall : outer shape, and wall with its material; the base ring is clamped.
+    gauge_position, gauge_direction : (n_gauges, 3) [m] and [-], body axes.
+    station_x : (n_x,) stations [m] of the pressure, as in ``SurfaceGrid.x``.
+    resolution : mesh and harmonics; the default is good to 0.2 % of a gauge's strain on a slender vehicle.
+    gauge_name : names for messages.
+    progress : called with (harmonics done, harmonics in all).
+
+    Returns
+    -------
+    The placed gauges and the response, which :func:`strain_operator` turns into Z_p.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body, a gauge is not on the inner surface, or a resolution is not positive.
+    """
+    resolution = resolution or Resolution()
+    mesh = shell_mesh(body, wall, resolution.element_length, resolution.n_layers)
+    gauges = place_gauges(mesh, gauge_position, gauge_direction, gauge_name)
+    response = harmonic_response(mesh, wall.material, gauges.x, station_x, resolution.max_harmonic, progress)
+    return gauges, response

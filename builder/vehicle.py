@@ -1,0 +1,330 @@
+"""The vehicle file: its entries, their units and limits (TOML, checked by pydantic).
+
+Every number's unit is part of its key. A wrong key, unit or value is refused in one line that names the
+file, the entry, what was found and what is allowed. ``vehicles/ic3x.toml`` is the commented example.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from math import pi, radians
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+
+from builder.aero.euler.solver import MarchingGrid
+from builder.aero.loads import ReferenceQuantities
+from builder.flight_conditions import FlightCondition, condition_grid
+from builder.geometry import BodyOfRevolution, chain_segments
+from strainfmu.errors import InputError
+
+VEHICLES = Path(__file__).parent / "vehicles"
+IC3X = VEHICLES / "ic3x.toml"
+
+_UNITS = ("m", "mm", "cm", "km", "in", "ft", "deg", "rad", "Pa", "kPa", "MPa", "GPa", "psi", "bar", "s", "m2", "um")
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class Cone(_Section):
+    """A straight piece of the meridian."""
+
+    kind: Literal["cone"]
+    half_angle_deg: float = Field(gt=-45.0, lt=45.0)
+    end_x_m: PositiveFloat
+
+
+class Arc(_Section):
+    """A circular arc of the meridian, such as a tangent ogive."""
+
+    kind: Literal["arc"]
+    start_half_angle_deg: float = Field(gt=-45.0, lt=45.0)
+    end_half_angle_deg: float = Field(gt=-45.0, lt=45.0)
+    end_x_m: PositiveFloat
+
+
+class Structure(_Section):
+    """Wall, support and what is inside."""
+
+    wall_thickness_mm: PositiveFloat
+    solid_tip_length_m: PositiveFloat
+    support: Literal["clamped_aft"] = "clamped_aft"
+    internal_pressure_Pa: Literal["ambient"] | Annotated[float, Field(ge=0.0)] = "ambient"
+
+
+class MaterialEntry(_Section):
+    """Isotropic linear elasticity."""
+
+    youngs_modulus_GPa: PositiveFloat
+    poisson_ratio: float = Field(ge=0.0, lt=0.5)
+
+
+class Reference(_Section):
+    """What coefficients are referred to; area and length default to base area and base diameter."""
+
+    area_m2: PositiveFloat | None = None
+    length_m: PositiveFloat | None = None
+    moment_station_m: float
+
+
+class GaugeRow(_Section):
+    """Gauges along one meridian of the inner surface, each axial, hoop or both."""
+
+    roll_angle_deg: float
+    directions: list[Literal["axial", "hoop"]] = Field(min_length=1, max_length=2)
+    x_m: list[PositiveFloat] | None = None
+    first_x_m: PositiveFloat | None = None
+    last_x_m: PositiveFloat | None = None
+    count: int | None = Field(default=None, ge=2)
+
+    @model_validator(mode="after")
+    def _one_way_to_give_stations(self) -> GaugeRow:
+        spread = [self.first_x_m, self.last_x_m, self.count]
+        if (self.x_m is None) != all(value is not None for value in spread) or (
+            self.x_m is not None and any(value is not None for value in spread)
+        ):
+            raise ValueError("stations must be given either as x_m or as first_x_m, last_x_m and count")
+        return self
+
+    @property
+    def stations(self) -> list[float]:
+        """Axial stations [m]."""
+        if self.x_m is not None:
+            return self.x_m
+        assert self.first_x_m is not None
+        assert self.last_x_m is not None
+        assert self.count is not None
+        step = (self.last_x_m - self.first_x_m) / (self.count - 1)
+        return [self.first_x_m + step * i for i in range(self.count)]
+
+
+class GaugeLayoutEntry(_Section):
+    """One layout: rows, or a CSV file of positions and directions."""
+
+    rows: list[GaugeRow] | None = Field(default=None, min_length=1)
+    file: str | None = None
+
+    @model_validator(mode="after")
+    def _rows_or_file(self) -> GaugeLayoutEntry:
+        if (self.rows is None) == (self.file is None):
+            raise ValueError("a layout needs either rows or file")
+        return self
+
+
+class Gauges(_Section):
+    """Named layouts and the one in use."""
+
+    layout: str
+    layouts: dict[str, GaugeLayoutEntry] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _layout_exists(self) -> Gauges:
+        if self.layout not in self.layouts:
+            raise ValueError(f"layout '{self.layout}' is not among the layouts {sorted(self.layouts)}")
+        return self
+
+
+class Conditions(_Section):
+    """Flight conditions of the snapshots: all combinations."""
+
+    mach_number: list[Annotated[float, Field(gt=1.0)]] = Field(min_length=1)
+    angle_of_attack_deg: list[Annotated[float, Field(gt=-60.0, lt=60.0)]] = Field(min_length=1)
+    sideslip_angle_deg: list[Annotated[float, Field(gt=-60.0, lt=60.0)]] = Field(min_length=1)
+    altitude_km: float = Field(ge=0.0, le=71.0)
+
+
+class Noise(_Section):
+    """Gauge noise, either relative to the snapshots' strains or absolute; the same for all gauges."""
+
+    percent_of_median_strain: PositiveFloat | None = None
+    of_layout: str | None = None
+    std_um_per_m: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Noise:
+        if (self.percent_of_median_strain is None) == (self.std_um_per_m is None):
+            raise ValueError("give either percent_of_median_strain or std_um_per_m")
+        return self
+
+
+class Resolution(_Section):
+    """Numerical resolution of one model of the vehicle."""
+
+    radial_cells: int = Field(ge=8, le=400)
+    circumferential_cells: int = Field(ge=8, le=400)
+    surface_stations: int = Field(ge=10, le=2000)
+    surface_roll_angles: int = Field(ge=16, le=720)
+    harmonics: int = Field(ge=4, le=200)
+    element_length_mm: PositiveFloat
+    wall_layers: int = Field(ge=1, le=8)
+
+    @model_validator(mode="after")
+    def _harmonics_fit(self) -> Resolution:
+        if 2 * self.harmonics >= self.surface_roll_angles:
+            raise ValueError("harmonics must be less than half of surface_roll_angles")
+        return self
+
+    @property
+    def marching_grid(self) -> MarchingGrid:
+        return MarchingGrid(n_radial=self.radial_cells, n_circumferential=self.circumferential_cells)
+
+
+class MapEntry(_Section):
+    """The inverse map."""
+
+    modes: int = Field(ge=1, le=50)
+
+
+class Truth(_Section):
+    """The independent model that plays the vehicle in system simulations."""
+
+    mach_number: list[Annotated[float, Field(gt=1.0)]] = Field(min_length=4)
+    total_incidence_deg: list[Annotated[float, Field(gt=0.0, lt=60.0)]] = Field(min_length=4)
+    manoeuvre: str
+
+
+class Resolutions(_Section):
+    """Resolution of the model that builds the map and of the one that plays the vehicle."""
+
+    map: Resolution
+    truth: Resolution
+
+
+class Vehicle(_Section):
+    """A vehicle file, whole."""
+
+    name: str = Field(min_length=1)
+    description: str = ""
+    profile: list[Annotated[Cone | Arc, Field(discriminator="kind")]] = Field(min_length=1)
+    structure: Structure
+    material: MaterialEntry
+    reference: Reference
+    gauges: Gauges
+    conditions: Conditions
+    noise: Noise
+    map: MapEntry
+    truth: Truth
+    resolution: Resolutions
+
+    @model_validator(mode="after")
+    def _noise_layout_exists(self) -> Vehicle:
+        if self.noise.of_layout is not None and self.noise.of_layout not in self.gauges.layouts:
+            raise ValueError(
+                f"noise.of_layout '{self.noise.of_layout}' is not among the layouts {sorted(self.gauges.layouts)}"
+            )
+        return self
+
+    def body(self) -> BodyOfRevolution:
+        """Return the outer surface."""
+        pieces = []
+        for entry in self.profile:
+            if isinstance(entry, Cone):
+                pieces.append((entry.end_x_m, radians(entry.half_angle_deg), radians(entry.half_angle_deg)))
+            else:
+                angles = radians(entry.start_half_angle_deg), radians(entry.end_half_angle_deg)
+                pieces.append((entry.end_x_m, *angles))
+        return chain_segments(pieces)
+
+    def reference_quantities(self) -> ReferenceQuantities:
+        """Return S, L and the moment point."""
+        radius = self.body().base_radius
+        return ReferenceQuantities(
+            area=self.reference.area_m2 or pi * radius**2,
+            length=self.reference.length_m or 2.0 * radius,
+            moment_station=self.reference.moment_station_m,
+        )
+
+    def flight_conditions(self) -> list[FlightCondition]:
+        """Return the snapshots' conditions in the order of the file."""
+        entry = self.conditions
+        return condition_grid(
+            entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, 1e3 * entry.altitude_km
+        )
+
+    def internal_pressure(self, condition: FlightCondition) -> float:
+        """Return the pressure inside the body [Pa]."""
+        inside = self.structure.internal_pressure_Pa
+        return condition.ambient_pressure if inside == "ambient" else inside
+
+
+def load_vehicle(path: Path) -> Vehicle:
+    """Read and check a vehicle file.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or an entry is unknown, missing or outside its limits.
+    """
+    try:
+        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file: {error}") from error
+    try:
+        vehicle = Vehicle.model_validate(entries)
+        vehicle.body()
+    except ValidationError as error:
+        raise InputError(f"{path}: {_first_fault(error)}") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return vehicle
+
+
+def _first_fault(error: ValidationError) -> str:
+    """Say the first fault in one line, and how many more there are."""
+    faults = error.errors()
+    fault = faults[0]
+    where = ".".join(str(part + 1) if isinstance(part, int) else part for part in fault["loc"] if part not in
+                     ("cone", "arc"))
+    if fault["type"] == "extra_forbidden":
+        text = f"{where}: unknown entry{_hint(fault['loc'])}"
+    elif fault["type"] == "missing":
+        text = f"{where}: entry is missing"
+    elif fault["type"] == "value_error":
+        text = f"{where}: {fault['ctx']['error']}" if where else str(fault["ctx"]["error"])
+    else:
+        what = fault["msg"].removeprefix("Input should be ")
+        text = f"{where}: {fault['input']!r} found, must be {what}"
+    more = len(faults) - 1
+    return text + (f" (and {more} more)" if more else "")
+
+
+def _hint(location: tuple[Any, ...]) -> str:
+    """Name what was probably meant by an unknown key: the same quantity in the unit that is allowed."""
+    key = str(location[-1])
+    allowed = _keys_beside(location)
+    stem = _without_unit(key)
+    for candidate in allowed:
+        if _without_unit(candidate) == stem and candidate != key:
+            return f" (wrong unit?), allowed is {candidate}"
+    close = difflib.get_close_matches(key, allowed, n=1)
+    return f", did you mean {close[0]}?" if close else f"; allowed: {', '.join(allowed)}"
+
+
+def _without_unit(key: str) -> str:
+    stem, _, unit = key.rpartition("_")
+    return stem if stem and unit in _UNITS else key
+
+
+def _keys_beside(location: tuple[Any, ...]) -> list[str]:
+    """Return the keys allowed in the section that ``location`` points into."""
+    model: Any = Vehicle
+    for part in location[:-1]:
+        if part == "cone":
+            model = Cone
+        elif part == "arc":
+            model = Arc
+        elif isinstance(part, str) and isinstance(model, type) and issubclass(model, BaseModel):
+            annotation = model.model_fields[part].annotation if part in model.model_fields else model
+            model = _SECTIONS_IN_COLLECTIONS.get(part, annotation)
+    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+
+
+_SECTIONS_IN_COLLECTIONS: dict[str, type[BaseModel]] = {"layouts": GaugeLayoutEntry, "rows": GaugeRow}

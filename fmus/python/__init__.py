@@ -1,0 +1,1 @@
+"""PythonFMU slaves; :mod:`strainfmu.fmu.export` copies their source into the FMUs."""

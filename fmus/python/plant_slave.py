@@ -1,0 +1,135 @@
+"""The vehicle on its trajectory as a PythonFMU slave: true coefficients and noisy strains out.
+
+The export copies this file into the FMU and renames the package ``strainfmu`` in its imports to the copy
+that lies beside it, so that FMUs of different models or versions never share a module in one process.
+An exception that reaches PythonFMU's wrapper kills the FMU, so nothing here raises once the model is loaded.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, parse
+
+import numpy as np
+from pythonfmu import Fmi2Slave
+from pythonfmu.enums import Fmi2Status
+
+from strainfmu.cosim.flight_model import evaluate, load_flight_model
+from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.errors import InputError
+from strainfmu.interface import plant_interface, value_references
+
+
+class PlantSlave(Fmi2Slave):
+    """One instance of the plant; its state is the time, the parameters and the noise generator.
+
+    Values lie in one array in the order of their value references: outputs, noise_std, seed. Noise is drawn
+    once for every communication point, so reading twice gives the same strain, and a seed the same run.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        resources = Path(self.resources)
+        self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
+        self._model = load_flight_model(resources / "flight_model.h5")
+        self._trajectory = load_trajectory(resources / "trajectory.csv")
+        interface = plant_interface(self._model)
+        references = value_references(interface)
+        self._n_variables = len(interface)
+        self._noise_std, self._seed = references["noise_std"], references["seed"]
+        self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
+        self._time = 0.0
+        self._outdated = True
+        self._restart_noise()
+
+    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
+        """Return the model description that the export laid beside this file (packaging only)."""
+        return parse(Path(self.resources) / "model_description.xml").getroot()
+
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Begin at ``start_time`` [s]."""
+        self._time = start_time
+        self._outdated = True
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """Fly to the end of the step; False (fmi2Discard) outside the flight model's envelope."""
+        self._time = current_time + step_size
+        self._noise = self._generator.standard_normal(self._model.n_gauges)
+        self._outdated = True
+        return self._update()
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        """Return the values of Real variables, NaN for a value reference that does not exist."""
+        self._update()
+        if vrs and (min(vrs) < 0 or max(vrs) >= self._n_variables):
+            self.log(f"a valueReference of {vrs} does not exist", Fmi2Status.error)
+            return [float(self._values[vr]) if 0 <= vr < self._n_variables else float("nan") for vr in vrs]
+        return self._values[vrs].tolist() if vrs else []
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        """Set ``noise_std``; any other value reference is logged and left alone."""
+        self._set(vrs, values, self._noise_std)
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        """Return ``seed``; any other value reference is logged and read as 0."""
+        for vr in vrs:
+            if vr != self._seed:
+                self.log(f"valueReference {vr} is no Integer", Fmi2Status.error)
+        return [int(self._values[self._seed]) if vr == self._seed else 0 for vr in vrs]
+
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        """Set ``seed`` and begin its noise; any other value reference is logged and left alone."""
+        self._set(vrs, values, self._seed)
+        self._restart_noise()
+
+    def _set(self, vrs: list[int], values: list[Any], allowed: int) -> None:
+        """Set the one variable of a type that may be set."""
+        for vr, value in zip(vrs, values, strict=True):
+            if vr == allowed:
+                self._values[vr] = value
+                self._outdated = True
+            else:
+                self.log(f"valueReference {vr} cannot be set", Fmi2Status.error)
+
+    def _restart_noise(self) -> None:
+        """Begin the noise of the seed; numpy takes no negative seeds, FMI Integers may be negative."""
+        self._generator = np.random.Generator(np.random.PCG64(int(self._values[self._seed]) % 2**32))
+        self._noise = self._generator.standard_normal(self._model.n_gauges)
+
+    def _update(self) -> bool:
+        """Compute the outputs if something changed; NaN and False outside the envelope."""
+        if not self._outdated:
+            return True
+        condition = self._trajectory.at(self._time)
+        try:
+            point = evaluate(self._model, *condition, time=self._time)
+        except InputError as error:
+            self.log(str(error), Fmi2Status.error)
+            self._values[: self._noise_std] = np.nan
+            return False
+        strain = point.strain + self._values[self._noise_std] * self._noise
+        self._values[: self._noise_std] = np.concatenate(
+            (point.coefficients, strain, (point.dynamic_pressure,), condition)
+        )
+        self._outdated = False
+        return True
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        return {
+            "time": self._time,
+            "parameters": self._values[self._noise_std :].tolist(),
+            "generator": self._generator.bit_generator.state,
+            "noise": self._noise.tolist(),
+        }
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        try:
+            time, noise = float(state["time"]), np.array(state["noise"], dtype=float)
+            self._values[self._noise_std :] = state["parameters"]
+            self._generator.bit_generator.state = state["generator"]
+            self._time, self._noise = time, noise.reshape(self._model.n_gauges)
+        except (KeyError, TypeError, ValueError) as error:
+            self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
+        self._outdated = True

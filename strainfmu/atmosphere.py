@@ -1,0 +1,62 @@
+"""US Standard Atmosphere 1976 below 71 km geopotential altitude.
+
+Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), tables 2 and 4. With R = 287.053 J/(kg K),
+gamma = 1.4: 20 km gives 5474.9 Pa, 216.65 K.
+"""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+
+from strainfmu.errors import InputError
+
+GAS_CONSTANT = 287.053
+"""Specific gas constant R of air [J/(kg K)]."""
+HEAT_CAPACITY_RATIO = 1.4
+"""Ratio of specific heats gamma [1]."""
+
+_GRAVITY = 9.80665
+# Geopotential base altitude [m] and temperature gradient [K/m] of each layer.
+_LAYERS = (
+    (0.0, -6.5e-3),
+    (11e3, 0.0),
+    (20e3, 1.0e-3),
+    (32e3, 2.8e-3),
+    (47e3, 0.0),
+    (51e3, -2.8e-3),
+    (71e3, 0.0),
+)
+
+
+def pressure_and_temperature(altitude: float) -> tuple[float, float]:
+    """Return pressure [Pa] and temperature [K] at a geopotential altitude [m].
+
+    Raises
+    ------
+    InputError
+        The altitude is outside 0 to 71 km.
+    """
+    if not 0.0 <= altitude <= _LAYERS[-1][0]:
+        raise InputError(f"altitude: {altitude:g} m found, 0 to {_LAYERS[-1][0]:g} m allowed")
+    pressure, temperature = 101325.0, 288.15
+    for (base, gradient), (top, _) in zip(_LAYERS[:-1], _LAYERS[1:], strict=True):
+        rise = min(altitude, top) - base
+        if gradient == 0.0:
+            pressure *= exp(-_GRAVITY * rise / (GAS_CONSTANT * temperature))
+        else:
+            above = temperature + gradient * rise
+            pressure *= (above / temperature) ** (-_GRAVITY / (GAS_CONSTANT * gradient))
+            temperature = above
+        if altitude <= top:
+            break
+    return pressure, temperature
+
+
+def speed_of_sound(altitude: float) -> float:
+    """Return the speed of sound [m/s] at a geopotential altitude [m]."""
+    return sqrt(HEAT_CAPACITY_RATIO * GAS_CONSTANT * pressure_and_temperature(altitude)[1])
+
+
+def dynamic_pressure(mach_number: float, altitude: float) -> float:
+    """Return q_inf = gamma/2 p_inf M^2 [Pa] at a Mach number [1] and geopotential altitude [m]."""
+    return 0.5 * HEAT_CAPACITY_RATIO * pressure_and_temperature(altitude)[0] * mach_number**2

@@ -1,0 +1,1 @@
+"""System simulation: the plant's physics, the co-simulation master and what it records."""

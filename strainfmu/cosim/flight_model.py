@@ -1,0 +1,287 @@
+"""The plant's physics: strain and coefficients of a vehicle of revolution anywhere in its envelope.
+
+A body of revolution sees total incidence and Mach number only; the roll angle of the flow turns the
+strain round the body. So one table of circumferential harmonics over (Mach number, total incidence) holds
+every flight condition. Between the knots it is a tensor-product cubic polynomial.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, fields
+from math import atan2, cos, degrees, hypot, sin
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
+from strainfmu.errors import InputError
+from strainfmu.files import open_hdf5, write_hdf5_atomically
+
+FloatArray = NDArray[np.float64]
+
+SCHEMA = "strainfmu.flight_model"
+SCHEMA_VERSION = 1
+
+_UNITS = {
+    "gauge_roll_angle": "rad",
+    "incidence_knots": "rad",
+    "strain_table": "1/Pa per knot coordinate",
+    "reference_area": "m2",
+    "reference_length": "m",
+    "noise_std": "m/m",
+}
+
+# A flight condition this share of the envelope outside a knot is round-off, not a wrong trajectory.
+_ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True)
+class FlightModel:
+    """Strain and coefficients over the flight envelope, for n_d gauges on n_channel channels.
+
+    With M_i, a_j the lower knots of the cell that holds Mach number M and total incidence a_T, a table c has
+    the value sum_pq c[i, j, p, q] (M - M_i)^p (a_T - a_j)^q. The strain of gauge g on channel k is
+    p_inf sum_m E_km cos(m (phi_g - phi_T)) + S_km sin(m (phi_g - phi_T)), m = 0 .. n_harmonic - 1.
+
+    Attributes
+    ----------
+    vehicle : name of the vehicle and what it stands for.
+    gauge_names : n_d names, unique.
+    gauge_roll_angle : (n_d,) phi_g, from +z toward +y [rad].
+    gauge_channel : (n_d,) index of each gauge's channel in ``strain_table``.
+    mach_knots : (n_M,) increasing [1].
+    incidence_knots : (n_a,) total incidence, increasing from 0 [rad].
+    strain_table : (n_M - 1, n_a - 1, 4, 4, n_channel, n_harmonic, 2) coefficients of [E, S] per ambient
+        pressure [(m/m)/Pa, over rad^q].
+    coefficient_table : (n_M - 1, n_a - 1, 4, 4, 3) coefficients of C_A, C_T, M_T [1, over rad^q]: axial
+        force, force along the cross-flow, and moment as M_P has it when phi_T = 0.
+    reference_area : S [m2].
+    reference_length : L [m].
+    noise_std : standard deviation of the noise on every strain [m/m].
+    provenance : what the model was built from.
+    """
+
+    vehicle: str
+    gauge_names: tuple[str, ...]
+    gauge_roll_angle: FloatArray
+    gauge_channel: NDArray[np.int64]
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    strain_table: FloatArray
+    coefficient_table: FloatArray
+    reference_area: float
+    reference_length: float
+    noise_std: float
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check_shapes(self)
+        _check_values(self)
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return len(self.gauge_names)
+
+
+@dataclass(frozen=True)
+class FlightPoint:
+    """What the vehicle feels at one flight condition, without noise.
+
+    Attributes
+    ----------
+    coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1].
+    strain : (n_d,) [m/m].
+    dynamic_pressure : q_inf [Pa].
+    """
+
+    coefficients: FloatArray
+    strain: FloatArray
+    dynamic_pressure: float
+
+
+def total_incidence(angle_of_attack: float, sideslip_angle: float) -> tuple[float, float]:
+    """Return total incidence a_T and roll angle phi_T of the leeward meridian [rad] from a and b [rad].
+
+    cos a_T = cos a cos b; phi_T is taken from +z toward +y. The arc tangent keeps its digits near a_T = 0,
+    where the arc cosine loses half of them.
+    """
+    aft = cos(angle_of_attack) * cos(sideslip_angle)
+    starboard = -sin(sideslip_angle)
+    up = sin(angle_of_attack) * cos(sideslip_angle)
+    return atan2(hypot(starboard, up), aft), atan2(starboard, up)
+
+
+def evaluate(
+    model: FlightModel,
+    mach_number: float,
+    angle_of_attack: float,
+    sideslip_angle: float,
+    altitude: float,
+    time: float | None = None,
+) -> FlightPoint:
+    """Return strain, coefficients and dynamic pressure at a flight condition.
+
+    Parameters
+    ----------
+    mach_number : M [1].
+    angle_of_attack, sideslip_angle : a, b [rad].
+    altitude : geopotential [m].
+    time : when this is [s]; only named in errors.
+
+    Raises
+    ------
+    InputError
+        The condition is outside the envelope of knots or the atmosphere.
+    """
+    when = "" if time is None else f" at time {time:.6g} s"
+    incidence, roll_angle = total_incidence(angle_of_attack, sideslip_angle)
+    i, mach_step = _cell(model.mach_knots, mach_number, "mach_number", 1.0, "", when)
+    j, incidence_step = _cell(model.incidence_knots, incidence, "total incidence", degrees(1.0), " deg", when)
+    try:
+        ambient_pressure, _ = pressure_and_temperature(altitude)
+    except InputError as error:
+        raise InputError(f"{error}{when}") from error
+
+    weights = np.outer(_powers(mach_step), _powers(incidence_step)).ravel()
+    n_channel, n_harmonic = model.strain_table.shape[4:6]
+    harmonics = (weights @ model.strain_table[i, j].reshape(16, -1)).reshape(n_channel, n_harmonic, 2)
+    axial, cross_force, moment = weights @ model.coefficient_table[i, j].reshape(16, 3)
+
+    of_gauge = harmonics[model.gauge_channel]
+    phase = np.multiply.outer(model.gauge_roll_angle - roll_angle, np.arange(n_harmonic))
+    strain = np.einsum("gm,gm->g", of_gauge[:, :, 0], np.cos(phase))
+    strain += np.einsum("gm,gm->g", of_gauge[:, :, 1], np.sin(phase))
+    up, starboard = cos(roll_angle), sin(roll_angle)
+    return FlightPoint(
+        np.array([axial, cross_force * up, cross_force * starboard, moment * up, moment * starboard]),
+        ambient_pressure * strain,
+        0.5 * HEAT_CAPACITY_RATIO * ambient_pressure * mach_number**2,
+    )
+
+
+def _powers(step: float) -> FloatArray:
+    """Return step to the powers 0 to 3."""
+    return np.array([1.0, step, step * step, step * step * step])
+
+
+def _cell(
+    knots: FloatArray, value: float, quantity: str, shown: float, unit: str, when: str
+) -> tuple[int, float]:
+    """Return the index of the cell that holds ``value`` and the distance from its lower knot.
+
+    ``shown`` and ``unit`` turn knots into what the error message shows.
+    """
+    low, high = float(knots[0]), float(knots[-1])
+    slack = _ROUND_OFF * (high - low)
+    if not low - slack <= value <= high + slack:
+        raise InputError(
+            f"{quantity}: {value * shown:.6g}{unit} found{when}, "
+            f"{low * shown:.6g} to {high * shown:.6g}{unit} allowed by the flight model"
+        )
+    cell = int(np.searchsorted(knots, value, side="right")) - 1
+    cell = min(max(cell, 0), len(knots) - 2)
+    return cell, value - float(knots[cell])
+
+
+def _check_shapes(model: FlightModel) -> None:
+    """Refuse arrays that do not fit each other."""
+    n_d, n_mach, n_incidence = len(model.gauge_names), len(model.mach_knots), len(model.incidence_knots)
+    if min(n_mach, n_incidence) < 2:
+        raise InputError(f"flight model: {n_mach} x {n_incidence} knots found, at least 2 x 2 wanted")
+    if model.strain_table.ndim != 7:
+        raise InputError(f"flight model: strain_table has {model.strain_table.ndim} axes, must have 7")
+    n_channel, n_harmonic = model.strain_table.shape[4:6]
+    cells = (n_mach - 1, n_incidence - 1, 4, 4)
+    expected = {
+        "gauge_roll_angle": (n_d,),
+        "gauge_channel": (n_d,),
+        "mach_knots": (n_mach,),
+        "incidence_knots": (n_incidence,),
+        "strain_table": (*cells, n_channel, n_harmonic, 2),
+        "coefficient_table": (*cells, 3),
+    }
+    for name, shape in expected.items():
+        value = getattr(model, name)
+        if value.shape != shape:
+            raise InputError(f"flight model: {name} has shape {value.shape}, must be {shape}")
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"flight model: {name} holds values that are not finite")
+
+
+def _check_values(model: FlightModel) -> None:
+    """Refuse values that cannot be meant."""
+    n_channel = model.strain_table.shape[4]
+    channels = model.gauge_channel
+    if len(set(model.gauge_names)) != len(model.gauge_names):
+        raise InputError("flight model: gauge_names holds a name twice")
+    if not np.issubdtype(channels.dtype, np.integer) or np.any((channels < 0) | (channels >= n_channel)):
+        raise InputError(f"flight model: gauge_channel must hold integers from 0 to {n_channel - 1}")
+    for name in ("mach_knots", "incidence_knots"):
+        if not np.all(np.diff(getattr(model, name)) > 0.0):
+            raise InputError(f"flight model: {name} must increase")
+    if model.incidence_knots[0] != 0.0:
+        raise InputError(
+            f"flight model: incidence_knots starts at {model.incidence_knots[0]:g} rad, must be 0"
+        )
+    for name in ("reference_area", "reference_length"):
+        if not 0.0 < getattr(model, name) < np.inf:
+            raise InputError(f"flight model: {name} is {getattr(model, name)}, must be positive")
+    if not 0.0 <= model.noise_std < np.inf:
+        raise InputError(f"flight model: noise_std is {model.noise_std}, must be 0 or more")
+
+
+def save_flight_model(model: FlightModel, path: Path) -> str:
+    """Write ``model`` to ``path`` atomically and return its content hash.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+
+    def fill(file: h5py.File) -> None:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        file.attrs["vehicle"] = model.vehicle
+        file.attrs["provenance"] = json.dumps(model.provenance, sort_keys=True)
+        file.create_dataset(
+            "gauge_names", data=np.array([name.encode() for name in model.gauge_names], dtype="S")
+        )
+        for entry in fields(model):
+            if entry.name not in ("vehicle", "provenance", "gauge_names"):
+                dataset = file.create_dataset(entry.name, data=getattr(model, entry.name))
+                dataset.attrs["unit"] = _UNITS.get(entry.name, "1")
+
+    return write_hdf5_atomically(path, fill)
+
+
+def load_flight_model(path: Path) -> FlightModel:
+    """Read and check a flight model.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+        try:
+            values: dict[str, Any] = {
+                "vehicle": str(file.attrs["vehicle"]),
+                "provenance": json.loads(file.attrs["provenance"]),
+                "gauge_names": tuple(name.decode() for name in file["gauge_names"][()]),
+            }
+            for entry in fields(FlightModel):
+                if entry.name not in values:
+                    stored = file[entry.name][()]
+                    values[entry.name] = stored.item() if np.ndim(stored) == 0 else stored
+        except KeyError as error:
+            raise InputError(f"{path}: damaged, entry {error} is missing") from error
+    try:
+        return FlightModel(**values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

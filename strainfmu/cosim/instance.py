@@ -1,0 +1,262 @@
+"""One FMI 2.0 co-simulation instance behind preallocated arrays, driven through fmpy."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import tempfile
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.errors import InputError, StrainfmuError
+
+# PythonFMU ends the process where the path of the unzipped FMU holds anything else.
+_SAFE_PATH = re.compile(r"[A-Za-z0-9 ._~:/\\-]*")
+
+_FMI2_WARNING, _FMI2_ERROR, _FMI2_FATAL = 1, 3, 4
+_STATUS_NAMES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+
+
+def import_fmpy() -> Any:
+    """Return the package fmpy.
+
+    Raises
+    ------
+    StrainfmuError
+        It is not installed.
+    """
+    try:
+        import fmpy
+        import fmpy.fmi2
+        import fmpy.model_description
+    except ImportError as error:
+        raise StrainfmuError("FMPy is not installed: pip install 'strainfmu[fmu]'") from error
+    return fmpy
+
+
+def safe_temporary_parent(candidates: Sequence[Path] | None = None) -> Path:
+    """Return a folder for temporary files whose path every FMU can bear.
+
+    Raises
+    ------
+    StrainfmuError
+        There is none.
+    """
+    default = (Path(tempfile.gettempdir()), Path("/tmp"), Path("/var/tmp"), Path("C:/Users/Public"))
+    candidates = default if candidates is None else candidates
+    for folder in candidates:
+        if folder.is_dir() and _SAFE_PATH.fullmatch(str(folder.resolve())):
+            return folder.resolve()
+    raise StrainfmuError(
+        f"{candidates[0]}: FMUs cannot be unzipped where the path holds more than letters from A to Z, "
+        "digits, blanks and . _ - ~; set TMPDIR to another folder"
+    )
+
+
+def read_description(path: Path) -> Any:
+    """Return fmpy's ModelDescription of the FMU at ``path``.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged, or not of FMI 2.0 co-simulation.
+    """
+    fmpy = import_fmpy()
+    if not path.is_file():
+        raise InputError(f"{path}: no such FMU")
+    try:
+        description = fmpy.read_model_description(str(path), validate=False)
+    except Exception as error:  # fmpy raises whatever its zip and XML readers do
+        raise InputError(f"{path}: damaged, or not an FMU") from error
+    if description.fmiVersion != "2.0" or description.coSimulation is None:
+        raise InputError(
+            f"{path}: FMI {description.fmiVersion} found, an FMU for FMI 2.0 co-simulation wanted"
+        )
+    return description
+
+
+def unzip(path: Path, folder: Path) -> None:
+    """Unzip the FMU at ``path`` into ``folder``.
+
+    Raises
+    ------
+    InputError
+        The FMU is damaged.
+    StrainfmuError
+        The operating system refused (disk full, ...).
+    """
+    try:
+        import_fmpy().extract(str(path), unzipdir=str(folder))
+    except OSError as error:
+        raise StrainfmuError(f"{path}: could not be unzipped: {error.strerror or error}") from error
+    except (zipfile.BadZipFile, ValueError, RuntimeError, EOFError) as error:
+        raise InputError(f"{path}: damaged, cannot be unzipped") from error
+    except Exception as error:  # zlib.error, and fmpy's plain Exception for forbidden paths
+        raise InputError(f"{path}: damaged, cannot be unzipped: {error}") from error
+
+
+@dataclass(frozen=True)
+class SignalBlock:
+    """Variables of one FMI type, exchanged by one call.
+
+    Attributes
+    ----------
+    call : the FMI function, checked, with component, value references and buffer bound.
+    buffer : (k,) values, exchanged in place.
+    columns : (k,) where they lie in the master's vector of all signals.
+    """
+
+    call: Callable[[], None]
+    buffer: NDArray[Any]
+    columns: NDArray[np.intp]
+
+
+class Instance:
+    """A loaded FMU instance; every FMI status above fmi2Warning becomes a one-line StrainfmuError.
+
+    Raises
+    ------
+    StrainfmuError
+        The FMU has no binary for this machine, or cannot be instantiated; the message holds its own words.
+    """
+
+    def __init__(self, name: str, path: Path, description: Any, folder: Path) -> None:
+        self.name, self.path, self.description = name, path, description
+        self._messages: list[str] = []
+        self._dead = self._initialized = False
+        self._fmi2 = import_fmpy().fmi2
+        try:
+            self._fmu = self._fmi2.FMU2Slave(
+                guid=description.guid,
+                modelIdentifier=description.coSimulation.modelIdentifier,
+                unzipDirectory=str(folder),
+                instanceName=name,
+            )
+        except Exception as error:  # fmpy raises plain Exceptions
+            raise StrainfmuError(f"{path}: cannot be loaded on this machine: {_one_line(error)}") from error
+        try:
+            self._fmu.instantiate(callbacks=self._callbacks(), loggingOn=True)
+        except Exception as error:
+            self._fmu.freeLibrary()
+            reason = self._messages[-1] if self._messages else _one_line(error)
+            raise StrainfmuError(f"{path}: instance '{name}' cannot be instantiated: {reason}") from error
+
+    def _callbacks(self) -> Any:
+        """Return FMI's callbacks with a logger that keeps the last messages."""
+        fmi2 = self._fmi2
+
+        def log(_: Any, __: Any, status: int, ___: Any, message: bytes | None) -> None:
+            if status >= _FMI2_WARNING and message:
+                self._messages.append(_one_line(message.decode("utf-8", "replace")))
+                del self._messages[:-5]
+
+        # The struct keeps the ctypes closures alive, and fmpy the struct.
+        return fmi2.fmi2CallbackFunctions(
+            fmi2.fmi2CallbackLoggerTYPE(log),
+            fmi2.fmi2CallbackAllocateMemoryTYPE(import_fmpy().calloc),
+            fmi2.fmi2CallbackFreeMemoryTYPE(import_fmpy().free),
+            fmi2.fmi2StepFinishedTYPE(0),
+            None,
+        )
+
+    def _check(self, function: str, status: int, when: str = "") -> None:
+        """Turn a bad status into an error that holds the FMU's own words."""
+        if status <= _FMI2_WARNING:
+            return
+        self._dead = self._dead or status == _FMI2_FATAL
+        self._initialized = self._initialized and status < _FMI2_ERROR
+        reason = f": {self._messages[-1]}" if self._messages else ", without a message"
+        raise StrainfmuError(
+            f"{self.path}: instance '{self.name}': {function} returned {_STATUS_NAMES[status]}{when}{reason}"
+        )
+
+    def _function(self, name: str) -> Any:
+        """Return the bare C function, without fmpy's work per call."""
+        return getattr(self._fmu.dll, name)
+
+    def block(self, direction: str, variables: Sequence[Any], columns: Sequence[int]) -> list[SignalBlock]:
+        """Return the blocks that get ("Get") or set ("Set") ``variables``, one per FMI type.
+
+        Parameters
+        ----------
+        columns : place of each variable in the master's vector of all signals.
+        """
+        blocks = []
+        for kind, fmi_types in (
+            ("Real", {"Real"}),
+            ("Integer", {"Integer", "Enumeration"}),
+            ("Boolean", {"Boolean"}),
+        ):
+            chosen = [
+                (v.valueReference, c) for v, c in zip(variables, columns, strict=True) if v.type in fmi_types
+            ]
+            if chosen:
+                references, places = zip(*chosen, strict=True)
+                blocks.append(self._one_block(f"fmi2{direction}{kind}", references, np.array(places)))
+        return blocks
+
+    def _one_block(self, function: str, references: Sequence[int], columns: NDArray[np.intp]) -> SignalBlock:
+        """Return a block whose call does nothing but the FMI call and its status check."""
+        real = function.endswith("Real")
+        n = len(references)
+        value_references = (ctypes.c_uint * n)(*references)
+        buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
+        pointer = buffer.ctypes.data_as(ctypes.POINTER(ctypes.c_double if real else ctypes.c_int))
+        c_function, component = self._function(function), self._fmu.component
+
+        def call() -> None:
+            status = c_function(component, value_references, n, pointer)
+            if status:
+                self._check(function, status)
+
+        return SignalBlock(call, buffer, columns)
+
+    def begin(self, stop_time: float) -> None:
+        """Enter initialization mode of an experiment from 0 to ``stop_time`` [s]."""
+        component = self._fmu.component
+        self._check(
+            "fmi2SetupExperiment", self._function("fmi2SetupExperiment")(component, 0, 0.0, 0.0, 1, stop_time)
+        )
+        self._check("fmi2EnterInitializationMode", self._function("fmi2EnterInitializationMode")(component))
+
+    def end_initialization(self) -> None:
+        """Leave initialization mode."""
+        self._check(
+            "fmi2ExitInitializationMode", self._function("fmi2ExitInitializationMode")(self._fmu.component)
+        )
+        self._initialized = True
+
+    def stepper(self) -> Callable[[float, float], None]:
+        """Return the step: a function of current communication point and step size [s]."""
+        do_step, component = self._function("fmi2DoStep"), self._fmu.component
+
+        def step(time: float, step_size: float) -> None:
+            status = do_step(component, time, step_size, 1)
+            if status:
+                self._check("fmi2DoStep", status, f" at time {time:.6g} s")
+
+        return step
+
+    def close(self) -> None:
+        """Terminate and free the instance as far as its state allows (FMI 2.0, 4.2.4); never raises."""
+        # After fmi2Fatal no call is allowed, not even to free: the library stays loaded.
+        if self._dead:
+            return
+        component = self._fmu.component
+        if self._initialized and self._function("fmi2Terminate")(component) >= _FMI2_FATAL:
+            self._dead = True
+            return
+        self._function("fmi2FreeInstance")(component)
+        self._fmu.freeLibrary()
+        self._dead = True
+
+
+def _one_line(text: object) -> str:
+    """Return ``text`` on one line."""
+    return " ".join(str(text).split())

@@ -1,0 +1,156 @@
+"""The flown trajectory: a CSV table of flight conditions, smooth between its rows."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+# From the user's units in the header to SI.
+_TO_SI = np.array([1.0, 1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
+
+
+class FlightCondition(NamedTuple):
+    """Mach number [1], angle of attack and sideslip [rad], geopotential altitude [m]."""
+
+    mach_number: float
+    angle_of_attack: float
+    sideslip_angle: float
+    altitude: float
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Flight conditions over time, interpolated by shape-preserving cubics.
+
+    Attributes
+    ----------
+    time : (n,) increasing from 0 [s].
+    conditions : (n, 4) columns in the order and units of :class:`FlightCondition`.
+    slopes : (n, 4) their derivatives at ``time`` [per s].
+    """
+
+    time: FloatArray
+    conditions: FloatArray
+    slopes: FloatArray
+
+    @property
+    def stop_time(self) -> float:
+        """Time of the last row [s]."""
+        return float(self.time[-1])
+
+    def at(self, time: float) -> FlightCondition:
+        """Return the flight condition at ``time`` [s]; outside the rows it is the nearest row's."""
+        t = min(max(time, 0.0), self.stop_time)
+        i = min(int(np.searchsorted(self.time, t, side="right")) - 1, len(self.time) - 2)
+        width = self.time[i + 1] - self.time[i]
+        s = (t - self.time[i]) / width
+        rise = self.conditions[i + 1] - self.conditions[i]
+        # Written from the left value on, so that a constant column stays exactly constant.
+        value = self.conditions[i] + s * (
+            width * self.slopes[i] * (1.0 - s) ** 2
+            + rise * s * (3.0 - 2.0 * s)
+            - width * self.slopes[i + 1] * s * (1.0 - s)
+        )
+        return FlightCondition(*value.tolist())
+
+
+def shape_preserving_slopes(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the slopes of the monotone cubic Hermite interpolant of ``y`` over ``x``.
+
+    Parameters
+    ----------
+    x : (n,) increasing, n >= 2.
+    y : (n, k) one column per quantity.
+
+    Source: Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984): weighted harmonic means of the secants,
+    zero where they change sign; three-point slopes kept to the data's shape at both ends (Moler, 2004).
+    """
+    step = np.diff(x)[:, None]
+    secant = np.diff(y, axis=0) / step
+    if len(x) == 2:
+        return np.repeat(secant, 2, axis=0)
+    slopes = np.empty_like(y)
+    left_weight = 2.0 * step[1:] + step[:-1]
+    right_weight = step[1:] + 2.0 * step[:-1]
+    same_sign = secant[:-1] * secant[1:] > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = (left_weight + right_weight) / (left_weight / secant[:-1] + right_weight / secant[1:])
+    slopes[1:-1] = np.where(same_sign, mean, 0.0)
+    slopes[0] = _end_slope(step[0], step[1], secant[0], secant[1])
+    slopes[-1] = _end_slope(step[-1], step[-2], secant[-1], secant[-2])
+    return slopes
+
+
+def _end_slope(
+    near_step: FloatArray, far_step: FloatArray, near_secant: FloatArray, far_secant: FloatArray
+) -> FloatArray:
+    """Return (k,) one-sided three-point slopes that do not overshoot the data."""
+    slope = ((2.0 * near_step + far_step) * near_secant - near_step * far_secant) / (near_step + far_step)
+    slope = np.where(np.sign(slope) != np.sign(near_secant), 0.0, slope)
+    turns = np.sign(near_secant) != np.sign(far_secant)
+    return np.where(turns & (np.abs(slope) > 3.0 * np.abs(near_secant)), 3.0 * near_secant, slope)
+
+
+def load_trajectory(path: Path) -> Trajectory:
+    """Read a trajectory from a CSV file whose first line is :data:`HEADER`.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no text, or a row is wrong; the message names row (1 = header) and column.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.reader(stream))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read as CSV text") from error
+    found = tuple(cell.strip() for cell in rows[0]) if rows else ()
+    if found != HEADER:
+        raise InputError(f"{path}: row 1: header '{','.join(found)}' found, '{','.join(HEADER)}' wanted")
+    numbers = [_parse_row(path, number, row) for number, row in enumerate(rows[1:], start=2) if any(row)]
+    if len(numbers) < 2:
+        raise InputError(f"{path}: {len(numbers)} rows of values found, at least 2 wanted")
+    table = np.array(numbers)
+    if table[0, 0] != 0.0:
+        raise InputError(f"{path}: row 2, column time_s: {table[0, 0]:g} found, must start at 0")
+    for i in np.flatnonzero(np.diff(table[:, 0]) <= 0.0):
+        raise InputError(
+            f"{path}: row {_row_number(rows, int(i) + 1)}, column time_s: {table[i + 1, 0]:g} found after "
+            f"{table[i, 0]:g}, time must increase"
+        )
+    table = table * _TO_SI
+    return Trajectory(table[:, 0], table[:, 1:], shape_preserving_slopes(table[:, 0], table[:, 1:]))
+
+
+def _row_number(rows: list[list[str]], index: int) -> int:
+    """Return the file's row number of the ``index``-th row of values (blank rows do not count)."""
+    return [number for number, row in enumerate(rows[1:], start=2) if any(row)][index]
+
+
+def _parse_row(path: Path, number: int, row: list[str]) -> list[float]:
+    """Return the numbers of one row."""
+    if len(row) != len(HEADER):
+        raise InputError(f"{path}: row {number}: {len(row)} values found, {len(HEADER)} wanted")
+    values = []
+    for column, cell in zip(HEADER, row, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise InputError(f"{path}: row {number}, column {column}: '{cell}' found, a finite number wanted")
+        values.append(value)
+    return values

@@ -1,0 +1,1 @@
+"""Packaging of FMUs: the model description, the documentation and the export itself."""

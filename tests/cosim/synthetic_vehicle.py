@@ -1,0 +1,72 @@
+"""Synthetic inputs made by numpy: numbers of a plausible size, no vehicle and no physics behind them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.cosim.flight_model import FlightModel
+from strainfmu.inverse_map import InverseMap
+
+N_GAUGES = 6
+TRAJECTORY = """time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km
+0,5.0,0,0,20
+0.1,5.5,4,2,20.5
+0.2,6.5,6,-1,21
+0.4,6.5,2,0,22
+"""
+
+
+def synthetic_inverse_map(seed: int = 1, n_gauges: int = N_GAUGES) -> InverseMap:
+    """Return a random map of 3 pressure states."""
+    random = np.random.default_rng(seed)
+    angle = np.linspace(0.0, 2.0 * np.pi, n_gauges, endpoint=False)
+    root = random.normal(size=(5, 5))
+    return InverseMap(
+        vehicle=f"synthetic vehicle {seed} <&>",
+        gauge_names=tuple(f"G{i}" for i in range(n_gauges)),
+        gauge_position=np.column_stack(
+            (np.linspace(0.3, 3.3, n_gauges), 0.1 * np.sin(angle), 0.1 * np.cos(angle))
+        ),
+        gauge_direction=np.tile([1.0, 0.0, 0.0], (n_gauges, 1)),
+        noise_std=np.full(n_gauges, 1e-7),
+        strain_gain=random.normal(size=(3, n_gauges)) * 1e9,
+        state_offset=random.normal(size=3) * 1e3,
+        load_per_state=random.normal(size=(5, 3)),
+        load_of_mean=random.normal(size=5) * 1e3,
+        load_covariance=root @ root.T,
+        mean_strain=random.normal(size=n_gauges) * 1e-6,
+        residual_whitening=random.normal(size=(n_gauges, n_gauges)) * 1e5,
+        residual_degrees_of_freedom=n_gauges - 3,
+        strain_range=np.append(np.full(n_gauges - 1, 1e-4), 0.0),
+        coefficient_range=np.array([[0.1, 0.2], [-1.0, 1.0], [-1.0, 1.0], [-0.5, 0.5], [0.0, 0.0]]),
+        reference_area=0.2,
+        reference_length=0.5,
+        nominal_dynamic_pressure=95.8e3,
+    )
+
+
+def synthetic_flight_model(seed: int = 1, n_gauges: int = N_GAUGES, n_harmonic: int = 4) -> FlightModel:
+    """Return a random model with 2 channels, Mach number 5 to 7 and total incidence 0 to 12 deg."""
+    random = np.random.default_rng(seed)
+    return FlightModel(
+        vehicle=f"synthetic vehicle {seed}",
+        gauge_names=tuple(f"G{i}" for i in range(n_gauges)),
+        gauge_roll_angle=np.linspace(0.0, 2.0 * np.pi, n_gauges, endpoint=False),
+        gauge_channel=np.arange(n_gauges) % 2,
+        mach_knots=np.array([5.0, 5.5, 6.0, 7.0]),
+        incidence_knots=np.radians([0.0, 3.0, 12.0]),
+        strain_table=random.normal(size=(3, 2, 4, 4, 2, n_harmonic, 2)) * 1e-9,
+        coefficient_table=random.normal(size=(3, 2, 4, 4, 3)),
+        reference_area=0.2,
+        reference_length=0.5,
+        noise_std=1e-6,
+        provenance={"made": "by numpy"},
+    )
+
+
+def write_trajectory(path: Path, text: str = TRAJECTORY) -> Path:
+    """Write a trajectory file and return its path."""
+    path.write_text(text)
+    return path
