@@ -12,7 +12,7 @@ from math import pi, radians
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PrivateAttr, ValidationError, model_validator
 
 from builder.aero.euler.solver import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
@@ -209,6 +209,7 @@ class Vehicle(_Section):
     map: MapEntry
     truth: Truth
     resolution: Resolutions
+    _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
     def _noise_layout_exists(self) -> Vehicle:
@@ -217,6 +218,10 @@ class Vehicle(_Section):
                 f"noise.of_layout '{self.noise.of_layout}' is not among the layouts {sorted(self.gauges.layouts)}"
             )
         return self
+
+    def beside(self, name: str) -> Path:
+        """Return the path of a file named in the vehicle file, relative to it."""
+        return self._folder / name
 
     def body(self) -> BodyOfRevolution:
         """Return the outer surface."""
@@ -269,6 +274,7 @@ def load_vehicle(path: Path) -> Vehicle:
         raise InputError(f"{path}: not a TOML file: {error}") from error
     try:
         vehicle = Vehicle.model_validate(entries)
+        vehicle._folder = path.parent
         vehicle.body()
     except ValidationError as error:
         raise InputError(f"{path}: {_first_fault(error)}") from error
@@ -279,7 +285,8 @@ def load_vehicle(path: Path) -> Vehicle:
 
 def _first_fault(error: ValidationError) -> str:
     """Say the first fault in one line, and how many more there are."""
-    faults = error.errors()
+    # A misspelt key also leaves its right name missing: the unknown one says more.
+    faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     fault = faults[0]
     where = ".".join(str(part + 1) if isinstance(part, int) else part for part in fault["loc"] if part not in
                      ("cone", "arc"))

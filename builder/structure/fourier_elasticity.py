@@ -202,11 +202,26 @@ def factor_harmonic(mesh: MeridianMesh, stiffness: FourierStiffness, harmonic: i
         The supports leave a rigid motion free.
     """
     free = free_motions(mesh, harmonic)
+    _refuse_rigid_motion(mesh, free, harmonic)
     held = csc_array(free.T @ stiffness.matrix(harmonic) @ free)
-    try:
-        factor = splu(
-            held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
-    except RuntimeError as error:
-        raise InputError(f"the supports leave a rigid motion of harmonic {harmonic} free") from error
+    factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return HarmonicSolver(free, factor)
+
+
+def rigid_motions(mesh: MeridianMesh, harmonic: int) -> FloatArray:
+    """Return the rigid motions of a harmonic as columns, (n_dof, k), without roll (pressure cannot cause it).
+
+    Axial translation for m = 0; translation along z and rotation about y for m = 1; none above.
+    """
+    x, r = mesh.node.T
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    motion = {0: [[one, zero, zero]], 1: [[zero, one, -one], [-r, x, -x]]}.get(harmonic, [])
+    return np.array(motion).reshape(len(motion), 3, len(x)).transpose(2, 1, 0).reshape(mesh.n_dof, -1)
+
+
+def _refuse_rigid_motion(mesh: MeridianMesh, free: csc_array, harmonic: int) -> None:
+    # The factorisation would not notice: rounding makes the vanishing pivot a small number.
+    rigid = rigid_motions(mesh, harmonic)
+    held = np.bincount(free.indices, minlength=mesh.n_dof) == 0
+    if np.linalg.matrix_rank(rigid[held]) < rigid.shape[1]:
+        raise InputError(f"the supports leave a rigid motion of harmonic {harmonic} free")

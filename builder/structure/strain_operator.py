@@ -6,7 +6,7 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,7 +199,7 @@ def structural_response(
     gauge_direction: FloatArray,
     station_x: FloatArray,
     resolution: Resolution | None = None,
-    gauge_name: list[str] | None = None,
+    gauge_name: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> tuple[PlacedGauges, HarmonicResponse]:
     """Go from the vehicle to the strain at its gauges per harmonic of the pressure.
@@ -209,7 +209,8 @@ def structural_response(
     body, wall : outer shape, and wall with its material; the base ring is clamped.
     gauge_position, gauge_direction : (n_gauges, 3) [m] and [-], body axes.
     station_x : (n_x,) stations [m] of the pressure, as in ``SurfaceGrid.x``.
-    resolution : mesh and harmonics; the default is good to 0.2 % of a gauge's strain on a slender vehicle.
+    resolution : mesh and harmonics; the default is converged to 0.01 % of the median
+        gauge strain under smooth pressure.
     gauge_name : names for messages.
     progress : called with (harmonics done, harmonics in all).
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import re
 import tempfile
 import zipfile
@@ -131,6 +132,7 @@ class Instance:
         self._messages: list[str] = []
         self._dead = self._initialized = False
         self._fmi2 = import_fmpy().fmi2
+        working_directory = os.getcwd()
         try:
             self._fmu = self._fmi2.FMU2Slave(
                 guid=description.guid,
@@ -138,7 +140,8 @@ class Instance:
                 unzipDirectory=str(folder),
                 instanceName=name,
             )
-        except Exception as error:  # fmpy raises plain Exceptions
+        except Exception as error:  # fmpy raises plain Exceptions, and stays in the FMU's folder
+            os.chdir(working_directory)
             raise StrainfmuError(f"{path}: cannot be loaded on this machine: {_one_line(error)}") from error
         try:
             self._fmu.instantiate(callbacks=self._callbacks(), loggingOn=True)

@@ -18,6 +18,7 @@ FloatArray = NDArray[np.float64]
 
 SCHEMA = "strainfmu.recording"
 SCHEMA_VERSION = 1
+_SLASH = "%2F"
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ def save_hdf5(recording: Recording, path: Path) -> str:
         file.create_dataset("time", data=recording.time).attrs["unit"] = "s"
         signals = file.create_group("signals", track_order=True)
         for name, unit, column in zip(recording.names, recording.units, recording.values.T, strict=True):
-            signals.create_dataset(name, data=column).attrs["unit"] = unit
+            # A slash, which FMI allows in names, would begin a group.
+            signals.create_dataset(name.replace("/", _SLASH), data=column).attrs["unit"] = unit
         costs = file.create_group("step_cost", track_order=True)
         for name, column in zip(recording.instances, recording.step_cost.T, strict=True):
             costs.create_dataset(name, data=column).attrs["unit"] = "s"
@@ -89,16 +91,17 @@ def load_recording(path: Path) -> Recording:
         try:
             time = file["time"][()]
             signals, costs = file["signals"], file["step_cost"]
-            names, instances = tuple(signals), tuple(costs)
-            values = np.empty((len(time), len(names)))
+            stored, instances = tuple(signals), tuple(costs)
+            values = np.empty((len(time), len(stored)))
             step_cost = np.empty((max(len(time) - 1, 0), len(instances)))
-            for column, name in enumerate(names):
+            for column, name in enumerate(stored):
                 values[:, column] = signals[name][()]
             for column, name in enumerate(instances):
                 step_cost[:, column] = costs[name][()]
-            units = tuple(str(signals[name].attrs["unit"]) for name in names)
+            units = tuple(str(signals[name].attrs["unit"]) for name in stored)
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: damaged, {error}") from error
+    names = tuple(name.replace(_SLASH, "/") for name in stored)
     return Recording(time, names, units, values, instances, step_cost)
 
 

@@ -37,6 +37,8 @@ CAPABILITIES = {
 _DESCRIPTION_FILE = "model_description.xml"
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold, so that equal content gives equal bytes
 _OWN_IMPORT = re.compile(r"^(\s*from )strainfmu(?=[. ])", re.MULTILINE)
+# Modules that FMUs of this project bring along: PythonFMU's and those with a hash in their names.
+_FMU_MODULE = re.compile(r"(pythonfmu|(strainfmu|\w+_slave)_[0-9a-f]{12})(\..*)?")
 
 
 @dataclass(frozen=True)
@@ -170,20 +172,19 @@ def _imports_put_back() -> Iterator[None]:
     """Undo what packing does to the interpreter's imports, and pack with the installed PythonFMU.
 
     PythonFMU imports the slave and leaves it and its folder behind. And an FMU that ran in this process has
-    left its own copy of ``pythonfmu``, which lacks the binaries to pack.
+    left its own copy of ``pythonfmu``, which lacks the binaries to pack, and slaves that build on that copy.
     """
-    path, before = list(sys.path), dict(sys.modules)
+    path = list(sys.path)
+    before = {name: sys.modules.pop(name) for name in list(sys.modules) if _FMU_MODULE.fullmatch(name)}
     sys.path[:] = [entry for entry in path if not Path(entry, "slavemodule.txt").exists()]
-    for name in [name for name in before if name.partition(".")[0] == "pythonfmu"]:
-        del sys.modules[name]
     try:
         yield
     finally:
         sys.path[:] = path
-        for name in set(sys.modules) - set(before):
-            if re.search(r"_[0-9a-f]{12}(\.|$)", name):
+        for name in list(sys.modules):
+            if _FMU_MODULE.fullmatch(name):
                 del sys.modules[name]
-        sys.modules.update({name: module for name, module in before.items() if name.startswith("pythonfmu")})
+        sys.modules.update(before)
 
 
 def _zip(entries: Mapping[str, bytes]) -> bytes:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.flight_model import FlightModel
-from strainfmu.inverse_map import InverseMap
+from strainfmu.cosim.flight_model import FlightModel, save_flight_model
+from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.inverse_map import InverseMap, save_inverse_map
 
 N_GAUGES = 6
 TRAJECTORY = """time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km
@@ -70,3 +72,36 @@ def write_trajectory(path: Path, text: str = TRAJECTORY) -> Path:
     """Write a trajectory file and return its path."""
     path.write_text(text)
     return path
+
+
+@dataclass(frozen=True)
+class SyntheticFiles:
+    """Paths of synthetic files; estimator and map 2 differ from 1 in every number."""
+
+    map_1: Path
+    map_2: Path
+    flight_model: Path
+    trajectory: Path
+    estimator_1: Path
+    estimator_2: Path
+    plant: Path
+
+
+def make_synthetic_files(folder: Path) -> SyntheticFiles:
+    """Write all synthetic files into ``folder``."""
+    files = SyntheticFiles(
+        folder / "map_1.h5",
+        folder / "map_2.h5",
+        folder / "flight_model.h5",
+        write_trajectory(folder / "trajectory.csv"),
+        folder / "estimator_1.fmu",
+        folder / "estimator_2.fmu",
+        folder / "plant.fmu",
+    )
+    save_inverse_map(synthetic_inverse_map(1), files.map_1)
+    save_inverse_map(synthetic_inverse_map(2), files.map_2)
+    save_flight_model(synthetic_flight_model(), files.flight_model)
+    export_estimator(files.map_1, files.estimator_1)
+    export_estimator(files.map_2, files.estimator_2)
+    export_plant(files.flight_model, files.trajectory, files.plant)
+    return files

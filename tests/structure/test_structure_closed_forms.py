@@ -5,9 +5,9 @@ import pytest
 
 from builder.geometry import chain_segments
 from builder.structure.fourier_elasticity import assemble_stiffness, factor_harmonic
-from builder.structure.meridian_mesh import MeridianMesh, tube_mesh
+from builder.structure.meridian_mesh import End, MeridianMesh, tube_mesh
 from builder.structure.shell_mesh import shell_mesh
-from builder.structure.strain_operator import harmonic_response
+from builder.structure.strain_operator import strain_rows
 from builder.structure.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
 
@@ -19,12 +19,12 @@ PRESSURE = 1e5
 def strain(mesh: MeridianMesh, x: np.ndarray, harmonic: int) -> np.ndarray:
     """(3, n) amplitudes of meridional, hoop, shear strain at ``x`` under PRESSURE * cos(m phi) all over."""
     ends = mesh.node[mesh.outer_edge[[0, -1], [0, 2]], 0]
-    response = harmonic_response(mesh, MATERIAL, x, ends, harmonic)
-    parts = (response.meridional, response.hoop, response.shear)
-    return PRESSURE * np.array([part[:, harmonic].sum(axis=1) for part in parts])
+    load = PRESSURE * pressure_load(mesh, ends).toarray().sum(axis=1, keepdims=True)
+    displacement = factor_harmonic(mesh, assemble_stiffness(mesh, MATERIAL), harmonic).solve(load)
+    return (strain_rows(mesh, x, harmonic) @ displacement)[..., 0].T
 
 
-def cylinder(length: float, a: float, b: float, h: float, layers: int, front: str, aft: str) -> MeridianMesh:
+def cylinder(length: float, a: float, b: float, h: float, layers: int, front: End, aft: End) -> MeridianMesh:
     return tube_mesh(np.array([0.0, length]), np.array([a, a]), np.array([b, b]), h, layers, front, aft)
 
 
@@ -53,7 +53,7 @@ def test_cantilever_tube() -> None:
     # Thin tube: shear stress V sin(phi) / (pi R t), V = pi b p_1 x; lateral force acts towards -z.
     shear_force = np.pi * b * PRESSURE * x
     tensor_shear = shear_force * (1.0 + NU) / E / (np.pi * 0.5 * (a + b) * thickness)
-    np.testing.assert_allclose(np.abs(shear), tensor_shear, rtol=0.03)
+    np.testing.assert_allclose(shear, -tensor_shear, rtol=0.03)
     np.testing.assert_allclose(hoop[-1], -NU * expected[-1], rtol=0.02)
 
 
@@ -76,9 +76,8 @@ def test_clamped_edge_of_long_cylinder() -> None:
     a, b = radius - 0.5 * thickness, radius + 0.5 * thickness
     beta = (3.0 * (1.0 - NU**2)) ** 0.25 / np.sqrt(radius * thickness)
     from_clamp = np.linspace(2.0 * thickness, 5.0 / beta, 60)
-    mesh = cylinder(length, a, b, 0.003, 1, "free", "clamped")
-    axial, hoop, _ = strain(mesh, length - from_clamp[::-1], 0)
-    axial, hoop = axial[::-1], hoop[::-1]
+    mesh = cylinder(length, a, b, thickness, 1, "free", "clamped")
+    axial, hoop, _ = strain(mesh, length - from_clamp, 0)
     s = beta * from_clamp
     w_far = PRESSURE * b * radius / (E * thickness)
     w = w_far * (1.0 - np.exp(-s) * (np.cos(s) + np.sin(s)))
@@ -90,7 +89,7 @@ def test_clamped_edge_of_long_cylinder() -> None:
 
 
 def michell_ring(a: float, b: float, n: int) -> float:
-    """Inner hoop strain of a ring in plane strain under p cos(n phi) outside (Timoshenko and Goodier, sec. 43).
+    """Inner hoop strain of a ring in plane strain under p cos(n phi) outside (T. and Goodier, sec. 43).
 
     Stress function (A r^n + B r^-n + C r^(n+2) + D r^(2-n)) cos(n phi).
     """
@@ -108,7 +107,9 @@ def michell_ring(a: float, b: float, n: int) -> float:
 
 
 @pytest.mark.parametrize("harmonic", [2, 3])
-@pytest.mark.parametrize(("thickness", "layers", "rtol"), [(0.004, 1, 1e-3), (0.004, 2, 1e-4), (0.03, 4, 1e-3)])
+@pytest.mark.parametrize(
+    ("thickness", "layers", "rtol"), [(0.004, 1, 1e-3), (0.004, 2, 1e-4), (0.03, 4, 1e-3)]
+)
 def test_ring_in_plane_strain(harmonic: int, thickness: float, layers: int, rtol: float) -> None:
     """Ovalisation, both ends guided: plane strain holds exactly."""
     b = 0.13
@@ -123,7 +124,7 @@ def test_ring_in_plane_strain(harmonic: int, thickness: float, layers: int, rtol
 
 @pytest.mark.parametrize("harmonic", [2, 3])
 def test_thin_ring(harmonic: int) -> None:
-    """Inextensional bending p R^2 t / [2 D (n^2 - 1)], plus the membrane strain of the mean pressure's kind."""
+    """Inextensional bending p R^2 t / [2 D (n^2 - 1)], membrane strain left out."""
     radius, thickness = 0.5, 0.001
     a, b = radius - 0.5 * thickness, radius + 0.5 * thickness
     _, hoop, _ = strain(cylinder(0.05, a, b, 0.025, 1, "guided", "guided"), np.array([0.02]), harmonic)
@@ -133,7 +134,7 @@ def test_thin_ring(harmonic: int) -> None:
 
 
 def test_cone_as_membrane() -> None:
-    """Closed cone under external pressure: N_s = -p s tan(a)/2, N_phi = -p s tan(a), s on the middle surface."""
+    """Closed cone, external pressure: N_s = -p s tan(a)/2, N_phi = -p s tan(a), s on the middle surface."""
     angle, thickness = np.deg2rad(10.0), 0.001
     cone = chain_segments([(2.0, angle, angle)])
     mesh = shell_mesh(cone, Wall(thickness, 0.1, MATERIAL), 0.01)

@@ -13,7 +13,7 @@ from numba import njit
 
 from builder.aero.euler.gas import GAMMA
 
-_COMPILE = {"cache": True, "nogil": True}
+_COMPILE = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 
 @njit(**_COMPILE)

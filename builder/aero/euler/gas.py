@@ -11,7 +11,7 @@ from numba import njit
 
 GAMMA = 1.4
 
-_COMPILE = {"cache": True, "nogil": True, "inline": "never"}
+_COMPILE = {"cache": True, "nogil": True, "error_model": "numpy", "inline": "never"}
 
 
 @njit(**_COMPILE)

@@ -28,7 +28,7 @@ AXIAL_SONIC = 1
 WALL_DETACHED = 2
 OUT_OF_STEPS = 3
 
-_COMPILE = {"cache": True, "nogil": True}
+_COMPILE = {"cache": True, "nogil": True, "error_model": "numpy"}
 
 DISTURBED = 0.02
 """Relative pressure change that counts as inside the bow shock."""

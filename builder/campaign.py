@@ -1,0 +1,144 @@
+"""Pressure snapshots over many flight conditions: solve each distinct flow once, roll it, keep it on disk."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.euler.solver import FlowSolution, MarchingGrid, solve_flow
+from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
+from builder.flight_conditions import FlightCondition, flow_key
+from builder.geometry import BodyOfRevolution, SurfaceGrid
+from strainfmu.errors import InputError
+from strainfmu.files import open_hdf5, write_hdf5_atomically
+
+FloatArray = NDArray[np.float64]
+FlowKey = tuple[float, float]
+Progress = Callable[[int, int], None]
+
+SCHEMA = "strainfmu.snapshots"
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """Surface pressure at N flight conditions.
+
+    Attributes
+    ----------
+    condition : (N, 4) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m].
+    pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
+    solved : (N,) True where the flow was solved for this condition, False where it was rolled from another.
+    momentum_error : (N,) relative difference of the force from wall pressure and from momentum.
+    """
+
+    condition: FloatArray
+    pressure: FloatArray
+    solved: NDArray[np.bool_]
+    momentum_error: FloatArray
+
+    def conditions(self) -> list[FlightCondition]:
+        """Return the conditions as objects."""
+        return [FlightCondition(*map(float, row)) for row in self.condition]
+
+
+def solve_flows(
+    body: BodyOfRevolution, keys: Iterable[FlowKey], grid: MarchingGrid, progress: Progress | None = None
+) -> dict[FlowKey, FlowSolution]:
+    """Solve the flow at each (M, a_T [rad]), in as many threads as there are cores.
+
+    The compiled solver releases the interpreter lock, so threads run side by side.
+
+    Raises
+    ------
+    FlowReachError
+        A condition is outside the solver's reach; the others are abandoned.
+    """
+    wanted = sorted(set(keys))
+    solutions: dict[FlowKey, FlowSolution] = {}
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        futures = {pool.submit(solve_flow, body, *key, grid): key for key in wanted}
+        try:
+            for future in as_completed(futures):
+                solutions[futures[future]] = future.result()
+                if progress is not None:
+                    progress(len(solutions), len(wanted))
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+    return solutions
+
+
+def take_snapshots(
+    body: BodyOfRevolution,
+    conditions: list[FlightCondition],
+    marching_grid: MarchingGrid,
+    surface: SurfaceGrid,
+    progress: Progress | None = None,
+) -> Snapshots:
+    """Compute the surface pressure at every condition; conditions that share a flow share its solution."""
+    flows = solve_flows(body, map(flow_key, conditions), marching_grid, progress)
+    at_stations = {key: pressure_at_stations(flow, surface) for key, flow in flows.items()}
+    pressure = np.empty((len(conditions), surface.n_nodes))
+    solved = np.zeros(len(conditions), dtype=bool)
+    error = np.empty(len(conditions))
+    seen: set[FlowKey] = set()
+    for i, condition in enumerate(conditions):
+        key = flow_key(condition)
+        flow = flows[key]
+        ratio = pressure_ratio_on_surface(
+            at_stations[key], flow.roll_angle, surface, condition.leeward_roll_angle
+        )
+        pressure[i] = condition.ambient_pressure * ratio
+        solved[i] = key not in seen
+        error[i] = np.linalg.norm(flow.force - flow.force_from_momentum) / np.linalg.norm(flow.force)
+        seen.add(key)
+    table = np.array(
+        [[c.mach_number, c.angle_of_attack, c.sideslip_angle, c.altitude] for c in conditions]
+    )
+    return Snapshots(table, pressure, solved, error)
+
+
+def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, input_fingerprint: str, path: Path) -> None:
+    """Write ``snapshots.h5`` atomically; ``input_fingerprint`` says what it was computed from."""
+
+    def fill(file: h5py.File) -> None:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["schema_version"] = SCHEMA_VERSION
+        file.attrs["input_fingerprint"] = input_fingerprint
+        table = file.create_dataset("condition", data=snapshots.condition)
+        table.attrs["columns"] = "mach_number [1], angle_of_attack [rad], sideslip_angle [rad], altitude [m]"
+        file.create_dataset("pressure", data=snapshots.pressure).attrs["unit"] = "Pa"
+        file.create_dataset("solved", data=snapshots.solved)
+        file.create_dataset("momentum_error", data=snapshots.momentum_error).attrs["unit"] = "1"
+        file.create_dataset("surface/x", data=surface.x).attrs["unit"] = "m"
+        file.create_dataset("surface/radius", data=surface.radius).attrs["unit"] = "m"
+        file.create_dataset("surface/roll_angle", data=surface.roll_angle).attrs["unit"] = "rad"
+
+    write_hdf5_atomically(path, fill)
+
+
+def load_snapshots(path: Path, input_fingerprint: str) -> Snapshots | None:
+    """Read ``snapshots.h5`` if it is there, whole and computed from the same inputs; else return None."""
+    try:
+        with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+            if file.attrs["input_fingerprint"] != input_fingerprint:
+                return None
+            return Snapshots(
+                file["condition"][()], file["pressure"][()], file["solved"][()], file["momentum_error"][()]
+            )
+    except InputError:
+        return None
+
+
+def describe_flow(key: FlowKey) -> str:
+    """Return a flow's key as a reader would write it."""
+    return f"M {key[0]:g}, total incidence {degrees(key[1]):.4g} deg"

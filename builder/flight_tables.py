@@ -1,0 +1,141 @@
+"""The independent model of the vehicle that flies in system simulations, as tables over (M, a_T).
+
+Every table is a tensor-product cubic spline through flows solved at the knots. In total incidence the knots
+are mirrored to negative values, where the flow is the same rolled by half a turn: harmonic m of the pressure
+changes by (-1)^m. So the spline has the right symmetry at a_T = 0 without a knot there.
+"""
+
+from __future__ import annotations
+
+from math import factorial, radians
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from builder.aero.euler.solver import FlowSolution
+from builder.aero.loads import load_operator
+from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
+from builder.campaign import FlowKey
+from builder.geometry import SurfaceGrid
+from builder.structural_model import StructuralModel
+from builder.vehicle import Vehicle
+from strainfmu.cosim.flight_model import FlightModel
+
+FloatArray = NDArray[np.float64]
+
+
+def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
+    """Return the (M, a_T [rad]) at which the independent model's flows are solved."""
+    return [
+        (round(mach, 9), round(radians(angle), 9))
+        for mach in sorted(vehicle.truth.mach_number)
+        for angle in sorted(vehicle.truth.total_incidence_deg)
+    ]
+
+
+def pressure_harmonics(solution: FlowSolution, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
+    """Return the amplitudes (n_x, max_harmonic + 1) of cos(m phi) in p/p_inf, phi from the leeward meridian.
+
+    The discrete cosine transform over the solver's cells; harmonics it cannot carry are zero.
+    """
+    ratio = pressure_at_stations(solution, surface)
+    n_phi = ratio.shape[1]
+    m = np.arange(max_harmonic + 1)
+    weight = np.where(m == 0, 1.0, 2.0) * (m < n_phi)
+    return ratio @ np.cos(np.outer(solution.roll_angle, m)) * weight / n_phi
+
+
+def flight_model(
+    vehicle: Vehicle,
+    flows: dict[FlowKey, FlowSolution],
+    structure: StructuralModel,
+    noise_std: float,
+) -> FlightModel:
+    """Assemble the flight model from solved flows and the structure's response.
+
+    Parameters
+    ----------
+    flows : one solution per key of :func:`truth_keys`.
+    structure : the independent structural model, with the vehicle's layout in use.
+    noise_std : gauge noise sigma [m/m].
+    """
+    mach = np.array(sorted(vehicle.truth.mach_number))
+    incidence = np.array(sorted({key[1] for key in flows}))
+    layout = vehicle.gauges.layout
+    placed = structure.placed[layout]
+    station = np.abs(placed.x[:, None] - structure.response.gauge_x).argmin(axis=1)
+    kinds = np.column_stack([station, np.round(placed.meridional, 12), np.round(placed.circumferential, 12)])
+    channels, channel = np.unique(kinds, axis=0, return_inverse=True)
+    response = _channel_response(structure, channels)
+    max_harmonic = response.shape[1] - 1
+    reference = vehicle.reference_quantities()
+    loads = load_operator(structure.surface, reference.moment_station)
+
+    strain = np.empty((len(mach), len(incidence), len(channels), max_harmonic + 1, 2))
+    coefficient = np.empty((len(mach), len(incidence), 3))
+    area = reference.area * np.array([1.0, 1.0, reference.length])
+    for i, mach_number in enumerate(mach):
+        for j, angle in enumerate(incidence):
+            flow = flows[round(float(mach_number), 9), float(angle)]
+            harmonics = pressure_harmonics(flow, structure.surface, max_harmonic)
+            harmonics[:, 0] -= 1.0  # vented: the wall carries p - p_inf
+            strain[i, j] = np.einsum("cmxp,xm->cmp", response, harmonics)
+            ratio = pressure_ratio_on_surface(
+                pressure_at_stations(flow, structure.surface), flow.roll_angle, structure.surface, 0.0
+            )
+            axial, normal, _, pitch, _ = loads @ (ratio - 1.0)
+            coefficient[i, j] = np.array([axial, normal, pitch]) / (0.7 * mach_number**2 * area)
+    parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
+    return FlightModel(
+        vehicle=vehicle.name,
+        gauge_names=structure.layouts[layout].names,
+        gauge_roll_angle=placed.roll_angle,
+        gauge_channel=channel.astype(np.int64).reshape(-1),
+        mach_knots=mach,
+        incidence_knots=np.concatenate([[0.0], incidence]),
+        strain_table=_spline_table(mach, incidence, strain, parity),
+        coefficient_table=_spline_table(mach, incidence, coefficient, np.array([1.0, -1.0, -1.0])),
+        reference_area=reference.area,
+        reference_length=reference.length,
+        noise_std=noise_std,
+        provenance={
+            "resolution": vehicle.resolution.truth.model_dump(),
+            "flows": len(flows),
+        },
+    )
+
+
+def _channel_response(structure: StructuralModel, channels: FloatArray) -> FloatArray:
+    """Return [even, odd] strain (n_channels, max_harmonic + 1, n_x, 2) [1/Pa] of each (station, direction).
+
+    Even parts go as cos m(phi_g - phi_T), odd ones, the shear's, as sin m(phi_g - phi_T).
+    """
+    station = channels[:, 0].astype(int)
+    c, s = channels[:, 1, None, None], channels[:, 2, None, None]
+    response = structure.response
+    even = c**2 * response.meridional[station] + s**2 * response.hoop[station]
+    odd = 2.0 * c * s * response.shear[station]
+    return np.stack([even, odd], axis=-1)
+
+
+def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, parity: FloatArray) -> FloatArray:
+    """Return the polynomial coefficients of a tensor-product spline.
+
+    Parameters
+    ----------
+    mach, incidence : (n_M,), (n_a,) knots, incidence > 0 [rad].
+    values : (n_M, n_a, ...) at the knots.
+    parity : +1 or -1, broadcast against ``...``: behaviour under a_T -> -a_T.
+
+    Returns
+    -------
+    (n_M - 1, n_a, 4, 4, ...): cell, power of (M - M_i), power of (a_T - a_j), with a_0 = 0 added.
+    """
+    mirrored = np.concatenate([parity * values[:, ::-1], values], axis=1)
+    along_incidence = CubicSpline(np.concatenate([-incidence[::-1], incidence]), mirrored, axis=1)
+    left = np.concatenate([[0.0], incidence[:-1]])
+    by_incidence = np.stack([along_incidence(left, q) / factorial(q) for q in range(4)], axis=2)
+    along_mach = CubicSpline(mach, by_incidence, axis=0)
+    by_mach = np.stack([along_mach(mach[:-1], p) / factorial(p) for p in range(4)], axis=2)
+    return by_mach

@@ -1,0 +1,74 @@
+"""One discretisation of a vehicle's structure: pressure nodes, gauges, and the strain each pressure causes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.gauge_layout import GaugeLayout, gauge_layout
+from builder.geometry import SurfaceGrid, surface_grid
+from builder.structure.gauges import PlacedGauges, place_gauges
+from builder.structure.shell_mesh import shell_mesh
+from builder.structure.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.wall import Material, Wall
+from builder.vehicle import Resolution, Vehicle
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class StructuralModel:
+    """Strain per pressure of every gauge of the layouts asked for.
+
+    Attributes
+    ----------
+    surface : the pressure nodes.
+    response : strain per harmonic of the pressure at every gauge station.
+    layouts, placed : per layout name, the gauges in body axes and on the inner surface.
+    """
+
+    surface: SurfaceGrid
+    response: HarmonicResponse
+    layouts: dict[str, GaugeLayout]
+    placed: dict[str, PlacedGauges]
+
+    def strain_operator(self, layout: str) -> FloatArray:
+        """Return Z_p (n_d, n_p) [1/Pa] of a layout."""
+        return strain_operator(self.response, self.placed[layout], self.surface)
+
+
+def structural_model(
+    vehicle: Vehicle, resolution: Resolution, layouts: list[str], progress: Progress | None = None
+) -> StructuralModel:
+    """Mesh the wall, place the gauges and solve for their strain per harmonic of the pressure.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body or a gauge is not on the inner surface.
+    """
+    body = vehicle.body()
+    material = Material(1e9 * vehicle.material.youngs_modulus_GPa, vehicle.material.poisson_ratio)
+    wall = Wall(1e-3 * vehicle.structure.wall_thickness_mm, vehicle.structure.solid_tip_length_m, material)
+    mesh = shell_mesh(body, wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    surface = surface_grid(body, resolution.surface_stations, resolution.surface_roll_angles)
+    found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
+    placed = {
+        name: place_gauges(mesh, layout.position, layout.direction, layout.names)
+        for name, layout in found.items()
+    }
+    stations = np.concatenate([gauges.x for gauges in placed.values()])
+    response = harmonic_response(mesh, material, stations, surface.x, resolution.harmonics, progress)
+    return StructuralModel(surface, response, found, placed)
+
+
+def used_layouts(vehicle: Vehicle) -> list[str]:
+    """Return the layouts a map needs: the one in use and the one its noise is measured on."""
+    reference = vehicle.noise.of_layout or vehicle.gauges.layout
+    return sorted({vehicle.gauges.layout, reference})
+
+

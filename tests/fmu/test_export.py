@@ -1,0 +1,168 @@
+"""Packaging: reproducible, atomic, self-contained."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
+
+from strainfmu.cosim.trajectory import HEADER
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator import Estimator
+from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.fmu.package import with_own_package
+from strainfmu.inverse_map import load_inverse_map
+
+
+def test_equal_exports_are_equal_to_the_byte(
+    synthetic: SyntheticFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    for name in ("a", "b"):
+        export_estimator(synthetic.map_1, tmp_path / f"{name}.fmu")
+        export_plant(synthetic.flight_model, synthetic.trajectory, tmp_path / f"{name}_plant.fmu")
+        # An FMU that ran leaves its own copy of pythonfmu in the process, without binaries to pack.
+        simulate_fmu(str(tmp_path / f"{name}.fmu"), stop_time=0.01)
+    assert (tmp_path / "a.fmu").read_bytes() == (tmp_path / "b.fmu").read_bytes()
+    assert (tmp_path / "a_plant.fmu").read_bytes() == (tmp_path / "b_plant.fmu").read_bytes()
+
+
+def test_modules_carry_a_hash_and_entries_are_portable(synthetic: SyntheticFiles) -> None:
+    packages = []
+    for path in (synthetic.estimator_1, synthetic.estimator_2, synthetic.plant):
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            module = archive.read("resources/slavemodule.txt").decode()
+        suffix = module.rsplit("_", 1)[1]
+        assert f"resources/strainfmu_{suffix}/errors.py" in names
+        assert not [
+            n for n in names if n.startswith("resources/strainfmu/") or "\\" in n or n.endswith(".pyc")
+        ]
+        assert {n.rsplit(".", 1)[1] for n in names if n.startswith("binaries/")} == {"so", "dll"}
+        packages.append(suffix)
+    assert len(set(packages)) == 3
+
+
+def test_imports_are_renamed_and_nothing_else() -> None:
+    source = '"""strainfmu."""\nfrom strainfmu import a\n    from strainfmu.b import c\n'
+    assert with_own_package(source, "p") == ('"""strainfmu."""\nfrom p import a\n    from p.b import c\n')
+    assert with_own_package("from strainfmu_x import d\n", "p") == "from strainfmu_x import d\n"
+
+
+HOST = """
+import sys
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("strainfmu", "builder", "fmus"):
+            raise ImportError(f"{name} is not installed here")
+
+sys.meta_path.insert(0, Blocker())
+from fmpy import simulate_fmu
+import numpy as np
+for path in sys.argv[1:]:
+    result = simulate_fmu(path, stop_time=0.02, output_interval=0.01, output=["C_A"])
+    print(repr(float(result["C_A"][0])))
+print([m for m in sys.modules if m == "strainfmu" or m.startswith(("strainfmu.", "fmus"))])
+print(sys.modules["pythonfmu"].__file__)
+"""
+
+
+def test_the_fmus_run_where_strainfmu_is_not_installed(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    (tmp_path / "host.py").write_text(HOST)
+    done = subprocess.run(
+        [
+            sys.executable,
+            "host.py",
+            str(synthetic.estimator_1),
+            str(synthetic.estimator_2),
+            str(synthetic.plant),
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    lines = done.stdout.splitlines()
+    for line, path in zip(lines[:2], (synthetic.map_1, synthetic.map_2), strict=True):
+        inverse_map = load_inverse_map(path)
+        estimate = Estimator(inverse_map).estimate(np.zeros(N_GAUGES), inverse_map.nominal_dynamic_pressure)
+        assert float(line) == pytest.approx(estimate.coefficients[0], rel=1e-12)
+    assert lines[3] == "[]"
+    # Its own PythonFMU too, from the folder the FMU was unzipped to.
+    assert "resources" in lines[4]
+
+
+def test_packing_leaves_the_interpreter_as_it_was(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    path, modules = list(sys.path), {n for n in sys.modules if "slave" in n or n.startswith("strainfmu_")}
+    export_estimator(synthetic.map_1, tmp_path / "a.fmu")
+    assert sys.path == path
+    assert {n for n in sys.modules if "_slave_" in n or n.startswith("strainfmu_")} <= modules
+
+
+def test_importing_the_sources_of_fmus_has_no_side_effects() -> None:
+    for name in ("fmus", "fmus.python", "fmus.python.estimator_slave", "fmus.python.plant_slave"):
+        importlib.import_module(name)
+
+
+def test_wrong_names_and_inputs_are_refused(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"must end in \.fmu"):
+        export_estimator(synthetic.map_1, tmp_path / "a.zip")
+    (tmp_path / "folder.fmu").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        export_plant(synthetic.flight_model, synthetic.trajectory, tmp_path / "folder.fmu")
+    with pytest.raises(InputError, match="no such file"):
+        export_estimator(tmp_path / "none.h5", tmp_path / "a.fmu")
+    with pytest.raises(InputError, match=r"schema 'strainfmu\.inverse_map'"):
+        export_estimator(synthetic.flight_model, tmp_path / "a.fmu")
+    with pytest.raises(InputError, match="model name: '' found"):
+        export_estimator(synthetic.map_1, tmp_path / "a.fmu", model_name="")
+    assert not (tmp_path / "a.fmu").exists()
+
+
+def test_a_trajectory_that_leaves_the_envelope_is_refused(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    rows = f"{','.join(HEADER)}\n0,5,0,0,20\n10,6,9,0,20\n20,6,13,0,20\n"
+    trajectory = write_trajectory(tmp_path / "high.csv", rows)
+    with pytest.raises(InputError, match=r"high\.csv: total incidence: 12\.\d+ deg found at time 1\d"):
+        export_plant(synthetic.flight_model, trajectory, tmp_path / "a.fmu")
+
+
+def test_a_failed_write_keeps_the_old_file(
+    synthetic: SyntheticFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "a.fmu"
+    target.write_bytes(b"old")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(StrainfmuError, match=r"a\.fmu: could not be written: No space left on device"):
+        export_estimator(synthetic.map_1, target)
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(StrainfmuError, match=r"a\.fmu: could not be packed: No space left on device"):
+        export_estimator(synthetic.map_1, target)
+    assert target.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_pythonfmu_missing_is_one_line(
+    synthetic: SyntheticFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Blocker:
+        @staticmethod
+        def find_spec(name: str, *_: object) -> None:
+            if name.startswith("pythonfmu"):
+                raise ImportError(name)
+
+    monkeypatch.setattr(sys, "meta_path", [Blocker, *sys.meta_path])
+    with pytest.raises(StrainfmuError, match=r"PythonFMU is not installed: pip install 'strainfmu\[fmu\]'"):
+        export_estimator(synthetic.map_1, tmp_path / "a.fmu")
