@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from math import degrees
 from pathlib import Path
 
 import h5py
@@ -17,7 +16,6 @@ from builder.aero.euler.solver import FlowSolution, MarchingGrid, solve_flow
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
 from builder.flight_conditions import FlightCondition, flow_key
 from builder.geometry import BodyOfRevolution, SurfaceGrid
-from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically
 
 FloatArray = NDArray[np.float64]
@@ -107,13 +105,12 @@ def take_snapshots(
     return Snapshots(table, pressure, solved, error)
 
 
-def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, input_fingerprint: str, path: Path) -> None:
-    """Write ``snapshots.h5`` atomically; ``input_fingerprint`` says what it was computed from."""
+def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, path: Path) -> None:
+    """Write ``snapshots.h5`` atomically."""
 
     def fill(file: h5py.File) -> None:
         file.attrs["schema"] = SCHEMA
         file.attrs["schema_version"] = SCHEMA_VERSION
-        file.attrs["input_fingerprint"] = input_fingerprint
         table = file.create_dataset("condition", data=snapshots.condition)
         table.attrs["columns"] = "mach_number [1], angle_of_attack [rad], sideslip_angle [rad], altitude [m]"
         file.create_dataset("pressure", data=snapshots.pressure).attrs["unit"] = "Pa"
@@ -126,19 +123,15 @@ def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, input_fingerprint
     write_hdf5_atomically(path, fill)
 
 
-def load_snapshots(path: Path, input_fingerprint: str) -> Snapshots | None:
-    """Read ``snapshots.h5`` if it is there, whole and computed from the same inputs; else return None."""
-    try:
-        with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
-            if file.attrs["input_fingerprint"] != input_fingerprint:
-                return None
-            return Snapshots(
-                file["condition"][()], file["pressure"][()], file["solved"][()], file["momentum_error"][()]
-            )
-    except InputError:
-        return None
+def load_snapshots(path: Path) -> Snapshots:
+    """Read ``snapshots.h5``.
 
-
-def describe_flow(key: FlowKey) -> str:
-    """Return a flow's key as a reader would write it."""
-    return f"M {key[0]:g}, total incidence {degrees(key[1]):.4g} deg"
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+        return Snapshots(
+            file["condition"][()], file["pressure"][()], file["solved"][()], file["momentum_error"][()]
+        )

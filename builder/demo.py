@@ -1,0 +1,278 @@
+"""The whole way, from a vehicle file to an FMU flying in a system simulation.
+
+Every link writes a file into one folder; a link whose inputs have not changed is not computed again.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from builder import figures
+from builder.build import build_inverse_map
+from builder.campaign import load_snapshots, save_snapshots, solve_flows, take_snapshots
+from builder.flight_score import FlightScore, score_flight
+from builder.flight_tables import flight_model, truth_keys
+from builder.geometry import surface_grid
+from builder.reporting import Reporter
+from builder.structural_model import structural_model, used_layouts
+from builder.vehicle import Vehicle, load_vehicle
+from builder.workspace import Workspace
+from strainfmu.cosim.flight_model import save_flight_model
+from strainfmu.cosim.master import matching_connections, simulate
+from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.cosim.system import System
+from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.files import write_bytes_atomically
+from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map, save_inverse_map
+
+COMMUNICATION_STEP_SIZE = 0.01
+"""Time between communication points of the demonstration flight [s]: 100 Hz."""
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What a run of the whole way left behind.
+
+    Attributes
+    ----------
+    vehicle : name of the vehicle.
+    folder : where the files are.
+    files : names of the files, in the order of the way, with what each holds.
+    reused : those that were up to date already.
+    score : how well the flown FMU did.
+    """
+
+    vehicle: str
+    folder: Path
+    files: dict[str, str]
+    reused: tuple[str, ...]
+    score: FlightScore
+
+
+class _Chain:
+    """The links made so far, and the means to make the next."""
+
+    def __init__(self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter) -> None:
+        self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
+        self.files: dict[str, str] = {}
+        self.reused: list[str] = []
+
+    def link(self, name: str, holds: str, inputs: dict[str, Any], make: Any) -> None:
+        """Make ``name`` or reuse it, and say so if it is reused."""
+        if self.workspace.ensure(name, inputs, make):
+            self.reused.append(name)
+            self.reporter.note(f"{name}: up to date, reused")
+        self.files[name] = holds
+
+    def made_from(self, *names: str) -> list[str]:
+        return [self.workspace.made_from(name) for name in names]
+
+
+def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult:
+    """Go the whole way for one vehicle file and return what was made.
+
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong, or a condition is outside the solver's reach.
+    StrainfmuError
+        A file could not be written or an FMU failed.
+    """
+    vehicle = load_vehicle(vehicle_path)
+    load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))  # refused before minutes of work, not after
+    chain = _Chain(vehicle, Workspace(folder), reporter)
+    _snapshots(chain)
+    _inverse_map(chain)
+    _flight_model(chain)
+    _fmus(chain)
+    recording = _flight(chain)
+    score = score_flight(recording)
+    _figures(chain, recording)
+    _summary(chain, score)
+    return DemoResult(vehicle.name, folder, chain.files, tuple(chain.reused), score)
+
+
+def _snapshots(chain: _Chain) -> None:
+    vehicle, settings = chain.vehicle, chain.vehicle.resolution.map
+    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+
+    def make(path: Path) -> None:
+        conditions = vehicle.flight_conditions()
+        with chain.reporter.stage("Flow: snapshots") as progress:
+            snapshots = take_snapshots(vehicle.body(), conditions, settings.marching_grid, surface, progress)
+        solved = int(snapshots.solved.sum())
+        chain.reporter.note(
+            f"{len(conditions)} conditions: {solved} flows solved, {len(conditions) - solved} rolled from them; "
+            f"force and momentum agree within {100.0 * snapshots.momentum_error.max():.2g} %"
+        )
+        save_snapshots(snapshots, surface, path)
+
+    inputs = {
+        "profile": [entry.model_dump() for entry in vehicle.profile],
+        "conditions": vehicle.conditions.model_dump(),
+        "resolution": _aerodynamic(settings.model_dump()),
+    }
+    chain.link("snapshots.h5", "surface pressure at every flight condition", inputs, make)
+
+
+def _aerodynamic(resolution: dict[str, Any]) -> dict[str, Any]:
+    """Return the part of a resolution that the flow depends on."""
+    keys = ("radial_cells", "circumferential_cells", "surface_stations", "surface_roll_angles")
+    return {key: resolution[key] for key in keys}
+
+
+def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
+    """Return the entries of the vehicle file that strains and coefficients depend on."""
+    tables = {
+        name: vehicle.beside(entry.file).read_bytes().hex()
+        for name, entry in vehicle.gauges.layouts.items()
+        if entry.file is not None and vehicle.beside(entry.file).is_file()
+    }
+    parts = vehicle.model_dump(include={"name", "structure", "material", "reference", "gauges", "noise", "map"})
+    return {**parts, "tables": tables}
+
+
+def _inverse_map(chain: _Chain) -> None:
+    vehicle = chain.vehicle
+
+    def make(path: Path) -> None:
+        with chain.reporter.stage("Structure: strain per pressure") as progress:
+            structure = structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle), progress)
+        snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
+        inverse_map = build_inverse_map(vehicle, snapshots, structure)
+        chain.reporter.note(
+            f"{inverse_map.n_gauges} gauges, sigma {1e6 * inverse_map.noise_std[0]:.3g} um/m; "
+            f"{vehicle.map.modes} modes hold {100.0 * inverse_map.provenance['energy_of_modes']:.2f} % of the energy"
+        )
+        save_inverse_map(inverse_map, path)
+
+    inputs = {
+        "snapshots": chain.made_from("snapshots.h5"),
+        "resolution": vehicle.resolution.map.model_dump(),
+        **_structural_inputs(vehicle),
+    }
+    chain.link("map.h5", "the inverse map: strain to loads, with covariance", inputs, make)
+
+
+def _flight_model(chain: _Chain) -> None:
+    vehicle, settings = chain.vehicle, chain.vehicle.resolution.truth
+
+    def make(path: Path) -> None:
+        with chain.reporter.stage("Flow: the vehicle that flies") as progress:
+            flows = solve_flows(vehicle.body(), truth_keys(vehicle), settings.marching_grid, progress)
+        with chain.reporter.stage("Structure: the vehicle that flies") as progress:
+            structure = structural_model(vehicle, settings, [vehicle.gauges.layout], progress)
+        noise_std = float(load_inverse_map(chain.workspace.path("map.h5")).noise_std[0])
+        save_flight_model(flight_model(vehicle, flows, structure, noise_std), path)
+
+    inputs = {
+        "map": chain.made_from("map.h5"),
+        "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
+        "resolution": settings.model_dump(),
+    }
+    chain.link("flight_model.h5", "the independent, finer model of the vehicle", inputs, make)
+
+
+def _fmus(chain: _Chain) -> None:
+    workspace, vehicle = chain.workspace, chain.vehicle
+    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
+    with chain.reporter.stage("FMUs") as progress:
+        chain.link(
+            "estimator.fmu",
+            "FMI 2.0 co-simulation FMU: strains in, coefficients out",
+            {"map": chain.made_from("map.h5")},
+            lambda path: export_estimator(workspace.path("map.h5"), path),
+        )
+        progress(1, 2)
+        chain.link(
+            "plant.fmu",
+            "FMI 2.0 co-simulation FMU: the vehicle on its manoeuvre, noisy strains out",
+            {"flight_model": chain.made_from("flight_model.h5"), "trajectory": trajectory.read_bytes().hex()},
+            lambda path: export_plant(workspace.path("flight_model.h5"), trajectory, path),
+        )
+        progress(2, 2)
+
+
+def _flight(chain: _Chain) -> Recording:
+    workspace, vehicle = chain.workspace, chain.vehicle
+    trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    fmus = {name: workspace.path(f"{name}.fmu") for name in ("plant", "estimator")}
+
+    def make(path: Path) -> None:
+        system = System(fmus, matching_connections("plant", "estimator", fmus))
+        stop_time = trajectory.stop_time
+        with chain.reporter.stage("System simulation: plant -> estimator") as progress:
+            recording = simulate(
+                system,
+                stop_time,
+                COMMUNICATION_STEP_SIZE,
+                progress=lambda time: progress(round(100 * time / stop_time), 100),
+            )
+        save_hdf5(recording, path)
+
+    inputs = {"fmus": chain.made_from("plant.fmu", "estimator.fmu"), "step": COMMUNICATION_STEP_SIZE}
+    chain.link("flight.h5", "every signal of the system simulation", inputs, make)
+    recording = load_recording(workspace.path("flight.h5"))
+    chain.link(
+        "flight.csv",
+        "the same as CSV",
+        {"flight": chain.made_from("flight.h5")},
+        lambda path: save_csv(recording, path),
+    )
+    return recording
+
+
+def _figures(chain: _Chain, recording: Recording) -> None:
+    vehicle, settings = chain.vehicle, chain.vehicle.resolution.map
+    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
+    inverse_map = load_inverse_map(chain.workspace.path("map.h5"))
+    title = vehicle.name
+    with chain.reporter.stage("Figures") as progress:
+        of_pressure = {"snapshots": chain.made_from("snapshots.h5"), "title": title}
+        chain.link(
+            "pressure_unrolled.png",
+            "figure: pressure of three conditions on the unrolled surface",
+            of_pressure,
+            lambda path: figures.save(figures.pressure_unrolled(snapshots, surface, title), path),
+        )
+        progress(1, 4)
+        chain.link(
+            "pressure_on_body.png",
+            "figure: the same on the body",
+            of_pressure,
+            lambda path: figures.save(figures.pressure_on_body(snapshots, surface, title), path),
+        )
+        progress(2, 4)
+        chain.link(
+            "gauges.png",
+            "figure: gauge layout",
+            {"map": chain.made_from("map.h5")},
+            lambda path: figures.save(figures.gauges(inverse_map, surface), path),
+        )
+        progress(3, 4)
+        chain.link(
+            "coefficients.png",
+            "figure: estimated against true coefficients, 3 sigma bands",
+            {"flight": chain.made_from("flight.h5"), "title": title},
+            lambda path: figures.save(figures.coefficients(recording, title), path),
+        )
+        progress(4, 4)
+
+
+def _summary(chain: _Chain, score: FlightScore) -> None:
+    def make(path: Path) -> None:
+        values = {
+            key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True)) if isinstance(value, np.ndarray) else value
+            for key, value in asdict(score).items()
+        }
+        write_bytes_atomically(path, json.dumps(values, indent=1).encode())
+
+    inputs = {"flight": chain.made_from("flight.h5")}
+    chain.link("summary.json", "the table below, as numbers", inputs, make)

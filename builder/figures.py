@@ -1,0 +1,162 @@
+"""Figures of the way from pressure to coefficients (matplotlib, without a display)."""
+
+from __future__ import annotations
+
+import io
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.campaign import Snapshots
+from builder.geometry import SurfaceGrid
+from strainfmu.cosim.recording import Recording
+from strainfmu.errors import StrainfmuError
+from strainfmu.files import write_bytes_atomically
+from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+COLOUR_MAP = "viridis"
+COEFFICIENT_TITLES = {
+    "C_A": "Axial force $C_A$ [1]",
+    "C_N": "Normal force $C_N$ [1]",
+    "C_Y": "Side force $C_Y$ [1]",
+    "M_P": "Pitching moment $M_P$ [1]",
+    "M_Y": "Yawing moment $M_Y$ [1]",
+}
+
+
+def _figure(width: float, height: float) -> Figure:
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise StrainfmuError("figures need matplotlib: pip install 'strainfmu[report]'") from error
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, atomically."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=130, metadata={"Software": None})
+    write_bytes_atomically(path, image.getvalue())
+
+
+def three_conditions(snapshots: Snapshots) -> list[int]:
+    """Return the snapshots of lowest, middle and highest total incidence."""
+    order = np.argsort([c.total_incidence for c in snapshots.conditions()], kind="stable")
+    return [int(order[0]), int(order[len(order) // 2]), int(order[-1])]
+
+
+def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
+    """Draw p/p_inf over station and roll angle for three conditions."""
+    figure = _figure(9.0, 8.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    conditions = snapshots.conditions()
+    roll = np.degrees(np.append(surface.roll_angle, 2.0 * np.pi))
+    for axis, index in zip(axes, three_conditions(snapshots), strict=True):
+        ratio = surface.as_map(snapshots.pressure[index]) / conditions[index].ambient_pressure
+        closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
+        drawn = axis.pcolormesh(surface.x, roll, closed.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True)
+        leeward = degrees(conditions[index].leeward_roll_angle) % 360.0
+        if conditions[index].total_incidence > 0.0:
+            axis.axhline(leeward, color="white", linewidth=0.8, linestyle="--")
+            axis.text(0.01, leeward, " leeward", color="white", fontsize=8, va="bottom")
+        axis.set_title(str(conditions[index]), fontsize=9)
+        axis.set_ylabel("roll angle [deg]")
+        axis.set_yticks([0, 90, 180, 270, 360])
+        figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
+    axes[-1].set_xlabel("station x from the nose tip [m]")
+    figure.suptitle(f"Surface pressure, unrolled: {title}")
+    return figure
+
+
+def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
+    """Draw p/p_inf on the body, seen from leeward, for three conditions."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    figure = _figure(9.0, 8.0)
+    conditions = snapshots.conditions()
+    phi = np.append(surface.roll_angle, 2.0 * np.pi)
+    x = np.repeat(surface.x[:, None], len(phi), axis=1)
+    y, z = np.outer(surface.radius, np.sin(phi)), np.outer(surface.radius, np.cos(phi))
+    for place, index in enumerate(three_conditions(snapshots), start=1):
+        axis = figure.add_subplot(3, 1, place, projection="3d", computed_zorder=False)
+        ratio = surface.as_map(snapshots.pressure[index]) / conditions[index].ambient_pressure
+        closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
+        scale = Normalize(0.0, float(np.quantile(closed, 0.99)))
+        face = 0.25 * (closed[1:, 1:] + closed[:-1, 1:] + closed[1:, :-1] + closed[:-1, :-1])
+        axis.plot_surface(
+            x, y, z, facecolors=colormaps[COLOUR_MAP](scale(face)), rcount=200, ccount=100, shade=False, linewidth=0
+        )
+        axis.set_box_aspect((surface.x[-1], 2.2 * surface.radius.max(), 2.2 * surface.radius.max()), zoom=2.6)
+        axis.view_init(elev=35.0, azim=-60.0 - degrees(conditions[index].leeward_roll_angle) * 0.0)
+        axis.set_axis_off()
+        axis.set_title(str(conditions[index]), fontsize=9)
+        mappable = ScalarMappable(scale, COLOUR_MAP)
+        figure.colorbar(mappable, ax=axis, label="$p/p_\\infty$ [1]", shrink=0.8, extend="max")
+    figure.suptitle(f"Surface pressure on the body, nose to the left, seen from above: {title}")
+    return figure
+
+
+def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
+    """Draw where the gauges sit and what they measure: unrolled, and seen from behind."""
+    figure = _figure(10.0, 4.2)
+    unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
+    position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
+    roll = np.degrees(np.arctan2(position[:, 1], position[:, 2])) % 360.0
+    axial = np.abs(direction[:, 0]) > 0.5
+    for chosen, marker, label in ((axial, "_", "axial"), (~axial, "|", "hoop")):
+        unrolled.plot(
+            position[chosen, 0], roll[chosen], marker, markersize=14, markeredgewidth=2.5, label=f"{label}, {chosen.sum()}"
+        )
+    unrolled.set_xlim(0.0, surface.x[-1])
+    unrolled.set_ylim(-20.0, 360.0)
+    unrolled.set_yticks([0, 90, 180, 270, 360])
+    unrolled.set_xlabel("station x from the nose tip [m]")
+    unrolled.set_ylabel("roll angle from +z towards +y [deg]")
+    unrolled.legend(title="gauges", loc="upper left")
+    unrolled.grid(alpha=0.3)
+    circle = np.linspace(0.0, 2.0 * np.pi, 200)
+    behind.plot(1e3 * surface.radius[-1] * np.sin(circle), 1e3 * surface.radius[-1] * np.cos(circle), color="grey")
+    behind.plot(1e3 * position[:, 1], 1e3 * position[:, 2], ".", color="black")
+    behind.set_aspect("equal")
+    behind.set_xlabel("y, starboard [mm]")
+    behind.set_ylabel("z, up [mm]")
+    behind.set_title("seen along x from the nose", fontsize=9)
+    figure.suptitle(f"{inverse_map.n_gauges} strain gauges on the inner surface: {inverse_map.vehicle}")
+    return figure
+
+
+def coefficients(recording: Recording, title: str) -> Figure:
+    """Draw estimated and true coefficients over time with bands of 3 sigma, and the health chi-square."""
+    figure = _figure(10.0, 11.0)
+    axes = figure.subplots(len(COEFFICIENT_NAMES) + 1, 1, sharex=True)
+    time = recording.time
+    for axis, name in zip(axes, COEFFICIENT_NAMES, strict=False):
+        truth, estimate = recording[f"plant.{name}"], recording[f"estimator.{name}"]
+        sigma = recording[f"estimator.sigma.{name}"]
+        axis.fill_between(
+            time, estimate - 3.0 * sigma, estimate + 3.0 * sigma, color="tab:blue", alpha=0.2, linewidth=0,
+            label="estimate $\\pm 3\\sigma$",
+        )
+        axis.plot(time, estimate, color="tab:blue", linewidth=0.6, label="estimate")
+        axis.plot(time, truth, color="black", linewidth=1.0, label="truth")
+        axis.set_title(COEFFICIENT_TITLES[name], fontsize=9, loc="left")
+        axis.grid(alpha=0.3)
+    axes[0].legend(ncols=3, fontsize=8, loc="upper right")
+    axes[-1].plot(time, recording["estimator.health.chi_square"], color="tab:green", linewidth=0.6)
+    axes[-1].plot(time, recording["estimator.health.chi_square_limit"], color="tab:red", linewidth=0.8, label="alarm level")
+    axes[-1].set_title("Chi-square of the residual [1]", fontsize=9, loc="left")
+    axes[-1].legend(fontsize=8, loc="upper right")
+    axes[-1].grid(alpha=0.3)
+    axes[-1].set_xlabel("time [s]")
+    figure.suptitle(f"Coefficients estimated by the FMU from noisy strain, against truth: {title}")
+    return figure

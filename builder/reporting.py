@@ -1,0 +1,33 @@
+"""How long work tells what it is doing, without knowing who listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+Progress = Callable[[int, int], None]
+
+
+class Reporter(Protocol):
+    """Listens to a chain of stages."""
+
+    @contextmanager
+    def stage(self, title: str) -> Iterator[Progress]:
+        """Begin a stage; the callback given takes (done, of)."""
+        ...
+
+    def note(self, text: str) -> None:
+        """Take one line of information."""
+        ...
+
+
+class Silent:
+    """Listens and says nothing."""
+
+    @contextmanager
+    def stage(self, title: str) -> Iterator[Progress]:
+        yield lambda done, of: None
+
+    def note(self, text: str) -> None:
+        return None
