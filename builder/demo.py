@@ -19,7 +19,7 @@ from builder.flight_score import FlightScore, score_flight
 from builder.flight_tables import flight_model, truth_keys
 from builder.geometry import surface_grid
 from builder.reporting import Reporter
-from builder.structural_model import structural_model, used_layouts
+from builder.structural_model import check_gauges, structural_model, used_layouts
 from builder.vehicle import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.cosim.flight_model import save_flight_model
@@ -85,7 +85,9 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
         A file could not be written or an FMU failed.
     """
     vehicle = load_vehicle(vehicle_path)
-    load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))  # refused before minutes of work, not after
+    # Refused before the long work, not after it.
+    check_gauges(vehicle)
+    load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
     chain = _Chain(vehicle, Workspace(folder), reporter)
     _snapshots(chain)
     _inverse_map(chain)
@@ -96,6 +98,22 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     _figures(chain, recording)
     _summary(chain, score)
     return DemoResult(vehicle.name, folder, chain.files, tuple(chain.reused), score)
+
+
+def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
+    """Go as far as the inverse map and return its path.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`run_demo`.
+    """
+    vehicle = load_vehicle(vehicle_path)
+    check_gauges(vehicle)
+    chain = _Chain(vehicle, Workspace(folder), reporter)
+    _snapshots(chain)
+    _inverse_map(chain)
+    return chain.workspace.path("map.h5")
 
 
 def _snapshots(chain: _Chain) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from builder.gauge_layout import GaugeLayout, gauge_layout
 from builder.geometry import SurfaceGrid, surface_grid
 from builder.structure.gauges import PlacedGauges, place_gauges
+from builder.structure.meridian_mesh import MeridianMesh
 from builder.structure.shell_mesh import shell_mesh
 from builder.structure.strain_operator import HarmonicResponse, harmonic_response, strain_operator
 from builder.structure.wall import Material, Wall
@@ -41,6 +42,43 @@ class StructuralModel:
         return strain_operator(self.response, self.placed[layout], self.surface)
 
 
+def wall_of(vehicle: Vehicle) -> Wall:
+    """Return the wall and its material."""
+    material = Material(1e9 * vehicle.material.youngs_modulus_GPa, vehicle.material.poisson_ratio)
+    return Wall(1e-3 * vehicle.structure.wall_thickness_mm, vehicle.structure.solid_tip_length_m, material)
+
+
+def place_layouts(
+    vehicle: Vehicle, mesh: MeridianMesh, layouts: list[str]
+) -> tuple[dict[str, GaugeLayout], dict[str, PlacedGauges]]:
+    """Return the gauges of each layout in body axes and on the inner surface of ``mesh``.
+
+    Raises
+    ------
+    InputError
+        A gauge is not on the inner surface; the message names it.
+    """
+    found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
+    placed = {
+        name: place_gauges(mesh, layout.position, layout.direction, layout.names)
+        for name, layout in found.items()
+    }
+    return found, placed
+
+
+def check_gauges(vehicle: Vehicle) -> dict[str, int]:
+    """Place the gauges of every layout on a coarse mesh and return their number per layout.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body or a gauge is not on the inner surface.
+    """
+    mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
+    found, _ = place_layouts(vehicle, mesh, list(vehicle.gauges.layouts))
+    return {name: len(layout.names) for name, layout in found.items()}
+
+
 def structural_model(
     vehicle: Vehicle, resolution: Resolution, layouts: list[str], progress: Progress | None = None
 ) -> StructuralModel:
@@ -52,17 +90,12 @@ def structural_model(
         The wall does not fit the body or a gauge is not on the inner surface.
     """
     body = vehicle.body()
-    material = Material(1e9 * vehicle.material.youngs_modulus_GPa, vehicle.material.poisson_ratio)
-    wall = Wall(1e-3 * vehicle.structure.wall_thickness_mm, vehicle.structure.solid_tip_length_m, material)
+    wall = wall_of(vehicle)
     mesh = shell_mesh(body, wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     surface = surface_grid(body, resolution.surface_stations, resolution.surface_roll_angles)
-    found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
-    placed = {
-        name: place_gauges(mesh, layout.position, layout.direction, layout.names)
-        for name, layout in found.items()
-    }
+    found, placed = place_layouts(vehicle, mesh, layouts)
     stations = np.concatenate([gauges.x for gauges in placed.values()])
-    response = harmonic_response(mesh, material, stations, surface.x, resolution.harmonics, progress)
+    response = harmonic_response(mesh, wall.material, stations, surface.x, resolution.harmonics, progress)
     return StructuralModel(surface, response, found, placed)
 
 

@@ -6,6 +6,7 @@ gamma = 1.4: 20 km gives 5474.9 Pa, 216.65 K.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import exp, sqrt
 
 from strainfmu.errors import InputError
@@ -39,7 +40,7 @@ def pressure_and_temperature(altitude: float) -> tuple[float, float]:
     if not 0.0 <= altitude <= _LAYERS[-1][0]:
         raise InputError(f"altitude: {altitude:g} m found, 0 to {_LAYERS[-1][0]:g} m allowed")
     pressure, temperature = 101325.0, 288.15
-    for (base, gradient), (top, _) in zip(_LAYERS[:-1], _LAYERS[1:], strict=True):
+    for (base, gradient), (top, _) in pairwise(_LAYERS):
         rise = min(altitude, top) - base
         if gradient == 0.0:
             pressure *= exp(-_GRAVITY * rise / (GAS_CONSTANT * temperature))

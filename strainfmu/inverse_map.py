@@ -117,8 +117,16 @@ class InverseMap:
             if not np.all(np.isfinite(value)):
                 raise InputError(f"inverse map: {name} holds values that are not finite")
         for name in ("reference_area", "reference_length", "nominal_dynamic_pressure"):
-            if not getattr(self, name) > 0.0:
+            if not 0.0 < getattr(self, name) < np.inf:
                 raise InputError(f"inverse map: {name} is {getattr(self, name)}, must be positive")
+        if len(set(self.gauge_names)) != n_d or n_d == 0:
+            raise InputError("inverse map: gauge_names must hold at least one name and none twice")
+        if not np.all(self.noise_std > 0.0):
+            raise InputError("inverse map: noise_std must be positive")
+        if self.residual_degrees_of_freedom < 1:
+            raise InputError(
+                f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more than states"
+            )
 
     @property
     def n_gauges(self) -> int:
@@ -175,7 +183,10 @@ def load_inverse_map(path: Path) -> InverseMap:
                     values[entry.name] = stored.item() if np.ndim(stored) == 0 else stored
         except KeyError as error:
             raise InputError(f"{path}: damaged, entry {error} is missing") from error
-    return InverseMap(**values)
+    try:
+        return InverseMap(**values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def content_hash_of(path: Path) -> str:

@@ -30,8 +30,8 @@ OUT_OF_STEPS = 3
 
 _COMPILE = {"cache": True, "nogil": True, "error_model": "numpy"}
 
-DISTURBED = 0.02
-"""Relative pressure change that counts as inside the bow shock."""
+SMOOTHING = 0.5
+"""Share of the second difference of the outer boundary's radius that is taken out per unit of ln x."""
 
 
 @njit(**_COMPILE)
@@ -314,82 +314,58 @@ def add_wall_force(
 
 
 @njit(**_COMPILE)
-def shock_radius(cell: FloatArray, vertex: FloatArray, found: FloatArray) -> bool:
-    """Fill found (n_phi,) with the radius at which each ray of cells leaves the bow shock.
+def shock_slope(pressure: float, axial: float, normal: float) -> float:
+    """Return the slope dn/dx of the shock that raises the free stream to ``pressure``, a Mach wave at least.
 
-    The crossing of the threshold is interpolated between cell centres, so that it moves smoothly.
-    Returns True where the disturbance has reached the last cell: the outer boundary is too close.
+    ``axial`` and ``normal`` are the free stream's velocities along x and the in-plane normal. The normal Mach
+    number of the shock follows from its pressure ratio (NACA Report 1135, eq. 128 inverted), its slope s from
+    (u s - v_n)^2 = M_n^2 (1 + s^2).
     """
-    n_phi, n_r = cell.shape[1], cell.shape[2]
-    touched = False
-    for j in range(n_phi):
-        found[j] = 0.0
-        outside = 0.0
-        for i in range(n_r - 1, -1, -1):
-            excess = abs(GAMMA * cell[0, j, i] - 1.0)
-            if excess > DISTURBED:
-                if i == n_r - 1:
-                    touched = True
-                    found[j] = _ring_radius(vertex, j, i + 1)
-                else:
-                    share = 0.5 + (excess - DISTURBED) / (excess - outside)
-                    inner, outer = _ring_radius(vertex, j, i), _ring_radius(vertex, j, i + 1)
-                    found[j] = inner + share * (outer - inner)
-                break
-            outside = excess
-    return touched
-
-
-@njit(**_COMPILE)
-def _ring_radius(vertex: FloatArray, j: int, i: int) -> float:
-    """Return the mean radius of vertex ring i over the cell column j."""
-    return 0.5 * (
-        math.hypot(vertex[0, j, i], vertex[1, j, i]) + math.hypot(vertex[0, j + 1, i], vertex[1, j + 1, i])
-    )
-
-
-@njit(**_COMPILE)
-def mach_cone_radius(x: float, roll_angle: float, mach_number: float, incidence: float) -> float:
-    """Return where the free-stream Mach cone of the tip cuts the ray at ``roll_angle`` in the plane x; 0 if nowhere."""
-    lean = math.cos(roll_angle) * math.sin(incidence)
-    cos2 = 1.0 - 1.0 / (mach_number * mach_number)
-    a = lean * lean - cos2
-    b = lean * math.cos(incidence)
-    c = math.cos(incidence) ** 2 - cos2
-    discriminant = b * b - a * c
-    if discriminant < 0.0:
-        return 0.0
-    return x * max((-b - math.sqrt(discriminant)) / a, 0.0)
+    strength = max(GAMMA * pressure - 1.0, 0.0)
+    mach2 = 1.0 + 0.5 * (GAMMA + 1.0) / GAMMA * strength
+    a = axial * axial - mach2
+    b = axial * normal
+    c = normal * normal - mach2
+    return (b + math.sqrt(max(b * b - a * c, 0.0))) / a
 
 
 @njit(**_COMPILE)
 def outer_boundary_growth(
-    x: float, radius: float, outer: FloatArray, shock: FloatArray, mach_number: float, incidence: float,
-    follow: float, growth: FloatArray,
+    x: float, vertex: FloatArray, outer: FloatArray, wave: FloatArray,
+    mach_number: float, incidence: float, growth: FloatArray,
 ) -> None:
-    """Fill growth (n_rays + 1,) with d(outer)/dx: as a cone, drawn towards a margin beyond the bow shock.
+    """Fill growth (n_rays + 1,) with d(outer)/dx: the outer boundary is the bow shock and moves with it.
 
-    ``follow`` is the share of the distance closed per unit of ln x; 0 keeps a cone.
+    Each face takes the slope of the shock that the pressure behind it needs; free stream crosses it. A ray
+    takes the mean of its two faces, and a little smoothing keeps neighbouring rays from parting.
     """
     n_rays = outer.size - 1
-    target = np.empty(n_rays + 1)
+    n_r = wave.shape[2]
+    at_face = np.empty(n_rays)
+    for j in range(n_rays):
+        phi = (j + 0.5) * math.pi / n_rays
+        ty = vertex[0, j + 1, n_r] - vertex[0, j, n_r]
+        tz = vertex[1, j + 1, n_r] - vertex[1, j, n_r]
+        length = math.hypot(ty, tz)
+        ny, nz = -tz / length, ty / length
+        row = wave[0, j + 1]
+        pressure = row[n_r - 1] + 0.5 * _limited(row[n_r - 1] - row[n_r - 2], row[n_r - 2] - row[n_r - 3])
+        slope = shock_slope(
+            pressure, mach_number * math.cos(incidence), mach_number * math.sin(incidence) * nz
+        )
+        at_face[j] = slope / (ny * math.sin(phi) + nz * math.cos(phi))
     for j in range(n_rays + 1):
-        seen = max(shock[max(j - 1, 0)], shock[min(j, n_rays - 1)])
-        seen = max(seen, 1.02 * mach_cone_radius(x, j * math.pi / n_rays, mach_number, incidence))
-        target[j] = radius + 1.12 * (max(seen, 1.02 * radius) - radius)
-    for j in range(n_rays + 1):
-        widest = target[j]
-        for other in range(max(j - 2, 0), min(j + 3, n_rays + 1)):
-            widest = max(widest, target[other])
-        growth[j] = (outer[j] + follow * (widest - outer[j])) / x
+        below, above = max(j - 1, 0), min(j, n_rays - 1)
+        left, right = outer[1 if j == 0 else j - 1], outer[n_rays - 1 if j == n_rays else j + 1]
+        growth[j] = 0.5 * (at_face[below] + at_face[above]) + SMOOTHING * (left - 2.0 * outer[j] + right) / x
 
 
 @njit(**_COMPILE)
 def march(
     conserved: FloatArray, outer: FloatArray, spacing: FloatArray, segment: FloatArray,
     x_start: float, x_end: float, mach_number: float, incidence: float,
-    courant: float, follow: float, stations: FloatArray, pressures: FloatArray, force: FloatArray,
-) -> tuple[int, int, float, bool]:
+    courant: float, stations: FloatArray, pressures: FloatArray, force: FloatArray,
+) -> tuple[int, int, float]:
     """March from x_start to x_end along one segment of the meridian; ``conserved`` and ``outer`` are updated.
 
     Parameters
@@ -400,7 +376,7 @@ def march(
 
     Returns
     -------
-    status, number of steps, last station, whether the bow shock reached the outer boundary.
+    status, number of steps, last station.
     """
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
     cell = np.empty((5, n_phi, n_r))
@@ -412,22 +388,19 @@ def march(
     first = np.empty((4, n_phi, n_r))
     second = np.empty((4, n_phi, n_r))
     guess = np.empty((4, n_phi, n_r))
-    shock = np.zeros(n_phi)
     growth = np.empty(n_phi + 1)
     motion = np.empty((n_phi, n_r))
     wall_first = np.empty(n_phi)
     wall_second = np.empty(n_phi)
     next_outer = np.empty(n_phi + 1)
     x = x_start
-    touched = False
     place_vertices(body_radius(x, segment), outer, spacing, before)
     cell_areas(before, area_before)
     for step in range(stations.size):
         if not decode(conserved, mach_number, incidence, cell, wave):
-            return AXIAL_SONIC, step, x, touched
+            return AXIAL_SONIC, step, x
         radius = body_radius(x, segment)
-        touched = shock_radius(cell, before, shock)
-        outer_boundary_growth(x, radius, outer, shock, mach_number, incidence, follow, growth)
+        outer_boundary_growth(x, before, outer, wave, mach_number, incidence, growth)
         wall_slope = (body_radius(x * (1.0 + 1e-6), segment) - radius) / (x * 1e-6)
         for j in range(n_phi):
             for i in range(n_r):
@@ -444,16 +417,16 @@ def march(
         first[:] = 0.0
         second[:] = 0.0
         if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, first, wall_first):
-            return WALL_DETACHED, step, x, touched
+            return WALL_DETACHED, step, x
         add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, first)
         for k in range(4):
             for j in range(n_phi):
                 for i in range(n_r):
                     guess[k, j, i] = (conserved[k, j, i] * area_before[j, i] + first[k, j, i]) / area_after[j, i]
         if not decode(guess, mach_number, incidence, cell, wave):
-            return AXIAL_SONIC, step, x, touched
+            return AXIAL_SONIC, step, x
         if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, second, wall_second):
-            return WALL_DETACHED, step, x, touched
+            return WALL_DETACHED, step, x
         add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, second)
         for k in range(4):
             for j in range(n_phi):
@@ -470,5 +443,5 @@ def march(
         area_before, area_after = area_after, area_before
         x = x + dx
         if last:
-            return REACHED_END, step + 1, x_end, touched
-    return OUT_OF_STEPS, stations.size, x, touched
+            return REACHED_END, step + 1, x_end
+    return OUT_OF_STEPS, stations.size, x

@@ -21,7 +21,6 @@ from strainfmu.errors import FlowReachError
 FloatArray = NDArray[np.float64]
 
 COURANT = 0.9
-FOLLOW_SHOCK = 3.0
 MAX_STEPS = 20_000
 OGIVE_START = 0.01
 """Share of the first segment's length that is taken as a cone where that segment is curved."""
@@ -115,7 +114,7 @@ def solve_flow(
         parameters = np.array(
             [segment.start_x, segment.start_radius, segment.start_angle, segment.end_angle, segment.end_x]
         )
-        x, pressure = _advance(plane, parameters, segment.end_x, mach_number, incidence, grid, FOLLOW_SHOCK)
+        x, pressure = _advance(plane, parameters, segment.end_x, mach_number, incidence, grid)
         stations.append(x)
         pressures.append(pressure)
     pieces.append((np.concatenate(stations), np.concatenate(pressures)))
@@ -149,13 +148,13 @@ def _conical_start(
         force=np.zeros(2),
     )
     for _ in range(5):
-        _march_e_fold(plane, cone, mach_number, incidence, coarse, FOLLOW_SHOCK)
+        _march_e_fold(plane, cone, mach_number, incidence, coarse)
     plane = _prolong(plane, coarse, grid)
-    pressure = _march_e_fold(plane, cone, mach_number, incidence, grid, FOLLOW_SHOCK)
+    pressure = _march_e_fold(plane, cone, mach_number, incidence, grid)
     change = np.inf
     for _ in range(4):
         before = pressure
-        pressure = _march_e_fold(plane, cone, mach_number, incidence, grid, 0.0)
+        pressure = _march_e_fold(plane, cone, mach_number, incidence, grid)
         change = float(np.max(np.abs(pressure / before - 1.0)))
         if change < grid.conical_tolerance:
             break
@@ -169,10 +168,10 @@ def _conical_start(
 
 
 def _march_e_fold(
-    plane: _Plane, cone: FloatArray, mach_number: float, incidence: float, grid: MarchingGrid, follow: float
+    plane: _Plane, cone: FloatArray, mach_number: float, incidence: float, grid: MarchingGrid
 ) -> FloatArray:
     """March a cone from x = 1 to e, shrink the plane back to x = 1; return the last p/p_inf (n_phi,)."""
-    _, pressure = _advance(plane, cone, e, mach_number, incidence, grid, follow)
+    _, pressure = _advance(plane, cone, e, mach_number, incidence, grid)
     plane.outer /= e
     plane.x = 1.0
     return pressure[-1]
@@ -180,21 +179,20 @@ def _march_e_fold(
 
 def _advance(
     plane: _Plane, segment: FloatArray, x_end: float, mach_number: float, incidence: float,
-    grid: MarchingGrid, follow: float,
+    grid: MarchingGrid,
 ) -> tuple[FloatArray, FloatArray]:
     """March ``plane`` to ``x_end`` and return stations (n,) and p/p_inf (n, n_phi)."""
     n_phi = grid.n_circumferential
     stations, pressures = np.empty(MAX_STEPS), np.empty((MAX_STEPS, n_phi))
-    status, n_steps, x, touched = march.march(
+    status, n_steps, x = march.march(
         plane.conserved, plane.outer, grid.spacing(grid.n_radial), segment, plane.x, x_end,
-        mach_number, incidence, COURANT, follow, stations, pressures, plane.force,
+        mach_number, incidence, COURANT, stations, pressures, plane.force,
     )
-    if status != march.REACHED_END or touched:
+    if status != march.REACHED_END:
         reasons = {
             march.AXIAL_SONIC: "the axial Mach number falls to 1",
             march.WALL_DETACHED: "the shock at the wall detaches",
             march.OUT_OF_STEPS: f"more than {MAX_STEPS} marching steps are needed",
-            march.REACHED_END: "the bow shock reaches the grid's outer boundary",
         }
         conical = np.isinf(segment[4])
         raise FlowReachError(
