@@ -77,33 +77,38 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
 
 
 def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
-    """Draw p/p_inf on the body, seen from leeward, for three conditions."""
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    figure = _figure(9.0, 8.0)
+    """Draw p/p_inf on the body for three conditions, seen from leeward and from windward, to scale."""
+    figure = _figure(11.0, 6.0)
+    axes = figure.subplots(3, 2, sharex=True, sharey=True)
     conditions = snapshots.conditions()
-    phi = np.append(surface.roll_angle, 2.0 * np.pi)
-    x = np.repeat(surface.x[:, None], len(phi), axis=1)
-    y, z = np.outer(surface.radius, np.sin(phi)), np.outer(surface.radius, np.cos(phi))
-    for place, index in enumerate(three_conditions(snapshots), start=1):
-        axis = figure.add_subplot(3, 1, place, projection="3d", computed_zorder=False)
-        ratio = surface.as_map(snapshots.pressure[index]) / conditions[index].ambient_pressure
-        closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
-        scale = Normalize(0.0, float(np.quantile(closed, 0.99)))
-        face = 0.25 * (closed[1:, 1:] + closed[:-1, 1:] + closed[1:, :-1] + closed[:-1, :-1])
-        axis.plot_surface(
-            x, y, z, facecolors=colormaps[COLOUR_MAP](scale(face)), rcount=200, ccount=100, shade=False, linewidth=0
-        )
-        axis.set_box_aspect((surface.x[-1], 2.2 * surface.radius.max(), 2.2 * surface.radius.max()), zoom=2.6)
-        axis.view_init(elev=35.0, azim=-60.0 - degrees(conditions[index].leeward_roll_angle) * 0.0)
-        axis.set_axis_off()
-        axis.set_title(str(conditions[index]), fontsize=9)
-        mappable = ScalarMappable(scale, COLOUR_MAP)
-        figure.colorbar(mappable, ax=axis, label="$p/p_\\infty$ [1]", shrink=0.8, extend="max")
-    figure.suptitle(f"Surface pressure on the body, nose to the left, seen from above: {title}")
+    for row, index in zip(axes, three_conditions(snapshots), strict=True):
+        condition = conditions[index]
+        ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
+        for axis, side, towards in zip(row, ("leeward", "windward"), (0.0, np.pi), strict=True):
+            # Roll angle from the meridian that faces the eye; the half that is seen is +-90 deg of it.
+            seen = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
+            roll = np.mod(seen + condition.leeward_roll_angle + towards, 2.0 * np.pi)
+            shown = _at_roll_angles(ratio, surface.roll_angle, roll)
+            across = 1e3 * np.outer(surface.radius, np.sin(seen))
+            along = np.repeat(surface.x[:, None], len(seen), axis=1)
+            drawn = axis.pcolormesh(
+                along, across, shown, shading="gouraud", cmap=COLOUR_MAP, vmin=ratio.min(), vmax=ratio.max(),
+                rasterized=True,
+            )
+            axis.set_title(f"{condition}, from {side}", fontsize=8)
+        row[0].set_ylabel("across [mm]")
+        figure.colorbar(drawn, ax=row, label="$p/p_\\infty$ [1]", pad=0.01)
+    for axis in axes[-1]:
+        axis.set_xlabel("station x from the nose tip [m]")
+    figure.suptitle(f"Surface pressure on the body: {title}")
     return figure
+
+
+def _at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Interpolate (n_x, n_roll) values periodically to roll angles ``wanted`` [rad] in 0..2 pi."""
+    angle = np.append(roll_angle, 2.0 * np.pi)
+    closed = np.concatenate([values, values[:, :1]], axis=1)
+    return np.stack([np.interp(wanted, angle, row) for row in closed])
 
 
 def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
@@ -130,7 +135,7 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     behind.set_aspect("equal")
     behind.set_xlabel("y, starboard [mm]")
     behind.set_ylabel("z, up [mm]")
-    behind.set_title("seen along x from the nose", fontsize=9)
+    behind.set_title("seen from behind, looking forward", fontsize=9)
     figure.suptitle(f"{inverse_map.n_gauges} strain gauges on the inner surface: {inverse_map.vehicle}")
     return figure
 

@@ -11,6 +11,10 @@ from numba import njit
 
 GAMMA = 1.4
 
+LEAST_PRESSURE_RATIO = 1e-3
+VACUUM_ANGLE = 0.5 * math.pi * (math.sqrt((GAMMA + 1.0) / (GAMMA - 1.0)) - 1.0)
+"""Largest Prandtl-Meyer angle [rad]: expansion into vacuum."""
+
 _COMPILE = {"cache": True, "nogil": True, "error_model": "numpy", "inline": "never"}
 
 
@@ -57,8 +61,13 @@ def prandtl_meyer_angle(mach_number: float) -> float:
 
 @njit(**_COMPILE)
 def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
-    """Return p2/p1 of an isentropic turn away by ``turning`` [rad] >= 0 (Newton on nu(M2))."""
+    """Return p2/p1 of an isentropic turn away by ``turning`` [rad] >= 0 (Newton on nu(M2)).
+
+    A turn towards vacuum ends at ``LEAST_PRESSURE_RATIO``: below it a gas is none to the wall it leaves.
+    """
     target = prandtl_meyer_angle(mach_number) + turning
+    if target >= VACUUM_ANGLE:
+        return LEAST_PRESSURE_RATIO
     m = mach_number
     for _ in range(30):
         error = target - prandtl_meyer_angle(m)
@@ -69,7 +78,7 @@ def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
             break
     before = 1.0 + 0.5 * (GAMMA - 1.0) * mach_number * mach_number
     after = 1.0 + 0.5 * (GAMMA - 1.0) * m * m
-    return (before / after) ** (GAMMA / (GAMMA - 1.0))
+    return max((before / after) ** (GAMMA / (GAMMA - 1.0)), LEAST_PRESSURE_RATIO)
 
 
 @njit(**_COMPILE)

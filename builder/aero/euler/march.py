@@ -22,6 +22,7 @@ from builder.aero.euler.flux import characteristic_slopes, hll
 from builder.aero.euler.gas import GAMMA, axial_velocity, primitive, total_enthalpy, wall_pressure
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 REACHED_END = 0
 AXIAL_SONIC = 1
@@ -57,7 +58,7 @@ def place_vertices(radius: float, outer: FloatArray, spacing: FloatArray, vertex
     for j in range(n_rays + 1):
         sine, cosine = math.sin(j * step), math.cos(j * step)
         if j == 0 or j == n_rays:
-            sine = 0.0
+            sine = 0.0  # exactly on the symmetry plane
         for i in range(n_r + 1):
             r = swell * (radius + (outer[j] - radius) * spacing[i])
             vertex[0, j, i] = r * sine
@@ -157,10 +158,30 @@ def _face_state(
     p: float, rho: float, radial: float, around: float,
     sine: float, cosine: float, cross_flow: float, enthalpy: float,
 ) -> tuple[float, float, float, float, float]:
-    """Return (p, rho, u, v, w) of reconstructed values at a face whose ray has (sine, cosine)."""
+    """Return (p, rho, u, v, w) of the given values at a face whose ray has (sine, cosine)."""
     v = radial * sine + around * cosine
     w = radial * cosine - around * sine + cross_flow
     return p, rho, axial_velocity(p, rho, v, w, enthalpy), v, w
+
+
+@njit(**_COMPILE)
+def _reconstruct(
+    p: float, rho: float, radial: float, around: float,
+    half: FloatArray, side: float, sine: float, cosine: float, cross_flow: float, enthalpy: float,
+    repairs: IntArray,
+) -> tuple[float, float, float, float, float]:
+    """Return the state at a face: the cell's values plus ``side`` times the half slopes (4,).
+
+    Where that state has no supersonic axial flow left, the cell's own values serve, and ``repairs`` counts it.
+    """
+    state = _face_state(
+        p + side * half[0], rho + side * half[1], radial + side * half[2], around + side * half[3],
+        sine, cosine, cross_flow, enthalpy,
+    )
+    if state[0] > 0.0 and state[2] * state[2] * state[1] > GAMMA * state[0]:
+        return state
+    repairs[0] += 1
+    return _face_state(p, rho, radial, around, sine, cosine, cross_flow, enthalpy)
 
 
 @njit(**_COMPILE)
@@ -187,13 +208,13 @@ def _add_flux(
 @njit(**_COMPILE)
 def add_radial_fluxes(
     before: FloatArray, after: FloatArray, dx: float, wave: FloatArray,
-    mach_number: float, incidence: float, change: FloatArray, pressure_at_wall: FloatArray,
+    mach_number: float, incidence: float, change: FloatArray, pressure_at_wall: FloatArray, repairs: IntArray,
 ) -> bool:
     """Add to change (4, n_phi, n_r) the flow through the faces parallel to the wall; False if a wall shock detaches."""
     enthalpy = total_enthalpy(mach_number)
     cross_flow = mach_number * math.sin(incidence)
     n_phi, n_r = change.shape[1], change.shape[2]
-    slope = np.empty((4, n_r))
+    half = np.empty((n_r, 4))
     flux = np.empty(4)
     free_stream = _face_state(1.0 / GAMMA, 1.0, 0.0, 0.0, 0.0, 1.0, cross_flow, enthalpy)
     for j in range(n_phi):
@@ -201,10 +222,10 @@ def add_radial_fluxes(
         sine, cosine = math.sin(phi), math.cos(phi)
         for k in range(4):
             row = wave[k, j + 1]
-            slope[k, 0] = _limited(row[1] - row[0], row[2] - row[1])
+            half[0, k] = 0.5 * _limited(row[1] - row[0], row[2] - row[1])
             for i in range(1, n_r - 1):
-                slope[k, i] = _limited(row[i] - row[i - 1], row[i + 1] - row[i])
-            slope[k, n_r - 1] = 0.0
+                half[i, k] = 0.5 * _limited(row[i] - row[i - 1], row[i + 1] - row[i])
+            half[n_r - 1, k] = 0.0
         for i in range(n_r + 1):
             ay = after[0, j + 1, i] - before[0, j, i]
             az = after[1, j + 1, i] - before[1, j, i]
@@ -214,16 +235,14 @@ def add_radial_fluxes(
             sy = 0.5 * dx * (bz - az)
             sz = 0.5 * dx * (ay - by)
             if i > 0:
-                left = _face_state(
-                    wave[0, j + 1, i - 1] + 0.5 * slope[0, i - 1], wave[1, j + 1, i - 1] + 0.5 * slope[1, i - 1],
-                    wave[2, j + 1, i - 1] + 0.5 * slope[2, i - 1], wave[3, j + 1, i - 1] + 0.5 * slope[3, i - 1],
-                    sine, cosine, cross_flow, enthalpy,
+                left = _reconstruct(
+                    wave[0, j + 1, i - 1], wave[1, j + 1, i - 1], wave[2, j + 1, i - 1], wave[3, j + 1, i - 1],
+                    half[i - 1], 1.0, sine, cosine, cross_flow, enthalpy, repairs,
                 )
             if i < n_r:
-                right = _face_state(
-                    wave[0, j + 1, i] - 0.5 * slope[0, i], wave[1, j + 1, i] - 0.5 * slope[1, i],
-                    wave[2, j + 1, i] - 0.5 * slope[2, i], wave[3, j + 1, i] - 0.5 * slope[3, i],
-                    sine, cosine, cross_flow, enthalpy,
+                right = _reconstruct(
+                    wave[0, j + 1, i], wave[1, j + 1, i], wave[2, j + 1, i], wave[3, j + 1, i],
+                    half[i], -1.0, sine, cosine, cross_flow, enthalpy, repairs,
                 )
             if i == 0:
                 p, rho, u, v, w = right
@@ -251,15 +270,15 @@ def add_radial_fluxes(
 @njit(**_COMPILE)
 def add_circumferential_fluxes(
     before: FloatArray, after: FloatArray, dx: float, wave: FloatArray,
-    mach_number: float, incidence: float, change: FloatArray,
+    mach_number: float, incidence: float, change: FloatArray, repairs: IntArray,
 ) -> None:
     """Add to change (4, n_phi, n_r) the flow through the faces between rays."""
     enthalpy = total_enthalpy(mach_number)
     cross_flow = mach_number * math.sin(incidence)
     n_phi, n_r = change.shape[1], change.shape[2]
     flux = np.empty(4)
-    at_left = np.empty(4)
-    at_right = np.empty(4)
+    half_left = np.empty(4)
+    half_right = np.empty(4)
     for j in range(n_phi + 1):
         sine, cosine = math.sin(j * math.pi / n_phi), math.cos(j * math.pi / n_phi)
         for i in range(n_r):
@@ -271,25 +290,24 @@ def add_circumferential_fluxes(
             sy = 0.5 * dx * (az - bz)
             sz = 0.5 * dx * (by - ay)
             for k in range(4):
-                here = wave[k, j, i]
-                there = wave[k, j + 1, i]
-                step = there - here
-                at_left[k] = here
-                at_right[k] = there
-                if j > 0:
-                    at_left[k] += 0.5 * _limited(here - wave[k, j - 1, i], step)
-                if j < n_phi:
-                    at_right[k] -= 0.5 * _limited(step, wave[k, j + 2, i] - there)
+                step = wave[k, j + 1, i] - wave[k, j, i]
+                half_left[k] = 0.5 * _limited(wave[k, j, i] - wave[k, j - 1, i], step) if j > 0 else 0.0
+                half_right[k] = 0.5 * _limited(step, wave[k, j + 2, i] - wave[k, j + 1, i]) if j < n_phi else 0.0
+            if j > 0:
+                left = _reconstruct(
+                    wave[0, j, i], wave[1, j, i], wave[2, j, i], wave[3, j, i],
+                    half_left, 1.0, sine, cosine, cross_flow, enthalpy, repairs,
+                )
+            if j < n_phi:
+                right = _reconstruct(
+                    wave[0, j + 1, i], wave[1, j + 1, i], wave[2, j + 1, i], wave[3, j + 1, i],
+                    half_right, -1.0, sine, cosine, cross_flow, enthalpy, repairs,
+                )
+            # Across the symmetry plane (y = 0) lies the mirror image.
             if j == 0:
-                at_left[0], at_left[1], at_left[2], at_left[3] = at_right[0], at_right[1], at_right[2], -at_right[3]
+                left = (right[0], right[1], right[2], -right[3], right[4])
             if j == n_phi:
-                at_right[0], at_right[1], at_right[2], at_right[3] = at_left[0], at_left[1], at_left[2], -at_left[3]
-            left = _face_state(
-                at_left[0], at_left[1], at_left[2], at_left[3], sine, cosine, cross_flow, enthalpy
-            )
-            right = _face_state(
-                at_right[0], at_right[1], at_right[2], at_right[3], sine, cosine, cross_flow, enthalpy
-            )
+                right = (left[0], left[1], left[2], -left[3], left[4])
             _add_flux(left, right, sx, sy, sz, flux)
             for k in range(4):
                 if j > 0:
@@ -365,6 +383,7 @@ def march(
     conserved: FloatArray, outer: FloatArray, spacing: FloatArray, segment: FloatArray,
     x_start: float, x_end: float, mach_number: float, incidence: float,
     courant: float, stations: FloatArray, pressures: FloatArray, force: FloatArray,
+    repairs: IntArray,
 ) -> tuple[int, int, float]:
     """March from x_start to x_end along one segment of the meridian; ``conserved`` and ``outer`` are updated.
 
@@ -373,6 +392,7 @@ def march(
     stations : (max_steps,) filled with the middle of each step.
     pressures : (max_steps, n_phi) filled with the wall pressure there.
     force : (2,) axial and normal force of p - p_inf on the whole body, over p_inf [m2]; added to.
+    repairs : (1,) number of face states that had to fall back to their cell's; added to.
 
     Returns
     -------
@@ -416,18 +436,18 @@ def march(
         cell_areas(after, area_after)
         first[:] = 0.0
         second[:] = 0.0
-        if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, first, wall_first):
+        if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, first, wall_first, repairs):
             return WALL_DETACHED, step, x
-        add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, first)
+        add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, first, repairs)
         for k in range(4):
             for j in range(n_phi):
                 for i in range(n_r):
                     guess[k, j, i] = (conserved[k, j, i] * area_before[j, i] + first[k, j, i]) / area_after[j, i]
         if not decode(guess, mach_number, incidence, cell, wave):
             return AXIAL_SONIC, step, x
-        if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, second, wall_second):
+        if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, second, wall_second, repairs):
             return WALL_DETACHED, step, x
-        add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, second)
+        add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, second, repairs)
         for k in range(4):
             for j in range(n_phi):
                 for i in range(n_r):

@@ -7,7 +7,7 @@ segment's end; the rest is marched segment by segment, so that slope breaks are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import atan, degrees, e, pi
 
 import numpy as np
@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 
 COURANT = 0.9
 MAX_STEPS = 20_000
+MAX_E_FOLDS = 6
 OGIVE_START = 0.01
 """Share of the first segment's length that is taken as a cone where that segment is curved."""
 
@@ -35,13 +36,14 @@ class MarchingGrid:
     n_radial : cells between body and outer boundary.
     n_circumferential : cells over the half body, leeward to windward.
     clustering : cells grow outward by exp(clustering) from the first to the last.
-    conical_tolerance : relative change of the wall pressure per e-fold of x that ends the conical start.
+    conical_tolerance : relative change of wall pressure and shock radius per e-fold of x that ends the
+        conical start.
     """
 
     n_radial: int = 24
     n_circumferential: int = 36
-    clustering: float = 1.5
-    conical_tolerance: float = 1e-3
+    clustering: float = 1.0
+    conical_tolerance: float = 5e-4
 
     def spacing(self, n_radial: int) -> FloatArray:
         """Return (n_radial + 1,) vertex positions from 0 (wall) to 1 (outer boundary)."""
@@ -61,8 +63,9 @@ class FlowSolution:
     force : (2,) axial and normal force of p - p_inf from the wall fluxes, over p_inf [m2].
     force_from_momentum : (2,) the same from the momentum deficit of the exit plane [m2].
     mass_defect : relative imbalance of mass over the control volume.
-    conical_change : relative change of wall pressure in the last e-fold of the conical start.
+    conical_change : relative change of wall pressure and shock radius in the last e-fold of the conical start.
     n_steps : marching steps taken.
+    n_repairs : face states that fell back to first order to stay physical, after the conical start.
     """
 
     mach_number: float
@@ -74,6 +77,7 @@ class FlowSolution:
     mass_defect: float
     conical_change: float
     n_steps: int
+    n_repairs: int
 
 
 @dataclass
@@ -85,6 +89,7 @@ class _Plane:
     outer: FloatArray
     force: FloatArray
     n_steps: int = 0
+    repairs: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
 
 def solve_flow(
@@ -99,8 +104,10 @@ def solve_flow(
         message names the station and the condition.
     """
     grid = grid or MarchingGrid()
+    # One compiled version of the march serves all calls if every scalar is a float.
+    mach_number, incidence = float(mach_number), float(incidence)
     first = body.segments[0]
-    start = first.end_x if first.is_straight else OGIVE_START * first.end_x
+    start = float(first.end_x if first.is_straight else OGIVE_START * first.end_x)
     start_angle = atan(float(body.radius(start)) / start)
     plane, cone_pressure, change = _conical_start(start_angle, start, mach_number, incidence, grid)
     stations, pressures = [np.array([0.0, start])], [np.stack([cone_pressure, cone_pressure])]
@@ -130,6 +137,7 @@ def solve_flow(
         mass_defect=mass_defect,
         conical_change=change,
         n_steps=plane.n_steps,
+        n_repairs=int(plane.repairs[0]),
     )
 
 
@@ -152,13 +160,14 @@ def _conical_start(
     plane = _prolong(plane, coarse, grid)
     pressure = _march_e_fold(plane, cone, mach_number, incidence, grid)
     change = np.inf
-    for _ in range(4):
-        before = pressure
+    for _ in range(MAX_E_FOLDS):
+        before, shock = pressure, plane.outer.copy()
         pressure = _march_e_fold(plane, cone, mach_number, incidence, grid)
-        change = float(np.max(np.abs(pressure / before - 1.0)))
+        change = float(max(np.max(np.abs(pressure / before - 1.0)), np.max(np.abs(plane.outer / shock - 1.0))))
         if change < grid.conical_tolerance:
             break
     plane.x, plane.outer = x, plane.outer * x
+    plane.repairs[:] = 0  # what the impulsive start needed says nothing of the flow
     area = (x * np.tan(half_angle)) ** 2
     around = (np.arange(grid.n_circumferential) + 0.5) * pi / grid.n_circumferential
     plane.force = area * np.array(
@@ -185,13 +194,13 @@ def _advance(
     n_phi = grid.n_circumferential
     stations, pressures = np.empty(MAX_STEPS), np.empty((MAX_STEPS, n_phi))
     status, n_steps, x = march.march(
-        plane.conserved, plane.outer, grid.spacing(grid.n_radial), segment, plane.x, x_end,
-        mach_number, incidence, COURANT, stations, pressures, plane.force,
+        plane.conserved, plane.outer, grid.spacing(grid.n_radial), segment, float(plane.x), float(x_end),
+        mach_number, incidence, COURANT, stations, pressures, plane.force, plane.repairs,
     )
     if status != march.REACHED_END:
         reasons = {
             march.AXIAL_SONIC: "the axial Mach number falls to 1",
-            march.WALL_DETACHED: "the shock at the wall detaches",
+            march.WALL_DETACHED: "the axial Mach number falls to 1, the shock at the wall detaches,",
             march.OUT_OF_STEPS: f"more than {MAX_STEPS} marching steps are needed",
         }
         conical = np.isinf(segment[4])
