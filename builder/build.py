@@ -21,7 +21,10 @@ FloatArray = NDArray[np.float64]
 
 
 def gauge_noise_std(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> float:
-    """Return sigma [m/m], one for all gauges: absolute, or a share of the median |strain| over snapshots and gauges."""
+    """Return sigma [m/m], one for all gauges.
+
+    Absolute, or a share of the median |strain| over the snapshots and the gauges of ``noise.of_layout``.
+    """
     if vehicle.noise.std_um_per_m is not None:
         return 1e-6 * vehicle.noise.std_um_per_m
     assert vehicle.noise.percent_of_median_strain is not None

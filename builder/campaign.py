@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from builder.aero.euler.solver import FlowSolution, MarchingGrid, solve_flow
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.flight_conditions import FlightCondition, flow_key
+from builder.flight_conditions import flow_key
 from builder.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.files import open_hdf5, write_hdf5_atomically
+from strainfmu.flight_condition import FlightCondition
 
 FloatArray = NDArray[np.float64]
 FlowKey = tuple[float, float]
@@ -92,16 +93,12 @@ def take_snapshots(
     for i, condition in enumerate(conditions):
         key = flow_key(condition)
         flow = flows[key]
-        ratio = pressure_ratio_on_surface(
-            at_stations[key], flow.roll_angle, surface, condition.leeward_roll_angle
-        )
+        ratio = pressure_ratio_on_surface(at_stations[key], flow.roll_angle, surface, condition.leeward_roll_angle)
         pressure[i] = condition.ambient_pressure * ratio
         solved[i] = key not in seen
         error[i] = np.linalg.norm(flow.force - flow.force_from_momentum) / np.linalg.norm(flow.force)
         seen.add(key)
-    table = np.array(
-        [[c.mach_number, c.angle_of_attack, c.sideslip_angle, c.altitude] for c in conditions]
-    )
+    table = np.array([condition.as_tuple() for condition in conditions])
     return Snapshots(table, pressure, solved, error)
 
 

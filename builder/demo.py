@@ -166,7 +166,7 @@ def _inverse_map(chain: _Chain) -> None:
         inverse_map = build_inverse_map(vehicle, snapshots, structure)
         chain.reporter.note(
             f"{inverse_map.n_gauges} gauges, sigma {1e6 * inverse_map.noise_std[0]:.3g} um/m; "
-            f"{vehicle.map.modes} modes hold {100.0 * inverse_map.provenance['energy_of_modes']:.2f} % of the energy"
+            f"{vehicle.map.modes} modes hold {inverse_map.provenance['energy_of_modes']:.2%} of the energy"
         )
         save_inverse_map(inverse_map, path)
 
@@ -287,7 +287,9 @@ def _figures(chain: _Chain, recording: Recording) -> None:
 def _summary(chain: _Chain, score: FlightScore) -> None:
     def make(path: Path) -> None:
         values = {
-            key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True)) if isinstance(value, np.ndarray) else value
+            key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True))
+            if isinstance(value, np.ndarray)
+            else value
             for key, value in asdict(score).items()
         }
         write_bytes_atomically(path, json.dumps(values, indent=1).encode())

@@ -92,7 +92,13 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
             across = 1e3 * np.outer(surface.radius, np.sin(seen))
             along = np.repeat(surface.x[:, None], len(seen), axis=1)
             drawn = axis.pcolormesh(
-                along, across, shown, shading="gouraud", cmap=COLOUR_MAP, vmin=ratio.min(), vmax=ratio.max(),
+                along,
+                across,
+                shown,
+                shading="gouraud",
+                cmap=COLOUR_MAP,
+                vmin=ratio.min(),
+                vmax=ratio.max(),
                 rasterized=True,
             )
             axis.set_title(f"{condition}, from {side}", fontsize=8)
@@ -120,7 +126,12 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     axial = np.abs(direction[:, 0]) > 0.5
     for chosen, marker, label in ((axial, "_", "axial"), (~axial, "|", "hoop")):
         unrolled.plot(
-            position[chosen, 0], roll[chosen], marker, markersize=14, markeredgewidth=2.5, label=f"{label}, {chosen.sum()}"
+            position[chosen, 0],
+            roll[chosen],
+            marker,
+            markersize=14,
+            markeredgewidth=2.5,
+            label=f"{label}, {chosen.sum()}",
         )
     unrolled.set_xlim(0.0, surface.x[-1])
     unrolled.set_ylim(-20.0, 360.0)
@@ -149,7 +160,12 @@ def coefficients(recording: Recording, title: str) -> Figure:
         truth, estimate = recording[f"plant.{name}"], recording[f"estimator.{name}"]
         sigma = recording[f"estimator.sigma.{name}"]
         axis.fill_between(
-            time, estimate - 3.0 * sigma, estimate + 3.0 * sigma, color="tab:blue", alpha=0.2, linewidth=0,
+            time,
+            estimate - 3.0 * sigma,
+            estimate + 3.0 * sigma,
+            color="tab:blue",
+            alpha=0.2,
+            linewidth=0,
             label="estimate $\\pm 3\\sigma$",
         )
         axis.plot(time, estimate, color="tab:blue", linewidth=0.6, label="estimate")
@@ -158,7 +174,13 @@ def coefficients(recording: Recording, title: str) -> Figure:
         axis.grid(alpha=0.3)
     axes[0].legend(ncols=3, fontsize=8, loc="upper right")
     axes[-1].plot(time, recording["estimator.health.chi_square"], color="tab:green", linewidth=0.6)
-    axes[-1].plot(time, recording["estimator.health.chi_square_limit"], color="tab:red", linewidth=0.8, label="alarm level")
+    axes[-1].plot(
+        time,
+        recording["estimator.health.chi_square_limit"],
+        color="tab:red",
+        linewidth=0.8,
+        label="alarm level",
+    )
     axes[-1].set_title("Chi-square of the residual [1]", fontsize=9, loc="left")
     axes[-1].legend(fontsize=8, loc="upper right")
     axes[-1].grid(alpha=0.3)

@@ -79,13 +79,13 @@ def flight_model(
         for j, angle in enumerate(incidence):
             flow = flows[round(float(mach_number), 9), float(angle)]
             harmonics = pressure_harmonics(flow, structure.surface, max_harmonic)
-            harmonics[:, 0] -= 1.0  # vented: the wall carries p - p_inf
             strain[i, j] = np.einsum("cmxp,xm->cmp", response, harmonics)
             ratio = pressure_ratio_on_surface(
                 pressure_at_stations(flow, structure.surface), flow.roll_angle, structure.surface, 0.0
             )
-            axial, normal, _, pitch, _ = loads @ (ratio - 1.0)
+            axial, normal, _, pitch, _ = loads @ ratio
             coefficient[i, j] = np.array([axial, normal, pitch]) / (0.7 * mach_number**2 * area)
+    inside = vehicle.structure.internal_pressure_Pa
     parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
     return FlightModel(
         vehicle=vehicle.name,
@@ -96,6 +96,9 @@ def flight_model(
         incidence_knots=np.concatenate([[0.0], incidence]),
         strain_table=_spline_table(mach, incidence, strain, parity),
         coefficient_table=_spline_table(mach, incidence, coefficient, np.array([1.0, -1.0, -1.0])),
+        strain_of_internal_pressure=structure.strain_operator(layout).sum(axis=1),
+        internal_pressure=None if inside == "ambient" else inside,
+        base_area=float(loads[0].sum()),
         reference_area=reference.area,
         reference_length=reference.length,
         noise_std=noise_std,

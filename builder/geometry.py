@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,8 +89,11 @@ class BodyOfRevolution:
         """Stations [m] at which the meridian's angle jumps."""
         pairs = zip(self.segments[:-1], self.segments[1:], strict=True)
         return np.array(
-            [after.start_x for before, after in pairs
-             if abs(before.end_angle - after.start_angle) > SMALLEST_SLOPE_BREAK]
+            [
+                after.start_x
+                for before, after in pairs
+                if abs(before.end_angle - after.start_angle) > SMALLEST_SLOPE_BREAK
+            ]
         )
 
     def _segment_index(self, x: FloatArray, side: str) -> NDArray[np.intp]:
@@ -182,7 +186,7 @@ def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
     """
     joints = np.concatenate([[0.0], body.slope_breaks, [body.length]])
     stations, radii, angles = [], [], []
-    for start, end in zip(joints[:-1], joints[1:], strict=True):
+    for start, end in pairwise(joints.tolist()):
         count = max(3, round(n_x * (end - start) / body.length))
         s = np.linspace(0.0, 1.0, count)
         x = start + (end - start) * s

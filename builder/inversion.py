@@ -71,8 +71,8 @@ def least_squares_map(
     n_gauges = len(strain_operator)
     if n_modes > min(n_gauges, modes.modes.shape[1]):
         raise InputError(
-            f"map.modes: {n_modes} found, at most {min(n_gauges, modes.modes.shape[1])} with {n_gauges} gauges and "
-            f"{modes.n_snapshots} snapshots"
+            f"map.modes: {n_modes} found, at most {min(n_gauges, modes.modes.shape[1])} with {n_gauges} gauges "
+            f"and {modes.n_snapshots} snapshots"
         )
     strain_of_modes = strain_operator @ modes.modes
     z = strain_of_modes[:, :n_modes]
@@ -84,7 +84,8 @@ def least_squares_map(
     condition_number = float(np.linalg.cond(whitened))
     if not condition_number < LARGEST_CONDITION_NUMBER:
         raise InputError(
-            f"map.modes: the {n_gauges} gauges cannot tell {n_modes} modes apart (condition number {condition_number:.1e})"
+            f"map.modes: the {n_gauges} gauges cannot tell {n_modes} modes apart "
+            f"(condition number {condition_number:.1e})"
         )
     q, r = np.linalg.qr(whitened)
     inverse_cholesky = solve_triangular(cholesky, np.eye(n_gauges), lower=True)

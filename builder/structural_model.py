@@ -60,8 +60,7 @@ def place_layouts(
     """
     found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
     placed = {
-        name: place_gauges(mesh, layout.position, layout.direction, layout.names)
-        for name, layout in found.items()
+        name: place_gauges(mesh, layout.position, layout.direction, layout.names) for name, layout in found.items()
     }
     return found, placed
 
@@ -103,5 +102,3 @@ def used_layouts(vehicle: Vehicle) -> list[str]:
     """Return the layouts a map needs: the one in use and the one its noise is measured on."""
     reference = vehicle.noise.of_layout or vehicle.gauges.layout
     return sorted({vehicle.gauges.layout, reference})
-
-

@@ -12,18 +12,45 @@ from math import pi, radians
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PrivateAttr, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
 
 from builder.aero.euler.solver import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
-from builder.flight_conditions import FlightCondition, condition_grid
+from builder.flight_conditions import condition_grid
 from builder.geometry import BodyOfRevolution, chain_segments
 from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
 
 VEHICLES = Path(__file__).parent / "vehicles"
 IC3X = VEHICLES / "ic3x.toml"
 
-_UNITS = ("m", "mm", "cm", "km", "in", "ft", "deg", "rad", "Pa", "kPa", "MPa", "GPa", "psi", "bar", "s", "m2", "um")
+_UNITS = (
+    "m",
+    "mm",
+    "cm",
+    "km",
+    "in",
+    "ft",
+    "deg",
+    "rad",
+    "Pa",
+    "kPa",
+    "MPa",
+    "GPa",
+    "psi",
+    "bar",
+    "s",
+    "m2",
+    "um",
+)
 
 
 class _Section(BaseModel):
@@ -288,8 +315,9 @@ def _first_fault(error: ValidationError) -> str:
     # A misspelt key also leaves its right name missing: the unknown one says more.
     faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     fault = faults[0]
-    where = ".".join(str(part + 1) if isinstance(part, int) else part for part in fault["loc"] if part not in
-                     ("cone", "arc"))
+    where = ".".join(
+        str(part + 1) if isinstance(part, int) else part for part in fault["loc"] if part not in ("cone", "arc")
+    )
     if fault["type"] == "extra_forbidden":
         text = f"{where}: unknown entry{_hint(fault['loc'])}"
     elif fault["type"] == "missing":

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from strainfmu import __version__
@@ -28,7 +35,8 @@ app = typer.Typer(
 )
 
 VehicleArgument = Annotated[
-    Path | None, typer.Option("--vehicle", help="Vehicle file (TOML). Default: the IC3X surrogate that is shipped.")
+    Path | None,
+    typer.Option("--vehicle", help="Vehicle file (TOML). Default: the IC3X surrogate that is shipped."),
 ]
 
 
@@ -66,7 +74,8 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and leave.")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and leave."),
     ] = False,
 ) -> None:
     """Aerodynamic loads in real time from structural strain."""
@@ -114,7 +123,7 @@ def _show_result(console: Console, result: DemoResult) -> None:
     console.print(table)
     times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in score.step_time.items())
     console.print(
-        f"Time per step (median, through fmpy): {times}. Health OK in {100.0 * score.healthy:.1f} % of the samples.",
+        f"Time per step (median, through fmpy): {times}. Health OK in {score.healthy:.2%} of the samples.",
         highlight=False,
     )
     files = Table(title=f"Files in {result.folder}", show_header=False, box=None)
@@ -158,7 +167,9 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
 @app.command()
 def build(
     vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for snapshots.h5 and map.h5.")] = Path("map"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for snapshots.h5 and map.h5.")] = Path(
+        "map"
+    ),
 ) -> None:
     """Build the inverse map of a vehicle: snapshots.h5 and map.h5.
 
@@ -191,7 +202,9 @@ def export(
 
 
 @app.command()
-def inspect(inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")]) -> None:
+def inspect(
+    inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")],
+) -> None:
     """Show what an inverse map holds: gauges, validity range, uncertainty, provenance.
 
     Example:

@@ -78,11 +78,7 @@ class Estimator:
         residual = self.inverse_map.residual_whitening @ (d - self.inverse_map.mean_strain)
         chi_square = float(residual @ residual)
         if not (np.isfinite(dynamic_pressure) and dynamic_pressure > 0.0):
-            return LoadEstimate(
-                loads, self._loads_std, nothing, nothing, chi_square, HealthState.NO_COEFFICIENTS
-            )
+            return LoadEstimate(loads, self._loads_std, nothing, nothing, chi_square, HealthState.NO_COEFFICIENTS)
         scale = 1.0 / (dynamic_pressure * self._reference)
         health = HealthState.OK if chi_square <= self.chi_square_limit else HealthState.INCONSISTENT
-        return LoadEstimate(
-            loads, self._loads_std, scale * loads, scale * self._loads_std, chi_square, health
-        )
+        return LoadEstimate(loads, self._loads_std, scale * loads, scale * self._loads_std, chi_square, health)

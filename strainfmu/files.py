@@ -118,7 +118,7 @@ def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
         found_version = file.attrs.get("schema_version")
         if found_version != schema_version:
             raise InputError(
-                f"{path}: schema version {found_version} found, this version reads {schema_version}; build it again"
+                f"{path}: schema version {found_version} found, {schema_version} wanted; build it again"
             )
         if content_hash(file) != file.attrs.get(HASH_ATTRIBUTE):
             raise InputError(f"{path}: damaged, content and content hash do not agree")

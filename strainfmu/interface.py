@@ -241,9 +241,7 @@ def _estimated_loads(inverse_map: InverseMap, strains: tuple[str, ...]) -> list[
             depends_on=strains,
             dependencies_kind="constant",
         )
-        for (name, (text, unit)), (low, high) in zip(
-            LOADS.items(), inverse_map.coefficient_range, strict=True
-        )
+        for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
     ]
     deviations = [
         Variable(f"sigma.{name}", f"Standard deviation of {name}", "output", unit=unit, minimum=0.0)

@@ -125,7 +125,7 @@ class InverseMap:
             raise InputError("inverse map: noise_std must be positive")
         if self.residual_degrees_of_freedom < 1:
             raise InputError(
-                f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more than states"
+                f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more"
             )
 
     @property

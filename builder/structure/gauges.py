@@ -84,9 +84,7 @@ def _refuse_outside(mesh: MeridianMesh, x: FloatArray, names: list[str]) -> None
     front, aft = mesh.node[mesh.inner_edge[[0, -1], [0, 2]], 0]
     for i in np.flatnonzero(~((x >= front) & (x <= aft))):
         where = "aft of the base" if x[i] > aft else "ahead of the hollow part"
-        raise InputError(
-            f"{names[i]}: x = {x[i]:.4g} m is {where}, which reaches from {front:g} to {aft:g} m"
-        )
+        raise InputError(f"{names[i]}: x = {x[i]:.4g} m is {where}, which reaches from {front:g} to {aft:g} m")
 
 
 def _refuse_off_surface(radial_gap: FloatArray, angle: FloatArray, names: list[str]) -> None:

@@ -70,9 +70,7 @@ def inner_surface_points(mesh: MeridianMesh, x: FloatArray) -> SurfacePoints:
     radius = np.einsum("ga,ga->g", value, mesh.node[node, 1])
     rise = np.einsum("ga,ga->g", by_x, mesh.node[node, 1])
     length = np.hypot(1.0, rise)[:, None]
-    return SurfacePoints(
-        node, value, by_x / length, radius, np.column_stack([np.ones(len(x)), rise]) / length
-    )
+    return SurfacePoints(node, value, by_x / length, radius, np.column_stack([np.ones(len(x)), rise]) / length)
 
 
 def _smooth_part(mesh: MeridianMesh) -> tuple[IntArray, IntArray]:

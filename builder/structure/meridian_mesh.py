@@ -93,9 +93,7 @@ def grid_elements(grid: IntArray) -> IntArray:
     (n_along * n_through, 9) nodes of each element.
     """
     n_along, n_through = (np.array(grid.shape) - 1) // 2
-    local = [
-        grid[i : i + 2 * n_along - 1 : 2, j : j + 2 * n_through - 1 : 2] for i in range(3) for j in range(3)
-    ]
+    local = [grid[i : i + 2 * n_along - 1 : 2, j : j + 2 * n_through - 1 : 2] for i in range(3) for j in range(3)]
     return np.stack(local, axis=-1).reshape(-1, 9)
 
 
@@ -142,9 +140,7 @@ def tube_mesh(
         raise InputError("tube stations must increase")
     if np.any(inner_radius < 0.0) or np.any(outer_radius <= inner_radius):
         raise InputError("tube radii must satisfy 0 <= inner radius < outer radius")
-    pieces = [
-        np.linspace(a, b, max(2, int(np.ceil((b - a) / element_length - 1e-9))) + 1) for a, b in pairwise(x)
-    ]
+    pieces = [np.linspace(a, b, max(2, int(np.ceil((b - a) / element_length - 1e-9))) + 1) for a, b in pairwise(x)]
     column_x = with_middles(np.unique(np.concatenate(pieces)))
     through = np.linspace(0.0, 1.0, 2 * n_layers + 1)
     inside, outside = np.interp(column_x, x, inner_radius), np.interp(column_x, x, outer_radius)

@@ -97,9 +97,7 @@ def _outer_end_of_tip(body: BodyOfRevolution, wall: Wall) -> float:
     return low
 
 
-def _stations(
-    body: BodyOfRevolution, wall: Wall, start: float, ends: list[float], length: float
-) -> FloatArray:
+def _stations(body: BodyOfRevolution, wall: Wall, start: float, ends: list[float], length: float) -> FloatArray:
     """Return stations [m] of element ends from ``ends[0]`` to ``ends[-1]``, on each of ``ends``."""
     edge = np.array([start, *body.slope_breaks[body.slope_breaks > start], body.length])
     reach = EDGE_REACH * 0.78 * np.sqrt(body.radius(edge) * wall.thickness)

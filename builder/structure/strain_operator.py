@@ -169,9 +169,7 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
     if top > n_roll // 2:
         raise InputError(f"max_harmonic {top} needs at least {2 * top} roll angles, the grid has {n_roll}")
     if response.hoop.shape[2] != len(grid.x):
-        raise InputError(
-            f"the response has {response.hoop.shape[2]} surface stations, the grid {len(grid.x)}"
-        )
+        raise InputError(f"the response has {response.hoop.shape[2]} surface stations, the grid {len(grid.x)}")
     station = _station_of(response.gauge_x, gauges.x)
     c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
     even = c**2 * response.meridional[station] + s**2 * response.hoop[station]

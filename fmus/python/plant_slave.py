@@ -104,14 +104,14 @@ class PlantSlave(Fmi2Slave):
             return True
         condition = self._trajectory.at(self._time)
         try:
-            point = evaluate(self._model, *condition, time=self._time)
+            point = evaluate(self._model, condition, self._time)
         except InputError as error:
             self.log(str(error), Fmi2Status.error)
             self._values[: self._noise_std] = np.nan
             return False
         strain = point.strain + self._values[self._noise_std] * self._noise
         self._values[: self._noise_std] = np.concatenate(
-            (point.coefficients, strain, (point.dynamic_pressure,), condition)
+            (point.coefficients, strain, (point.dynamic_pressure,), condition.as_tuple())
         )
         self._outdated = False
         return True

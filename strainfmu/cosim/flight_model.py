@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field, fields
-from math import atan2, cos, degrees, hypot, sin
+from math import cos, degrees, sin
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically
+from strainfmu.flight_condition import FlightCondition
 
 FloatArray = NDArray[np.float64]
 
@@ -30,6 +30,9 @@ _UNITS = {
     "gauge_roll_angle": "rad",
     "incidence_knots": "rad",
     "strain_table": "1/Pa per knot coordinate",
+    "strain_of_internal_pressure": "1/Pa",
+    "internal_pressure": "Pa",
+    "base_area": "m2",
     "reference_area": "m2",
     "reference_length": "m",
     "noise_std": "m/m",
@@ -45,7 +48,7 @@ class FlightModel:
 
     With M_i, a_j the lower knots of the cell that holds Mach number M and total incidence a_T, a table c has
     the value sum_pq c[i, j, p, q] (M - M_i)^p (a_T - a_j)^q. The strain of gauge g on channel k is
-    p_inf sum_m E_km cos(m (phi_g - phi_T)) + S_km sin(m (phi_g - phi_T)), m = 0 .. n_harmonic - 1.
+    p_inf sum_m [E_km cos(m (phi_g - phi_T)) + S_km sin(m (phi_g - phi_T))] - p_internal u_g, m from 0.
 
     Attributes
     ----------
@@ -58,7 +61,10 @@ class FlightModel:
     strain_table : (n_M - 1, n_a - 1, 4, 4, n_channel, n_harmonic, 2) coefficients of [E, S] per ambient
         pressure [(m/m)/Pa, over rad^q].
     coefficient_table : (n_M - 1, n_a - 1, 4, 4, 3) coefficients of C_A, C_T, M_T [1, over rad^q]: axial
-        force, force along the cross-flow, and moment as M_P has it when phi_T = 0.
+        force of absolute pressure, force along the cross-flow, and moment as M_P has it when phi_T = 0.
+    strain_of_internal_pressure : (n_d,) u_g, strain per uniform outer pressure [(m/m)/Pa].
+    internal_pressure : p_internal [Pa], or None for a vented body, whose inside is at p_inf.
+    base_area : of the body [m2]; p_internal acts forward on it.
     reference_area : S [m2].
     reference_length : L [m].
     noise_std : standard deviation of the noise on every strain [m/m].
@@ -73,6 +79,9 @@ class FlightModel:
     incidence_knots: FloatArray
     strain_table: FloatArray
     coefficient_table: FloatArray
+    strain_of_internal_pressure: FloatArray
+    internal_pressure: float | None
+    base_area: float
     reference_area: float
     reference_length: float
     noise_std: float
@@ -104,33 +113,11 @@ class FlightPoint:
     dynamic_pressure: float
 
 
-def total_incidence(angle_of_attack: float, sideslip_angle: float) -> tuple[float, float]:
-    """Return total incidence a_T and roll angle phi_T of the leeward meridian [rad] from a and b [rad].
-
-    cos a_T = cos a cos b; phi_T is taken from +z toward +y. The arc tangent keeps its digits near a_T = 0,
-    where the arc cosine loses half of them.
-    """
-    aft = cos(angle_of_attack) * cos(sideslip_angle)
-    starboard = -sin(sideslip_angle)
-    up = sin(angle_of_attack) * cos(sideslip_angle)
-    return atan2(hypot(starboard, up), aft), atan2(starboard, up)
-
-
-def evaluate(
-    model: FlightModel,
-    mach_number: float,
-    angle_of_attack: float,
-    sideslip_angle: float,
-    altitude: float,
-    time: float | None = None,
-) -> FlightPoint:
+def evaluate(model: FlightModel, condition: FlightCondition, time: float | None = None) -> FlightPoint:
     """Return strain, coefficients and dynamic pressure at a flight condition.
 
     Parameters
     ----------
-    mach_number : M [1].
-    angle_of_attack, sideslip_angle : a, b [rad].
-    altitude : geopotential [m].
     time : when this is [s]; only named in errors.
 
     Raises
@@ -139,18 +126,23 @@ def evaluate(
         The condition is outside the envelope of knots or the atmosphere.
     """
     when = "" if time is None else f" at time {time:.6g} s"
-    incidence, roll_angle = total_incidence(angle_of_attack, sideslip_angle)
+    mach_number, roll_angle = condition.mach_number, condition.leeward_roll_angle
     i, mach_step = _cell(model.mach_knots, mach_number, "mach_number", 1.0, "", when)
-    j, incidence_step = _cell(model.incidence_knots, incidence, "total incidence", degrees(1.0), " deg", when)
+    j, incidence_step = _cell(
+        model.incidence_knots, condition.total_incidence, "total incidence", degrees(1.0), " deg", when
+    )
     try:
-        ambient_pressure, _ = pressure_and_temperature(altitude)
+        ambient_pressure = condition.ambient_pressure
     except InputError as error:
         raise InputError(f"{error}{when}") from error
+    dynamic_pressure = condition.dynamic_pressure
+    inside = ambient_pressure if model.internal_pressure is None else model.internal_pressure
 
     weights = np.outer(_powers(mach_step), _powers(incidence_step)).ravel()
     n_channel, n_harmonic = model.strain_table.shape[4:6]
     harmonics = (weights @ model.strain_table[i, j].reshape(16, -1)).reshape(n_channel, n_harmonic, 2)
     axial, cross_force, moment = weights @ model.coefficient_table[i, j].reshape(16, 3)
+    axial -= inside * model.base_area / (dynamic_pressure * model.reference_area)
 
     of_gauge = harmonics[model.gauge_channel]
     phase = np.multiply.outer(model.gauge_roll_angle - roll_angle, np.arange(n_harmonic))
@@ -159,8 +151,8 @@ def evaluate(
     up, starboard = cos(roll_angle), sin(roll_angle)
     return FlightPoint(
         np.array([axial, cross_force * up, cross_force * starboard, moment * up, moment * starboard]),
-        ambient_pressure * strain,
-        0.5 * HEAT_CAPACITY_RATIO * ambient_pressure * mach_number**2,
+        ambient_pressure * strain - inside * model.strain_of_internal_pressure,
+        dynamic_pressure,
     )
 
 
@@ -169,9 +161,7 @@ def _powers(step: float) -> FloatArray:
     return np.array([1.0, step, step * step, step * step * step])
 
 
-def _cell(
-    knots: FloatArray, value: float, quantity: str, shown: float, unit: str, when: str
-) -> tuple[int, float]:
+def _cell(knots: FloatArray, value: float, quantity: str, shown: float, unit: str, when: str) -> tuple[int, float]:
     """Return the index of the cell that holds ``value`` and the distance from its lower knot.
 
     ``shown`` and ``unit`` turn knots into what the error message shows.
@@ -204,6 +194,7 @@ def _check_shapes(model: FlightModel) -> None:
         "incidence_knots": (n_incidence,),
         "strain_table": (*cells, n_channel, n_harmonic, 2),
         "coefficient_table": (*cells, 3),
+        "strain_of_internal_pressure": (n_d,),
     }
     for name, shape in expected.items():
         value = getattr(model, name)
@@ -225,12 +216,14 @@ def _check_values(model: FlightModel) -> None:
         if not np.all(np.diff(getattr(model, name)) > 0.0):
             raise InputError(f"flight model: {name} must increase")
     if model.incidence_knots[0] != 0.0:
-        raise InputError(
-            f"flight model: incidence_knots starts at {model.incidence_knots[0]:g} rad, must be 0"
-        )
+        raise InputError(f"flight model: incidence_knots starts at {model.incidence_knots[0]:g} rad, must be 0")
     for name in ("reference_area", "reference_length"):
         if not 0.0 < getattr(model, name) < np.inf:
             raise InputError(f"flight model: {name} is {getattr(model, name)}, must be positive")
+    if not 0.0 <= model.base_area < np.inf:
+        raise InputError(f"flight model: base_area is {model.base_area}, must be 0 or more")
+    if model.internal_pressure is not None and not 0.0 <= model.internal_pressure < np.inf:
+        raise InputError(f"flight model: internal_pressure is {model.internal_pressure}, must be 0 or more")
     if not 0.0 <= model.noise_std < np.inf:
         raise InputError(f"flight model: noise_std is {model.noise_std}, must be 0 or more")
 
@@ -249,12 +242,12 @@ def save_flight_model(model: FlightModel, path: Path) -> str:
         file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["vehicle"] = model.vehicle
         file.attrs["provenance"] = json.dumps(model.provenance, sort_keys=True)
-        file.create_dataset(
-            "gauge_names", data=np.array([name.encode() for name in model.gauge_names], dtype="S")
-        )
+        file.create_dataset("gauge_names", data=np.array([name.encode() for name in model.gauge_names], dtype="S"))
         for entry in fields(model):
-            if entry.name not in ("vehicle", "provenance", "gauge_names"):
-                dataset = file.create_dataset(entry.name, data=getattr(model, entry.name))
+            value = getattr(model, entry.name)
+            # A vented body has no internal pressure of its own: the data set is left out.
+            if entry.name not in ("vehicle", "provenance", "gauge_names") and value is not None:
+                dataset = file.create_dataset(entry.name, data=value)
                 dataset.attrs["unit"] = _UNITS.get(entry.name, "1")
 
     return write_hdf5_atomically(path, fill)
@@ -275,6 +268,8 @@ def load_flight_model(path: Path) -> FlightModel:
                 "provenance": json.loads(file.attrs["provenance"]),
                 "gauge_names": tuple(name.decode() for name in file["gauge_names"][()]),
             }
+            if "internal_pressure" not in file:
+                values["internal_pressure"] = None
             for entry in fields(FlightModel):
                 if entry.name not in values:
                     stored = file[entry.name][()]

@@ -76,9 +76,7 @@ def read_description(path: Path) -> Any:
     except Exception as error:  # fmpy raises whatever its zip and XML readers do
         raise InputError(f"{path}: damaged, or not an FMU") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
-        raise InputError(
-            f"{path}: FMI {description.fmiVersion} found, an FMU for FMI 2.0 co-simulation wanted"
-        )
+        raise InputError(f"{path}: FMI {description.fmiVersion} found, an FMU for FMI 2.0 co-simulation wanted")
     return description
 
 

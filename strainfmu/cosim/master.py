@@ -150,9 +150,7 @@ def _check_system(system: System, descriptions: Mapping[str, Any], time: FloatAr
             raise InputError(f"instance '{name}': {path} can be instantiated only once per process")
         uneven = len(time) > 2 and not np.isclose(time[-1] - time[-2], time[1], rtol=1e-6)
         if uneven and not interface.canHandleVariableCommunicationStepSize:
-            raise InputError(
-                f"instance '{name}': {path} needs equal steps, stop_time must be a multiple of them"
-            )
+            raise InputError(f"instance '{name}': {path} needs equal steps, stop_time must be a multiple of them")
     check_connections(system, descriptions)
     for signal in system.start_values:
         causality = find_variable(signal, descriptions).causality

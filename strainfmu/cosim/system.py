@@ -88,17 +88,11 @@ def check_connections(system: System, descriptions: Mapping[str, Any]) -> None:
         source = find_variable(connection.source, descriptions)
         target = find_variable(connection.target, descriptions)
         if source.causality != "output":
-            raise InputError(
-                f"connection {connection}: the source is of causality {source.causality}, not output"
-            )
+            raise InputError(f"connection {connection}: the source is of causality {source.causality}, not output")
         if target.causality != "input":
-            raise InputError(
-                f"connection {connection}: the target is of causality {target.causality}, not input"
-            )
+            raise InputError(f"connection {connection}: the target is of causality {target.causality}, not input")
         if connection.target in fed:
-            raise InputError(
-                f"connection {connection}: {fed[connection.target].source} feeds that input already"
-            )
+            raise InputError(f"connection {connection}: {fed[connection.target].source} feeds that input already")
         if (source.type == "Real") != (target.type == "Real"):
             raise InputError(f"connection {connection}: {source.type} cannot feed {target.type}")
         if unit_of(source) and unit_of(target) and unit_of(source) != unit_of(target):
@@ -124,6 +118,4 @@ def stepping_order(system: System) -> tuple[str, ...]:
     try:
         return tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        raise InputError(
-            f"connections form a cycle: {' -> '.join(error.args[1])}; none is allowed"
-        ) from error
+        raise InputError(f"connections form a cycle: {' -> '.join(error.args[1])}; none is allowed") from error

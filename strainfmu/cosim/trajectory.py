@@ -6,27 +6,18 @@ import csv
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
 
 FloatArray = NDArray[np.float64]
 
 HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
 # From the user's units in the header to SI.
 _TO_SI = np.array([1.0, 1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
-
-
-class FlightCondition(NamedTuple):
-    """Mach number [1], angle of attack and sideslip [rad], geopotential altitude [m]."""
-
-    mach_number: float
-    angle_of_attack: float
-    sideslip_angle: float
-    altitude: float
 
 
 @dataclass(frozen=True)

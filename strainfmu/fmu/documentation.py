@@ -54,11 +54,7 @@ def index_html(fmu: FmuDescription, sections: Sequence[Section]) -> str:
     for heading, paragraphs in (
         *sections,
         ("Variables", [_variable_table(fmu.interface)]),
-        *(
-            [("Health", [_health_table()])]
-            if any(v.declared_type == HEALTH_TYPE for v in fmu.interface)
-            else []
-        ),
+        *([("Health", [_health_table()])] if any(v.declared_type == HEALTH_TYPE for v in fmu.interface) else []),
         ("What the host must offer", _HOST),
     ):
         parts.append(f"<h2>{escape(heading)}</h2>")
@@ -112,8 +108,7 @@ def plant_sections(model: FlightModel, trajectory: Trajectory, content_hash: str
                 f"It flies a stored trajectory of {trajectory.stop_time:g} s and gives the strains that "
                 f"{model.n_gauges} gauges would measure, with noise, and the true coefficients to compare "
                 "with. After its end the last flight condition stays.",
-                "The noise is drawn anew at every communication point; equal seed and steps give the "
-                "same noise.",
+                "The noise is drawn anew at every communication point; equal seed and steps give the same noise.",
                 f"Vehicle: {escape(model.vehicle)}. Flight model: <code>{content_hash}</code>.",
             ],
         ),

@@ -35,6 +35,7 @@ _PLANT_MODULES = (
     "cosim/trajectory.py",
     "errors.py",
     "files.py",
+    "flight_condition.py",
     "health.py",
     "interface.py",
 )
@@ -118,6 +119,6 @@ def check_envelope(model: FlightModel, trajectory: Trajectory, path: Path) -> No
     times = np.append(np.add(trajectory.time[:-1, None], np.outer(steps, fractions)), trajectory.stop_time)
     for time in times.tolist():
         try:
-            evaluate(model, *trajectory.at(time), time=time)
+            evaluate(model, trajectory.at(time), time)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error

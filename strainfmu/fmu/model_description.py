@@ -61,9 +61,7 @@ class FmuDescription:
     @property
     def guid(self) -> str:
         """A name-based UUID: equal content and interface give an equal guid, any change another one."""
-        content = repr(
-            (self.model_name, self.content_hash, __version__, [astuple(v) for v in self.interface])
-        )
+        content = repr((self.model_name, self.content_hash, __version__, [astuple(v) for v in self.interface]))
         return str(uuid.uuid5(_NAMESPACE, hashlib.sha256(content.encode()).hexdigest()))
 
 

@@ -41,13 +41,11 @@ def test_the_chain_has_no_delay_and_is_right_from_the_start(synthetic: Synthetic
     assert recording.instances == ("plant", "estimator")
     assert len(recording.time) == 41
     for row, time in enumerate(recording.time):
-        point = evaluate(model, *trajectory.at(time))
+        point = evaluate(model, trajectory.at(time))
         estimate = estimator.estimate(point.strain, point.dynamic_pressure)
         for k, (coefficient, load) in enumerate(zip(COEFFICIENTS, LOADS, strict=True)):
             assert recording[f"plant.{coefficient}"][row] == pytest.approx(point.coefficients[k], rel=1e-12)
-            assert recording[f"estimator.{coefficient}"][row] == pytest.approx(
-                estimate.coefficients[k], rel=1e-12
-            )
+            assert recording[f"estimator.{coefficient}"][row] == pytest.approx(estimate.coefficients[k], rel=1e-12)
             assert recording[f"estimator.{load}"][row] == pytest.approx(estimate.loads[k], rel=1e-12)
         assert recording["estimator.health.state"][row] == estimate.health
 
@@ -119,9 +117,7 @@ def test_wrong_times_are_refused(stop: float, step: float, words: str) -> None:
         (("a.C_A", "a.strain[1]"), "cycle: a -> a"),
     ],
 )
-def test_wrong_connections_are_refused(
-    synthetic: SyntheticFiles, connection: tuple[str, str], words: str
-) -> None:
+def test_wrong_connections_are_refused(synthetic: SyntheticFiles, connection: tuple[str, str], words: str) -> None:
     instances = {"plant": synthetic.plant, "a": synthetic.estimator_1, "b": synthetic.estimator_2}
     with pytest.raises(InputError, match=words) as error:
         simulate(System(instances, [Connection(*connection)]), 1.0, 0.1)

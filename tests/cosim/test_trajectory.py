@@ -26,7 +26,7 @@ def test_between_the_rows_it_is_scipys_pchip(tmp_path: Path, n_rows: int) -> Non
     scale = np.array([1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
     expected = PchipInterpolator(time, columns * scale)
     for t in np.linspace(0.0, time[-1], 101):
-        np.testing.assert_allclose(trajectory.at(t), expected(t), rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(trajectory.at(t).as_tuple(), expected(t), rtol=1e-12, atol=1e-9)
 
 
 def test_outside_the_rows_it_stays(tmp_path: Path) -> None:

@@ -42,9 +42,7 @@ def test_modules_carry_a_hash_and_entries_are_portable(synthetic: SyntheticFiles
             module = archive.read("resources/slavemodule.txt").decode()
         suffix = module.rsplit("_", 1)[1]
         assert f"resources/strainfmu_{suffix}/errors.py" in names
-        assert not [
-            n for n in names if n.startswith("resources/strainfmu/") or "\\" in n or n.endswith(".pyc")
-        ]
+        assert not [n for n in names if n.startswith("resources/strainfmu/") or "\\" in n or n.endswith(".pyc")]
         assert {n.rsplit(".", 1)[1] for n in names if n.startswith("binaries/")} == {"so", "dll"}
         packages.append(suffix)
     assert len(set(packages)) == 3

@@ -64,9 +64,7 @@ def test_units_are_declared_in_si(synthetic: SyntheticFiles) -> None:
 
 def test_dependencies_tell_what_feeds_what(synthetic: SyntheticFiles) -> None:
     description = read_model_description(str(synthetic.estimator_1))
-    known = {
-        u.variable.name: ({v.name for v in u.dependencies}, u.dependenciesKind) for u in description.outputs
-    }
+    known = {u.variable.name: ({v.name for v in u.dependencies}, u.dependenciesKind) for u in description.outputs}
     strains = {f"strain[{i + 1}]" for i in range(N_GAUGES)}
     assert known["C_A"] == (strains | {"dynamic_pressure"}, ["dependent"] * (N_GAUGES + 1))
     assert known["force.side"] == (strains, ["constant"] * N_GAUGES)

@@ -179,12 +179,12 @@ def test_the_plant_flies_its_trajectory(synthetic: SyntheticFiles) -> None:
     model, trajectory = load_flight_model(synthetic.flight_model), load_trajectory(synthetic.trajectory)
     for row in (0, 1, 777, 2500, -1):
         condition = trajectory.at(result["time"][row])
-        point = evaluate(model, *condition)
+        point = evaluate(model, condition)
         np.testing.assert_allclose(strains(result)[row], point.strain, rtol=1e-9)
         assert [result[name][row] for name in COEFFICIENTS] == pytest.approx(point.coefficients, rel=1e-9)
         assert result["dynamic_pressure"][row] == pytest.approx(point.dynamic_pressure, rel=1e-12)
         names = ("mach_number", "angle_of_attack", "sideslip_angle", "altitude")
-        assert [result[name][row] for name in names] == pytest.approx(list(condition), rel=1e-9, abs=1e-15)
+        assert [result[name][row] for name in names] == pytest.approx(condition.as_tuple(), rel=1e-9, abs=1e-15)
 
 
 def test_noise_follows_its_seed_and_size(synthetic: SyntheticFiles) -> None:

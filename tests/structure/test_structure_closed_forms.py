@@ -107,9 +107,7 @@ def michell_ring(a: float, b: float, n: int) -> float:
 
 
 @pytest.mark.parametrize("harmonic", [2, 3])
-@pytest.mark.parametrize(
-    ("thickness", "layers", "rtol"), [(0.004, 1, 1e-3), (0.004, 2, 1e-4), (0.03, 4, 1e-3)]
-)
+@pytest.mark.parametrize(("thickness", "layers", "rtol"), [(0.004, 1, 1e-3), (0.004, 2, 1e-4), (0.03, 4, 1e-3)])
 def test_ring_in_plane_strain(harmonic: int, thickness: float, layers: int, rtol: float) -> None:
     """Ovalisation, both ends guided: plane strain holds exactly."""
     b = 0.13

@@ -71,9 +71,7 @@ def test_gauge_outside_the_hollow_part_is_refused(mesh: MeridianMesh, x: float, 
 
 
 @pytest.mark.parametrize("length", [0.0, np.nan])
-def test_direction_without_length_is_refused(
-    mesh: MeridianMesh, body: BodyOfRevolution, length: float
-) -> None:
+def test_direction_without_length_is_refused(mesh: MeridianMesh, body: BodyOfRevolution, length: float) -> None:
     with pytest.raises(InputError, match="row A 3: direction has no length"):
         place_one(mesh, on_cone(body, 0.8, 0.3), length * np.ones(3))
 
@@ -113,8 +111,6 @@ def test_solid_body_has_no_inner_surface() -> None:
         ([0.0, 1.0], [0.1, 0.2], [0.2, 0.2], "inner radius < outer radius"),
     ],
 )
-def test_impossible_tube_is_refused(
-    x: list[float], inner: list[float], outer: list[float], message: str
-) -> None:
+def test_impossible_tube_is_refused(x: list[float], inner: list[float], outer: list[float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         tube_mesh(np.array(x), np.array(inner), np.array(outer), 0.1)

@@ -163,9 +163,7 @@ def test_strain_converges_with_order_three_or_better() -> None:
     x = np.array([0.113, 0.171, 0.207])
 
     def strains(length: float, n_layers: int) -> np.ndarray:
-        mesh = tube_mesh(
-            np.array([0.0, 0.4]), np.array([0.10, 0.12]), np.array([0.12, 0.14]), length, n_layers
-        )
+        mesh = tube_mesh(np.array([0.0, 0.4]), np.array([0.10, 0.12]), np.array([0.12, 0.14]), length, n_layers)
         response = harmonic_response(mesh, Material(110e9, 0.31), x, np.array([0.0, 0.4]), 2)
         return np.stack([response.meridional, response.hoop, response.shear])[:, :, 2].sum(axis=-1)
 
@@ -199,9 +197,7 @@ def test_stations_must_cover_the_surface(mesh: MeridianMesh) -> None:
 def test_ogive_vehicle_keeps_its_wall_thickness() -> None:
     """A curved meridian: nodes on the inner surface are one thickness from the outer one."""
     angles = np.deg2rad([12.0, 2.0, 2.0, 6.0])
-    ogive = chain_segments(
-        [(1.0, angles[0], angles[1]), (1.5, angles[2], angles[2]), (2.0, angles[3], angles[3])]
-    )
+    ogive = chain_segments([(1.0, angles[0], angles[1]), (1.5, angles[2], angles[2]), (2.0, angles[3], angles[3])])
     mesh = shell_mesh(ogive, Wall(0.004, 0.10, Material(110e9, 0.31)), 0.02)
     inner = mesh.node[np.unique(mesh.inner_edge)]
     x = np.linspace(0.0, 2.0, 200001)

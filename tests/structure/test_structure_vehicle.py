@@ -197,9 +197,7 @@ def test_wall_that_does_not_fit_is_refused(body: BodyOfRevolution) -> None:
         shell_mesh(body, Wall(0.004, 0.1, metal), 0.02, 0)
 
 
-@pytest.mark.parametrize(
-    ("youngs_modulus", "poisson_ratio"), [(0.0, 0.3), (1e9, 0.5), (1e9, -0.1), (np.nan, 0.3)]
-)
+@pytest.mark.parametrize(("youngs_modulus", "poisson_ratio"), [(0.0, 0.3), (1e9, 0.5), (1e9, -0.1), (np.nan, 0.3)])
 def test_impossible_material_is_refused(youngs_modulus: float, poisson_ratio: float) -> None:
     with pytest.raises(InputError):
         Material(youngs_modulus, poisson_ratio)

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA
 
-_COMPILE = {"cache": True, "nogil": True, "error_model": "numpy"}
 
-
-@njit(**_COMPILE)
+@compiled
 def characteristic_slopes(
     pressure: float, density: float, u: float, normal_velocity: float
 ) -> tuple[float, float]:
@@ -28,7 +25,7 @@ def characteristic_slopes(
     return (middle - spread) / below, (middle + spread) / below
 
 
-@njit(**_COMPILE)
+@compiled
 def _side(
     p: float, rho: float, u: float, v: float, t: float, s: float
 ) -> tuple[float, float, float, float, float, float, float, float]:
@@ -37,10 +34,18 @@ def _side(
     return mass, mass * u + p, mass * v, mass * t, through, through * u - s * p, through * v + p, through * t
 
 
-@njit(**_COMPILE)
+@compiled
 def hll(
-    pl: float, rl: float, ul: float, vl: float, tl: float,
-    pr: float, rr: float, ur: float, vr: float, tr: float,
+    pl: float,
+    rl: float,
+    ul: float,
+    vl: float,
+    tl: float,
+    pr: float,
+    rr: float,
+    ur: float,
+    vr: float,
+    tr: float,
     s: float,
 ) -> tuple[float, float, float, float]:
     """Return the two-wave flux of Harten, Lax and van Leer (SIAM Review 25, 1983) with steady slopes.

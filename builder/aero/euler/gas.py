@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from builder.aero.euler.compiled import compiled
 
 GAMMA = 1.4
 
@@ -15,23 +15,21 @@ LEAST_PRESSURE_RATIO = 1e-3
 VACUUM_ANGLE = 0.5 * math.pi * (math.sqrt((GAMMA + 1.0) / (GAMMA - 1.0)) - 1.0)
 """Largest Prandtl-Meyer angle [rad]: expansion into vacuum."""
 
-_COMPILE = {"cache": True, "nogil": True, "error_model": "numpy", "inline": "never"}
 
-
-@njit(**_COMPILE)
+@compiled
 def total_enthalpy(mach_number: float) -> float:
     """Return the total enthalpy of the free stream (c_inf = 1)."""
     return 1.0 / (GAMMA - 1.0) + 0.5 * mach_number * mach_number
 
 
-@njit(**_COMPILE)
+@compiled
 def axial_velocity(pressure: float, density: float, v: float, w: float, enthalpy: float) -> float:
     """Return u from constant total enthalpy, or 0 where none is left for it."""
     square = 2.0 * (enthalpy - GAMMA / (GAMMA - 1.0) * pressure / density) - v * v - w * w
     return math.sqrt(square) if square > 0.0 else 0.0
 
 
-@njit(**_COMPILE)
+@compiled
 def primitive(
     mass: float, momentum: float, lateral_y: float, lateral_z: float, enthalpy: float
 ) -> tuple[float, float, float, float, float]:
@@ -51,7 +49,7 @@ def primitive(
     return momentum - mass * u, mass / u, u, v, w
 
 
-@njit(**_COMPILE)
+@compiled
 def prandtl_meyer_angle(mach_number: float) -> float:
     """Return the Prandtl-Meyer angle nu(M) [rad]."""
     k = math.sqrt((GAMMA + 1.0) / (GAMMA - 1.0))
@@ -59,7 +57,7 @@ def prandtl_meyer_angle(mach_number: float) -> float:
     return k * math.atan(root / k) - math.atan(root)
 
 
-@njit(**_COMPILE)
+@compiled
 def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
     """Return p2/p1 of an isentropic turn away by ``turning`` [rad] >= 0 (Newton on nu(M2)).
 
@@ -81,7 +79,7 @@ def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
     return max((before / after) ** (GAMMA / (GAMMA - 1.0)), LEAST_PRESSURE_RATIO)
 
 
-@njit(**_COMPILE)
+@compiled
 def compressed_pressure_ratio(mach_number: float, turning: float) -> float:
     """Return p2/p1 of the weak oblique shock that turns the flow by ``turning`` [rad] > 0; -1 if detached.
 
@@ -106,7 +104,7 @@ def compressed_pressure_ratio(mach_number: float, turning: float) -> float:
     return 1.0 + 2.0 * GAMMA / (GAMMA + 1.0) * (normal2 - 1.0)
 
 
-@njit(**_COMPILE)
+@compiled
 def wall_pressure(pressure: float, density: float, speed: float, outflow_angle: float) -> float:
     """Return the pressure after the flow is turned parallel to the wall.
 

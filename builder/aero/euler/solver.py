@@ -13,6 +13,7 @@ from math import atan, degrees, e, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from builder.aero.euler import grid as cross_plane
 from builder.aero.euler import march
 from builder.aero.euler.gas import GAMMA
 from builder.geometry import BodyOfRevolution
@@ -106,6 +107,8 @@ def solve_flow(
     grid = grid or MarchingGrid()
     # One compiled version of the march serves all calls if every scalar is a float.
     mach_number, incidence = float(mach_number), float(incidence)
+    if not mach_number > 1.0:
+        raise FlowReachError(f"euler: Mach number {mach_number:g} found, must be greater than 1")
     first = body.segments[0]
     start = float(first.end_x if first.is_straight else OGIVE_START * first.end_x)
     start_angle = atan(float(body.radius(start)) / start)
@@ -187,15 +190,30 @@ def _march_e_fold(
 
 
 def _advance(
-    plane: _Plane, segment: FloatArray, x_end: float, mach_number: float, incidence: float,
+    plane: _Plane,
+    segment: FloatArray,
+    x_end: float,
+    mach_number: float,
+    incidence: float,
     grid: MarchingGrid,
 ) -> tuple[FloatArray, FloatArray]:
     """March ``plane`` to ``x_end`` and return stations (n,) and p/p_inf (n, n_phi)."""
     n_phi = grid.n_circumferential
     stations, pressures = np.empty(MAX_STEPS), np.empty((MAX_STEPS, n_phi))
     status, n_steps, x = march.march(
-        plane.conserved, plane.outer, grid.spacing(grid.n_radial), segment, float(plane.x), float(x_end),
-        mach_number, incidence, COURANT, stations, pressures, plane.force, plane.repairs,
+        plane.conserved,
+        plane.outer,
+        grid.spacing(grid.n_radial),
+        segment,
+        float(plane.x),
+        float(x_end),
+        mach_number,
+        incidence,
+        COURANT,
+        stations,
+        pressures,
+        plane.force,
+        plane.repairs,
     )
     if status != march.REACHED_END:
         reasons = {
@@ -245,8 +263,8 @@ def _momentum_balance(
     spacing = grid.spacing(grid.n_radial)
     vertex = np.empty((2, grid.n_circumferential + 1, grid.n_radial + 1))
     area = np.empty((grid.n_circumferential, grid.n_radial))
-    march.place_vertices(base_radius, plane.outer, spacing, vertex)
-    march.cell_areas(vertex, area)
+    cross_plane.place_vertices(base_radius, plane.outer, spacing, vertex)
+    cross_plane.cell_areas(vertex, area)
     free_stream = _free_stream(mach_number, incidence, grid)
     base_area = pi * base_radius**2
     deficit = 2.0 * np.sum((free_stream - plane.conserved) * area, axis=(1, 2)) + free_stream[:, 0, 0] * base_area

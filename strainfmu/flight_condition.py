@@ -1,0 +1,67 @@
+"""A flight condition mu = [M, alpha, beta, H] and what follows from it.
+
+The wind seen by the body is V (cos a cos b, -sin b, sin a cos b) in body axes: x aft, y starboard, z up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from math import atan2, cos, degrees, hypot, sin
+
+from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
+
+
+@dataclass(frozen=True)
+class FlightCondition:
+    """One flight condition.
+
+    Attributes
+    ----------
+    mach_number : M [1].
+    angle_of_attack : alpha [rad], positive nose-up.
+    sideslip_angle : beta [rad], positive with the wind from starboard.
+    altitude : H, geopotential [m].
+    """
+
+    mach_number: float
+    angle_of_attack: float
+    sideslip_angle: float
+    altitude: float
+
+    @property
+    def _cross_flow(self) -> tuple[float, float]:
+        """Direction of the wind along y and z."""
+        return -sin(self.sideslip_angle), sin(self.angle_of_attack) * cos(self.sideslip_angle)
+
+    @property
+    def total_incidence(self) -> float:
+        """Angle a_T between the axis and the wind [rad]: cos a_T = cos alpha cos beta.
+
+        By the arc tangent, which keeps its digits near 0, where the arc cosine loses half of them.
+        """
+        return atan2(hypot(*self._cross_flow), cos(self.angle_of_attack) * cos(self.sideslip_angle))
+
+    @property
+    def leeward_roll_angle(self) -> float:
+        """Roll angle phi_T of the leeward meridian [rad], from +z towards +y (0 without incidence)."""
+        return atan2(*self._cross_flow)
+
+    @property
+    def ambient_pressure(self) -> float:
+        """p_inf [Pa]."""
+        return pressure_and_temperature(self.altitude)[0]
+
+    @property
+    def dynamic_pressure(self) -> float:
+        """q_inf [Pa]."""
+        return dynamic_pressure(self.mach_number, self.altitude)
+
+    def as_tuple(self) -> tuple[float, float, float, float]:
+        """Return (mach_number, angle_of_attack, sideslip_angle, altitude)."""
+        return astuple(self)
+
+    def __str__(self) -> str:
+        return (
+            f"M {self.mach_number:g}, angle of attack {degrees(self.angle_of_attack):g} deg, "
+            f"sideslip {degrees(self.sideslip_angle):g} deg, {self.altitude / 1e3:g} km"
+        )
