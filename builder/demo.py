@@ -16,13 +16,13 @@ from builder import figures
 from builder.build import build_inverse_map
 from builder.campaign import load_snapshots, save_snapshots, solve_flows, take_snapshots
 from builder.flight_score import FlightScore, score_flight
-from builder.flight_tables import flight_model, truth_keys
+from builder.flight_tables import flight_model, truth_keys, truth_knots
 from builder.geometry import surface_grid
 from builder.reporting import Reporter
 from builder.structural_model import check_gauges, structural_model, used_layouts
 from builder.vehicle import Vehicle, load_vehicle
 from builder.workspace import Workspace
-from strainfmu.cosim.flight_model import save_flight_model
+from strainfmu.cosim.flight_model import check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.system import System
@@ -87,7 +87,8 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     vehicle = load_vehicle(vehicle_path)
     # Refused before the long work, not after it.
     check_gauges(vehicle)
-    load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
+    check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     chain = _Chain(vehicle, Workspace(folder), reporter)
     _snapshots(chain)
     _inverse_map(chain)

@@ -25,13 +25,16 @@ from strainfmu.cosim.flight_model import FlightModel
 FloatArray = NDArray[np.float64]
 
 
+def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return the knots of the flight model: Mach numbers (n_M,) and total incidences (n_a,) [rad] from 0."""
+    incidence = sorted(round(radians(angle), 9) for angle in vehicle.truth.total_incidence_deg)
+    return np.array(sorted(vehicle.truth.mach_number)), np.array([0.0, *incidence])
+
+
 def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
     """Return the (M, a_T [rad]) at which the independent model's flows are solved."""
-    return [
-        (round(mach, 9), round(radians(angle), 9))
-        for mach in sorted(vehicle.truth.mach_number)
-        for angle in sorted(vehicle.truth.total_incidence_deg)
-    ]
+    mach, incidence = truth_knots(vehicle)
+    return [(round(m, 9), a) for m in mach.tolist() for a in incidence[1:].tolist()]
 
 
 def pressure_harmonics(solution: FlowSolution, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
@@ -60,8 +63,8 @@ def flight_model(
     structure : the independent structural model, with the vehicle's layout in use.
     noise_std : gauge noise sigma [m/m].
     """
-    mach = np.array(sorted(vehicle.truth.mach_number))
-    incidence = np.array(sorted({key[1] for key in flows}))
+    mach, knots = truth_knots(vehicle)
+    incidence = knots[1:]
     layout = vehicle.gauges.layout
     placed = structure.placed[layout]
     station = np.abs(placed.x[:, None] - structure.response.gauge_x).argmin(axis=1)
@@ -93,7 +96,7 @@ def flight_model(
         gauge_roll_angle=placed.roll_angle,
         gauge_channel=channel.astype(np.int64).reshape(-1),
         mach_knots=mach,
-        incidence_knots=np.concatenate([[0.0], incidence]),
+        incidence_knots=knots,
         strain_table=_spline_table(mach, incidence, strain, parity),
         coefficient_table=_spline_table(mach, incidence, coefficient, np.array([1.0, -1.0, -1.0])),
         strain_of_internal_pressure=structure.strain_operator(layout).sum(axis=1),

@@ -9,14 +9,17 @@ from time import perf_counter
 
 import numpy as np
 
-from strainfmu.cosim.master import simulate
+from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.system import System
 from strainfmu.estimator import Estimator
-from strainfmu.inverse_map import load_inverse_map
+from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+
+STOP_TIME = 2.0
+COMMUNICATION_STEP_SIZE = 1e-3
 
 
-def bench_loop(map_path: Path, fmu_path: Path) -> dict[str, float]:
-    """Return the time per step [s] of the bare product, the numpy estimator and the FMU through fmpy.
+def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[str, float]:
+    """Return the time per step [s] of the bare product, the numpy estimator and both FMUs through fmpy.
 
     Raises
     ------
@@ -27,16 +30,23 @@ def bench_loop(map_path: Path, fmu_path: Path) -> dict[str, float]:
     estimator = Estimator(inverse_map)
     n = inverse_map.n_gauges
     rows = inverse_map.load_per_state @ inverse_map.strain_gain
-    strain = inverse_map.mean_strain.copy()
-    out = np.empty(5)
-    pressure = inverse_map.nominal_dynamic_pressure
-    record = [f"estimator.{name}" for name in ("C_A", "C_N", "C_Y", "M_P", "M_Y")]
-    start = {f"estimator.strain[{i + 1}]": float(value) for i, value in enumerate(strain)}
-    flown = simulate(System({"estimator": fmu_path}, start_values=start), 2.0, 1e-3, record=record)
+    strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
+    out = np.empty(len(COEFFICIENT_NAMES))
+    fmus = {"plant": plant_path, "estimator": estimator_path}
+    flown = simulate(
+        System(fmus, matching_connections("plant", "estimator", fmus)),
+        STOP_TIME,
+        COMMUNICATION_STEP_SIZE,
+        record=[f"estimator.{name}" for name in COEFFICIENT_NAMES],
+    )
+    cost = dict(zip(flown.instances, np.median(flown.step_cost, axis=0).tolist(), strict=True))
     return {
         f"bare product 5 x {n}, numpy": time_per_call(lambda: np.dot(rows, strain, out=out)),
-        f"Estimator.estimate, {n} gauges, health on": time_per_call(lambda: estimator.estimate(strain, pressure)),
-        f"FMU through fmpy, step and read 5 of {n} inputs' coefficients": float(np.median(flown.step_cost)),
+        f"Estimator.estimate, {n} gauges, with health": time_per_call(
+            lambda: estimator.estimate(strain, pressure)
+        ),
+        f"estimator FMU: set {n + 1}, step, get {len(out)}": cost["estimator"],
+        f"plant FMU: step, get {n + 1}": cost["plant"],
     }
 
 

@@ -142,15 +142,19 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     """
     from math import degrees
 
-    from builder.campaign import flow_key
+    from builder.flight_conditions import flow_key
+    from builder.flight_tables import truth_knots
     from builder.structural_model import check_gauges
     from builder.vehicle import load_vehicle
+    from strainfmu.cosim.flight_model import check_envelope
     from strainfmu.cosim.trajectory import load_trajectory
 
     loaded = load_vehicle(vehicle)
     body = loaded.body()
     gauges = check_gauges(loaded)
-    trajectory = load_trajectory(loaded.beside(loaded.truth.manoeuvre))
+    manoeuvre = loaded.beside(loaded.truth.manoeuvre)
+    trajectory = load_trajectory(manoeuvre)
+    check_envelope(*truth_knots(loaded), trajectory, manoeuvre)
     conditions = loaded.flight_conditions()
     table = Table(title=f"{vehicle}: {loaded.name}", show_header=False)
     table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
@@ -237,10 +241,10 @@ def inspect(
 @app.command()
 def bench(
     folder: Annotated[
-        Path, typer.Argument(help="Folder of a finished demo: its map.h5 and estimator.fmu are timed.")
+        Path, typer.Argument(help="Folder of a finished demo: its map and its FMUs are timed.")
     ] = Path("demo"),
 ) -> None:
-    """Time what runs in the loop, side by side: bare product, numpy estimator, FMU through fmpy.
+    """Time what runs in the loop, side by side: bare product, numpy estimator, FMUs through fmpy.
 
     Example:
 
@@ -248,7 +252,7 @@ def bench(
     """
     from strainfmu.bench import bench_loop
 
-    rows = bench_loop(folder / "map.h5", folder / "estimator.fmu")
+    rows = bench_loop(folder / "map.h5", folder / "estimator.fmu", folder / "plant.fmu")
     table = Table(title=f"One step, {folder}: median of repeated runs in one process")
     for heading in ("what", "time per step", "of the bare product"):
         table.add_column(heading, justify="left" if heading == "what" else "right")

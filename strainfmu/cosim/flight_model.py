@@ -17,6 +17,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from strainfmu.atmosphere import pressure_and_temperature
+from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically
 from strainfmu.flight_condition import FlightCondition
@@ -40,6 +42,8 @@ _UNITS = {
 
 # A flight condition this share of the envelope outside a knot is round-off, not a wrong trajectory.
 _ROUND_OFF = 1e-9
+# Points per trajectory interval at which the envelope is checked: cubics bend between the rows.
+_CHECKS_PER_ROW = 10
 
 
 @dataclass(frozen=True)
@@ -154,6 +158,29 @@ def evaluate(model: FlightModel, condition: FlightCondition, time: float | None 
         ambient_pressure * strain - inside * model.strain_of_internal_pressure,
         dynamic_pressure,
     )
+
+
+def check_envelope(
+    mach_knots: FloatArray, incidence_knots: FloatArray, trajectory: Trajectory, path: Path
+) -> None:
+    """Refuse a trajectory, read from ``path``, that leaves the knots of a flight model.
+
+    Raises
+    ------
+    InputError
+        The trajectory leaves the envelope; the message names the file, the quantity and the time.
+    """
+    fractions = np.arange(_CHECKS_PER_ROW) / _CHECKS_PER_ROW
+    steps = np.diff(trajectory.time)
+    times = np.append(np.add(trajectory.time[:-1, None], np.outer(steps, fractions)), trajectory.stop_time)
+    for time in times.tolist():
+        condition, when = trajectory.at(time), f" at time {time:.6g} s"
+        try:
+            _cell(mach_knots, condition.mach_number, "mach_number", 1.0, "", when)
+            _cell(incidence_knots, condition.total_incidence, "total incidence", degrees(1.0), " deg", when)
+            pressure_and_temperature(condition.altitude)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
 
 
 def _powers(step: float) -> FloatArray:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-import numpy as np
-
-from strainfmu.cosim.flight_model import FlightModel, evaluate, load_flight_model
-from strainfmu.cosim.trajectory import Trajectory, load_trajectory
-from strainfmu.errors import InputError
+from strainfmu.cosim.flight_model import check_envelope, load_flight_model
+from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.files import open_hdf5
 from strainfmu.fmu.documentation import documentation_files, estimator_sections, plant_sections
 from strainfmu.fmu.model_description import FmuDescription
@@ -41,8 +38,6 @@ _PLANT_MODULES = (
 )
 
 _STEP_SIZE = 1e-3
-# Points per trajectory interval at which the envelope is checked: cubics bend between the rows.
-_CHECKS_PER_ROW = 10
 
 
 def export_estimator(map_path: Path, fmu_path: Path, model_name: str = "StrainLoadEstimator") -> None:
@@ -87,7 +82,7 @@ def export_plant(
     check_fmu_path(fmu_path)
     model = load_flight_model(flight_model_path)
     trajectory = load_trajectory(trajectory_path)
-    check_envelope(model, trajectory, trajectory_path)
+    check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
     with open_hdf5(flight_model_path, "strainfmu.flight_model", 1) as file:
         content_hash = str(file.attrs["content_hash"])
     table = trajectory_path.read_bytes()
@@ -104,21 +99,3 @@ def export_plant(
     documentation = documentation_files(description, plant_sections(model, trajectory, content_hash))
     payload = {"flight_model.h5": flight_model_path.read_bytes(), "trajectory.csv": table}
     write_fmu(fmu_path, description, code, payload, documentation)
-
-
-def check_envelope(model: FlightModel, trajectory: Trajectory, path: Path) -> None:
-    """Fly the trajectory from ``path`` once, so that an FMU never leaves the envelope in a simulation.
-
-    Raises
-    ------
-    InputError
-        The trajectory leaves the envelope; the message names the file, the quantity and the time.
-    """
-    fractions = np.arange(_CHECKS_PER_ROW) / _CHECKS_PER_ROW
-    steps = np.diff(trajectory.time)
-    times = np.append(np.add(trajectory.time[:-1, None], np.outer(steps, fractions)), trajectory.stop_time)
-    for time in times.tolist():
-        try:
-            evaluate(model, trajectory.at(time), time)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error

@@ -1,0 +1,197 @@
+"""Everything a user can get wrong: one line, the right exit code, nothing half-written left behind."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import pytest
+
+from strainfmu.files import HASH_ATTRIBUTE, content_hash
+
+OGIVE = Path(__file__).parent / "ogive"
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def vehicle(tmp_path: Path) -> Path:
+    """Return a copy of the coarse vehicle that a test may spoil."""
+    shutil.copytree(OGIVE, tmp_path / "vehicle")
+    return tmp_path / "vehicle" / "ogive.toml"
+
+
+def spoil(path: Path, old: str, new: str) -> None:
+    """Replace text that must be there once or more, the first time only."""
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def refused(outcome: tuple[int, str, str], *words: str, code: int = 2) -> None:
+    """Check the exit code and that standard error is one line that holds ``words``."""
+    found, _, message = outcome
+    assert found == code
+    assert message.count("\n") == 1
+    assert message.startswith("strainfmu: ")
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("wall_thickness_mm = 3.0", "wall_thicknes_mm = 3.0", ("structure.wall_thicknes_mm", "wall_thickness_mm")),
+        (
+            "wall_thickness_mm = 3.0",
+            "wall_thickness_in = 0.1",
+            ("wall_thickness_in", "wrong unit", "thickness_mm"),
+        ),
+        ("wall_thickness_mm = 3.0", 'wall_thickness_mm = "3 mm"', ("'3 mm' found", "number")),
+        ("wall_thickness_mm = 3.0", "wall_thickness_mm = -3.0", ("-3.0 found", "greater than 0")),
+        ("wall_thickness_mm = 3.0", "wall_thickness_mm = nan", ("nan found", "finite")),
+        ("wall_thickness_mm = 3.0", "", ("structure.wall_thickness_mm", "missing")),
+        ("wall_thickness_mm = 3.0", "wall_thickness_mm = 400.0", ("wall",)),
+        ("end_x_m = 2.5", "end_x_m = 0.5", ("profile segment 2", "aft of 1")),
+        ("poisson_ratio = 0.33", "poisson_ratio = 0.5", ("poisson_ratio", "0.5 found", "less than 0.5")),
+        ("modes = 4", "modes = 40", ("map.modes: 40 found", "at most")),
+        ('file = "gauges.csv"', 'file = "none.csv"', ("none.csv", "no such file")),
+        ('manoeuvre = "manoeuvre.csv"', 'manoeuvre = "none.csv"', ("none.csv", "no such file")),
+        ('name = "ogive test body"', "name = ", ("not a TOML file",)),
+    ],
+)
+def test_vehicle_entries(
+    vehicle: Path, tmp_path: Path, run: Run, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    spoil(vehicle, old, new)
+    outcome = run("demo", "--vehicle", vehicle, "-o", tmp_path / "out")
+    refused(outcome, *words)
+    assert not (tmp_path / "out" / "map.h5").exists()
+
+
+def test_missing_vehicle_file(tmp_path: Path, run: Run) -> None:
+    refused(run("demo", "--vehicle", tmp_path / "none.toml"), "none.toml", "no such file")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("axial_0_1,1.2,0.000000,0.", "axial_0_1,1.2,0.001000,0.", ()),
+        ("axial_90_1,1.2,0.", "axial_90_1,1.2,0.9", ("axial_90_1", "outside the inner surface")),
+        ("axial_0_1,1.2,", "axial_0_1,0.05,", ("axial_0_1", "0.05")),
+        ("axial_0_1,1.2,", "axial_0_1,9.0,", ("axial_0_1", "9")),
+        (",1,0,0\n", ",0,0,0\n", ("axial_0_1", "direction")),
+        ("axial_0_2", "axial_0_1", ("axial_0_1", "twice")),
+        ("axial_0_1,1.2,", "axial_0_1,nan,", ("gauges.csv", "line 2", "x_m", "finite")),
+        ("direction_z", "dz", ("gauges.csv", "columns", "direction_z")),
+    ],
+)
+def test_gauges(vehicle: Path, run: Run, old: str, new: str, words: tuple[str, ...]) -> None:
+    spoil(vehicle.parent / "gauges.csv", old, new)
+    outcome = run("check", vehicle)
+    if words:
+        refused(outcome, *words)
+    else:
+        assert outcome[0] == 0  # 1 mm along the surface is no distance from it
+
+
+def test_gauge_one_millimetre_off_the_surface(vehicle: Path, run: Run) -> None:
+    table = vehicle.parent / "gauges.csv"
+    z = float(table.read_text().splitlines()[1].split(",")[3])
+    spoil(table, f"{z:.6f}", f"{z - 0.001:.6f}")
+    refused(run("check", vehicle), "axial_0_1", "1.00 mm inside", "0.5 mm is allowed")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        # Too slow for an attached shock at the tip.
+        ("mach_number = [4.0, 4.5, 5.0]", "mach_number = [1.3, 4.5, 5.0]", ("x = 0 m (tip)", "M 1.3")),
+        # A steep corner far from the tip.
+        (
+            "half_angle_deg = 0.0\nend_x_m = 2.5",
+            "half_angle_deg = 0.0\nend_x_m = 2.4\n\n"
+            '[[profile]]\nkind = "cone"\nhalf_angle_deg = 40.0\nend_x_m = 2.5',
+            ("x = 2.4", "M "),
+        ),
+    ],
+)
+def test_condition_outside_the_solvers_reach(
+    vehicle: Path, tmp_path: Path, run: Run, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    spoil(vehicle, old, new)
+    outcome = run("build", vehicle, "-o", tmp_path / "out")
+    refused(outcome, "axial Mach number falls to 1", "total incidence", *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_manoeuvre_outside_the_flight_model(vehicle: Path, tmp_path: Path, run: Run) -> None:
+    spoil(vehicle.parent / "manoeuvre.csv", "1,4.6,5,1,22", "1,4.6,9,1,22")
+    outcome = run("demo", "--vehicle", vehicle, "-o", tmp_path / "out")
+    refused(outcome, "manoeuvre.csv", "total incidence", "0 to 7 deg allowed")
+    assert not (tmp_path / "out").exists()  # refused before the long work
+
+
+def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
+    original = (ogive_demo / "map.h5").read_bytes()
+    path, fmu = tmp_path / "map.h5", tmp_path / "x.fmu"
+    refused(run("export", path, "-o", fmu), "map.h5", "no such file")
+    path.write_bytes(original[: len(original) // 2])
+    refused(run("export", path, "-o", fmu), "map.h5", "damaged")
+    path.write_bytes(b"not a map")
+    refused(run("inspect", path), "map.h5", "not an HDF5 file")
+    path.write_bytes(original)
+    with h5py.File(path, "r+") as file:
+        file["strain_gain"][0, 0] *= 1.0 + 1e-9
+    refused(run("export", path, "-o", fmu), "content hash")
+    path.write_bytes(original)
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema_version"] = 0
+        file.attrs[HASH_ATTRIBUTE] = content_hash(file)
+    refused(run("export", path, "-o", fmu), "schema version 0 found", "1 wanted")
+    refused(run("export", ogive_demo / "snapshots.h5", "-o", fmu), "strainfmu.snapshots")
+    assert not fmu.exists()
+
+
+def test_output_that_cannot_be_written(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
+    (tmp_path / "file").write_text("in the way")
+    refused(run("demo", "-o", tmp_path / "file"), "is a file")
+    refused(run("export", ogive_demo / "map.h5", "-o", tmp_path / "file" / "x.fmu"), "file", code=1)
+    refused(run("export", ogive_demo / "map.h5", "-o", tmp_path / "x.zip"), "x.zip", ".fmu")
+
+
+def test_wrong_options(run: Run) -> None:
+    refused(run("fly"), "No such command 'fly'")
+    refused(run("demo", "--speed", "9"), "--speed")
+    refused(run("check"), "Missing argument")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are a POSIX means to fill a disk")
+@pytest.mark.parametrize("largest", [4_000, 100_000])
+def test_disk_full_while_writing(vehicle: Path, tmp_path: Path, largest: int) -> None:
+    """The operating system refuses to let a file grow, as it does on a full disk."""
+    folder = tmp_path / "out"
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+
+    finished = subprocess.run(
+        # Machine code and coverage data are files too: neither may be what hits the limit.
+        [sys.executable, "-c", "from strainfmu.cli import main; main()", "build", str(vehicle), "-o", str(folder)],
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={"PATH": "", "COVERAGE_PROCESS_START": "", "COVERAGE_PROCESS_CONFIG": ""},
+    )
+    assert finished.returncode == 1
+    assert finished.stderr.count("\n") == 1
+    assert "snapshots.h5: could not be written: File too large" in finished.stderr
+    assert list(folder.iterdir()) == []

@@ -1,0 +1,159 @@
+"""The main job as a user does it: the demonstration of the shipped vehicle, and what it leaves behind."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from builder.flight_score import score_flight
+from strainfmu.cosim.recording import load_recording
+from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+
+OGIVE = Path(__file__).parent / "ogive" / "ogive.toml"
+
+Run = Callable[..., tuple[int, str, str]]
+
+FILES = (
+    "snapshots.h5",
+    "map.h5",
+    "flight_model.h5",
+    "estimator.fmu",
+    "plant.fmu",
+    "flight.h5",
+    "flight.csv",
+    "pressure_unrolled.png",
+    "pressure_on_body.png",
+    "gauges.png",
+    "coefficients.png",
+    "summary.json",
+)
+
+
+def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
+    score = score_flight(load_recording(ic3x_demo / "flight.h5"))
+    c_n, c_y = COEFFICIENT_NAMES.index("C_N"), COEFFICIENT_NAMES.index("C_Y")
+    assert score.rms_error_of_range[c_n] < 0.03
+    assert score.rms_error_of_range[c_y] < 0.03
+    assert np.all(score.coverage >= 0.97)
+    # Bands that hold everything because they are huge would say nothing.
+    assert score.mean_sigma[c_n] < 0.02
+    assert score.mean_sigma[c_y] < 0.02
+    assert score.healthy > 0.99
+
+
+def test_the_flight_is_20_s_at_100_hz_and_the_csv_says_the_same(ic3x_demo: Path) -> None:
+    recording = load_recording(ic3x_demo / "flight.h5")
+    np.testing.assert_allclose(recording.time, np.arange(2001) * 0.01, atol=1e-12)
+    with (ic3x_demo / "flight.csv").open(newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert rows[0][0] == "time"
+    assert tuple(rows[0][1:]) == recording.names
+    np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], recording.values, rtol=1e-12)
+
+
+def test_the_five_modes_hold_99_percent_of_the_energy(ic3x_demo: Path) -> None:
+    # The paper states 99.1 % for five modes of its set P1.
+    assert load_inverse_map(ic3x_demo / "map.h5").provenance["energy_of_modes"] == pytest.approx(0.991, abs=0.005)
+
+
+def test_it_names_every_file_and_prints_the_table(ic3x_demo: Path) -> None:
+    printed = (ic3x_demo.parent / "printed.txt").read_text(encoding="utf-8")
+    for name in FILES:
+        assert (ic3x_demo / name).stat().st_size > 0
+        assert name in printed
+    for name in COEFFICIENT_NAMES:
+        assert name in printed
+    assert set(json.loads((ic3x_demo / "summary.json").read_text())["coverage"]) == set(COEFFICIENT_NAMES)
+
+
+def test_a_second_run_reuses_everything_and_says_so(ic3x_demo: Path, run: Run) -> None:
+    before = {name: (ic3x_demo / name).stat().st_mtime_ns for name in FILES}
+    code, printed, _ = run("demo", "-o", ic3x_demo)
+    assert code == 0
+    for name in FILES:
+        assert f"{name}: up to date, reused" in printed
+        assert (ic3x_demo / name).stat().st_mtime_ns == before[name]
+
+
+def test_a_damaged_result_is_made_again(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
+    folder = tmp_path / "demo"
+    shutil.copytree(ogive_demo, folder)
+    content = bytearray((folder / "map.h5").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    (folder / "map.h5").write_bytes(content)
+    code, printed, _ = run("demo", "-o", folder, "--vehicle", OGIVE)
+    assert code == 0
+    assert "snapshots.h5: up to date, reused" in printed
+    assert "map.h5: up to date" not in printed
+    assert (folder / "map.h5").read_bytes() == (ogive_demo / "map.h5").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["estimator.fmu", "plant.fmu"])
+def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str) -> None:
+    assert validate_fmu(str(ic3x_demo / name)) == []
+    output = tmp_path / "result.csv"
+    for command in (
+        ["validate", str(ic3x_demo / name)],
+        ["simulate", str(ic3x_demo / name), "--stop-time", "1", "--output-file", str(output)],
+    ):
+        finished = subprocess.run(
+            [sys.executable, "-m", "fmpy", *command], capture_output=True, text=True, check=False
+        )
+        assert finished.returncode == 0, finished.stdout + finished.stderr
+    with output.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert all(np.isfinite(float(row["C_N"])) for row in rows)
+
+
+def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogive_demo: Path) -> None:
+    from fmpy import simulate_fmu
+
+    from strainfmu.estimator import Estimator
+
+    for folder in (ic3x_demo, ogive_demo, ic3x_demo):
+        inverse_map = load_inverse_map(folder / "map.h5")
+        strain = 0.7 * inverse_map.mean_strain
+        start = {f"strain[{i + 1}]": float(value) for i, value in enumerate(strain)}
+        result = simulate_fmu(
+            str(folder / "estimator.fmu"), stop_time=0.1, step_size=0.1, output_interval=0.1, start_values=start
+        )
+        expected = Estimator(inverse_map).estimate(strain, inverse_map.nominal_dynamic_pressure).coefficients
+        found = [result[name][-1] for name in COEFFICIENT_NAMES]
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_every_command_runs_on_the_result(ic3x_demo: Path, tmp_path: Path, run: Run) -> None:
+    code, printed, _ = run("inspect", ic3x_demo / "map.h5")
+    assert code == 0
+    assert "IC3X surrogate" in printed
+    code, _, _ = run("export", ic3x_demo / "map.h5", "-o", tmp_path / "again.fmu")
+    assert code == 0
+    assert validate_fmu(str(tmp_path / "again.fmu")) == []
+    code, printed, _ = run("bench", ic3x_demo)
+    assert code == 0
+    assert "bare product" in printed
+
+
+def test_build_stops_at_the_map(tmp_path: Path, ogive_demo: Path, run: Run) -> None:
+    code, _, _ = run("build", OGIVE, "-o", tmp_path)
+    assert code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json", "map.h5", "snapshots.h5"]
+    assert (tmp_path / "map.h5").read_bytes() == (ogive_demo / "map.h5").read_bytes()
+
+
+def test_check_reports_without_solving(run: Run) -> None:
+    from builder.vehicle import IC3X
+
+    code, printed, _ = run("check", IC3X)
+    assert code == 0
+    assert "90 conditions, 85 distinct flows" in printed
+    assert "54 gauges" in printed
