@@ -6,6 +6,7 @@ Every link writes a file into one folder; a link whose inputs have not changed i
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -253,36 +254,44 @@ def _figures(chain: _Chain, recording: Recording) -> None:
     snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
     inverse_map = load_inverse_map(chain.workspace.path("map.h5"))
     title = vehicle.name
-    with chain.reporter.stage("Figures") as progress:
-        of_pressure = {"snapshots": chain.made_from("snapshots.h5"), "title": title}
-        chain.link(
+    of_pressure = {"snapshots": chain.made_from("snapshots.h5"), "title": title}
+    of_all = {**of_pressure, "map": chain.made_from("map.h5"), "flight": chain.made_from("flight.h5")}
+    drawings: list[tuple[str, str, dict[str, Any], Callable[[], figures.Figure]]] = [
+        (
+            "overview.png",
+            "figure: load, gauges and estimate in one picture",
+            of_all,
+            lambda: figures.overview(snapshots, surface, inverse_map, recording, title),
+        ),
+        (
             "pressure_unrolled.png",
             "figure: pressure of three conditions on the unrolled surface",
             of_pressure,
-            lambda path: figures.save(figures.pressure_unrolled(snapshots, surface, title), path),
-        )
-        progress(1, 4)
-        chain.link(
+            lambda: figures.pressure_unrolled(snapshots, surface, title),
+        ),
+        (
             "pressure_on_body.png",
             "figure: the same on the body",
             of_pressure,
-            lambda path: figures.save(figures.pressure_on_body(snapshots, surface, title), path),
-        )
-        progress(2, 4)
-        chain.link(
+            lambda: figures.pressure_on_body(snapshots, surface, title),
+        ),
+        (
             "gauges.png",
             "figure: gauge layout",
             {"map": chain.made_from("map.h5")},
-            lambda path: figures.save(figures.gauges(inverse_map, surface), path),
-        )
-        progress(3, 4)
-        chain.link(
+            lambda: figures.gauges(inverse_map, surface),
+        ),
+        (
             "coefficients.png",
             "figure: estimated against true coefficients, 3 sigma bands",
             {"flight": chain.made_from("flight.h5"), "title": title},
-            lambda path: figures.save(figures.coefficients(recording, title), path),
-        )
-        progress(4, 4)
+            lambda: figures.coefficients(recording, title),
+        ),
+    ]
+    with chain.reporter.stage("Figures") as progress:
+        for done, (name, holds, inputs, draw) in enumerate(drawings, start=1):
+            chain.link(name, holds, inputs, lambda path, draw=draw: figures.save(draw(), path))
+            progress(done, len(drawings))
 
 
 def _summary(chain: _Chain, score: FlightScore) -> None:

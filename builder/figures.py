@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +77,7 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
 
 
 def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
-    """Draw p/p_inf on the body for three conditions, seen from leeward and from windward, to scale."""
+    """Draw p/p_inf on the body for three conditions, seen from leeward and from windward."""
     figure = _figure(11.0, 6.0)
     axes = figure.subplots(3, 2, sharex=True, sharey=True)
     conditions = snapshots.conditions()
@@ -85,22 +85,7 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
         condition = conditions[index]
         ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
         for axis, side, towards in zip(row, ("leeward", "windward"), (0.0, np.pi), strict=True):
-            # Roll angle from the meridian that faces the eye; the half that is seen is +-90 deg of it.
-            seen = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
-            roll = np.mod(seen + condition.leeward_roll_angle + towards, 2.0 * np.pi)
-            shown = _at_roll_angles(ratio, surface.roll_angle, roll)
-            across = 1e3 * np.outer(surface.radius, np.sin(seen))
-            along = np.repeat(surface.x[:, None], len(seen), axis=1)
-            drawn = axis.pcolormesh(
-                along,
-                across,
-                shown,
-                shading="gouraud",
-                cmap=COLOUR_MAP,
-                vmin=ratio.min(),
-                vmax=ratio.max(),
-                rasterized=True,
-            )
+            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards)
             axis.set_title(f"{condition}, from {side}", fontsize=8)
         row[0].set_ylabel("across [mm]")
         figure.colorbar(drawn, ax=row, label="$p/p_\\infty$ [1]", pad=0.01)
@@ -108,6 +93,24 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
         axis.set_xlabel("station x from the nose tip [m]")
     figure.suptitle(f"Surface pressure on the body: {title}")
     return figure
+
+
+def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float) -> Any:
+    """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad]."""
+    seen = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
+    shown = _at_roll_angles(ratio, surface.roll_angle, np.mod(seen + facing, 2.0 * np.pi))
+    across = 1e3 * np.outer(surface.radius, np.sin(seen))
+    along = np.repeat(surface.x[:, None], len(seen), axis=1)
+    return axis.pcolormesh(
+        along,
+        across,
+        shown,
+        shading="gouraud",
+        cmap=COLOUR_MAP,
+        vmin=ratio.min(),
+        vmax=ratio.max(),
+        rasterized=True,
+    )
 
 
 def _at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -151,39 +154,77 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     return figure
 
 
+def overview(
+    snapshots: Snapshots, surface: SurfaceGrid, inverse_map: InverseMap, recording: Recording, title: str
+) -> Figure:
+    """Draw the product in one picture: load and gauges on the body, and two coefficients that strain gave back."""
+    figure = _figure(10.0, 6.5)
+    body, *panels = figure.subplots(3, 1, height_ratios=(1.1, 1.0, 1.0))
+    index = three_conditions(snapshots)[1]
+    condition = snapshots.conditions()[index]
+    ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
+    facing = condition.leeward_roll_angle + np.pi
+    drawn = _draw_body(body, ratio, surface, facing)
+    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01)
+    position = inverse_map.gauge_position
+    away = np.arctan2(position[:, 1], position[:, 2]) - facing
+    front = np.cos(away) > 0.0
+    radius = np.hypot(position[:, 1], position[:, 2])
+    body.plot(
+        position[front, 0],
+        1e3 * (radius * np.sin(away))[front],
+        "o",
+        color="white",
+        markeredgecolor="black",
+        markersize=4,
+        label="strain gauges on the inner surface",
+    )
+    body.legend(fontsize=8, loc="upper left")
+    body.set_title(f"Air load: {condition}, seen from windward", fontsize=9, loc="left")
+    body.set_xlabel("station x from the nose tip [m]")
+    body.set_ylabel("across [mm]")
+    for axis, name in zip(panels, ("C_N", "C_Y"), strict=True):
+        _draw_coefficient(axis, recording, name)
+    panels[0].sharex(panels[1])
+    panels[1].legend(ncols=3, fontsize=8, loc="lower right")
+    panels[1].set_xlabel("time [s]")
+    figure.suptitle(f"From strain to air loads: {title}")
+    return figure
+
+
+def _draw_coefficient(axis: Any, recording: Recording, name: str) -> None:
+    """Draw one coefficient over time: truth, estimate and its band of 3 sigma."""
+    time, truth, estimate = recording.time, recording[f"plant.{name}"], recording[f"estimator.{name}"]
+    sigma = recording[f"estimator.sigma.{name}"]
+    axis.fill_between(
+        time,
+        estimate - 3.0 * sigma,
+        estimate + 3.0 * sigma,
+        color="tab:blue",
+        alpha=0.2,
+        linewidth=0,
+        label="estimate $\\pm 3\\sigma$",
+    )
+    axis.plot(time, estimate, color="tab:blue", linewidth=0.6, label="estimate")
+    axis.plot(time, truth, color="black", linewidth=1.0, label="truth")
+    axis.set_title(COEFFICIENT_TITLES[name], fontsize=9, loc="left")
+    axis.grid(alpha=0.3)
+
+
 def coefficients(recording: Recording, title: str) -> Figure:
     """Draw estimated and true coefficients over time with bands of 3 sigma, and the health chi-square."""
     figure = _figure(10.0, 11.0)
     axes = figure.subplots(len(COEFFICIENT_NAMES) + 1, 1, sharex=True)
-    time = recording.time
     for axis, name in zip(axes, COEFFICIENT_NAMES, strict=False):
-        truth, estimate = recording[f"plant.{name}"], recording[f"estimator.{name}"]
-        sigma = recording[f"estimator.sigma.{name}"]
-        axis.fill_between(
-            time,
-            estimate - 3.0 * sigma,
-            estimate + 3.0 * sigma,
-            color="tab:blue",
-            alpha=0.2,
-            linewidth=0,
-            label="estimate $\\pm 3\\sigma$",
-        )
-        axis.plot(time, estimate, color="tab:blue", linewidth=0.6, label="estimate")
-        axis.plot(time, truth, color="black", linewidth=1.0, label="truth")
-        axis.set_title(COEFFICIENT_TITLES[name], fontsize=9, loc="left")
-        axis.grid(alpha=0.3)
+        _draw_coefficient(axis, recording, name)
     axes[0].legend(ncols=3, fontsize=8, loc="upper right")
-    axes[-1].plot(time, recording["estimator.health.chi_square"], color="tab:green", linewidth=0.6)
-    axes[-1].plot(
-        time,
-        recording["estimator.health.chi_square_limit"],
-        color="tab:red",
-        linewidth=0.8,
-        label="alarm level",
-    )
-    axes[-1].set_title("Chi-square of the residual [1]", fontsize=9, loc="left")
-    axes[-1].legend(fontsize=8, loc="upper right")
-    axes[-1].grid(alpha=0.3)
-    axes[-1].set_xlabel("time [s]")
+    health = axes[-1]
+    health.plot(recording.time, recording["estimator.health.chi_square"], color="tab:green", linewidth=0.6)
+    limit = recording["estimator.health.chi_square_limit"]
+    health.plot(recording.time, limit, color="tab:red", linewidth=0.8, label="alarm level")
+    health.set_title("Chi-square of the residual [1]", fontsize=9, loc="left")
+    health.legend(fontsize=8, loc="upper right")
+    health.grid(alpha=0.3)
+    health.set_xlabel("time [s]")
     figure.suptitle(f"Coefficients estimated by the FMU from noisy strain, against truth: {title}")
     return figure

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import resource
+import os
 import shutil
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -172,24 +171,32 @@ def test_wrong_options(run: Run) -> None:
     refused(run("check"), "Missing argument")
 
 
+FILL_THE_DISK = """
+import resource, signal, sys
+from builder.aero.euler.solver import MarchingGrid, solve_flow
+from builder.geometry import chain_segments
+from strainfmu.cli import main
+
+# Compiled code is kept on disk too: it must be there before the disk is full.
+solve_flow(chain_segments([(1.0, 0.1, 0.0), (2.0, 0.0, 0.0)]), 5.0, 0.1, MarchingGrid(8, 8))
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+main(sys.argv[2:])
+"""
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are a POSIX means to fill a disk")
 @pytest.mark.parametrize("largest", [4_000, 100_000])
 def test_disk_full_while_writing(vehicle: Path, tmp_path: Path, largest: int) -> None:
     """The operating system refuses to let a file grow, as it does on a full disk."""
     folder = tmp_path / "out"
-
-    def limit() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
-
     finished = subprocess.run(
-        # Machine code and coverage data are files too: neither may be what hits the limit.
-        [sys.executable, "-c", "from strainfmu.cli import main; main()", "build", str(vehicle), "-o", str(folder)],
-        preexec_fn=limit,
+        [sys.executable, "-B", "-c", FILL_THE_DISK, str(largest), "build", str(vehicle), "-o", str(folder)],
         capture_output=True,
         text=True,
         check=False,
-        env={"PATH": "", "COVERAGE_PROCESS_START": "", "COVERAGE_PROCESS_CONFIG": ""},
+        # Coverage data could not be written either.
+        env={name: value for name, value in os.environ.items() if not name.startswith("COV")},
     )
     assert finished.returncode == 1
     assert finished.stderr.count("\n") == 1

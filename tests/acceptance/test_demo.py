@@ -30,6 +30,7 @@ FILES = (
     "plant.fmu",
     "flight.h5",
     "flight.csv",
+    "overview.png",
     "pressure_unrolled.png",
     "pressure_on_body.png",
     "gauges.png",
