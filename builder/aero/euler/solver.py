@@ -8,7 +8,7 @@ segment's end; the rest is marched segment by segment, so that slope breaks are 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import atan, degrees, e, pi
+from math import atan, degrees, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,9 @@ FloatArray = NDArray[np.float64]
 
 COURANT = 0.9
 MAX_STEPS = 20_000
-MAX_E_FOLDS = 6
+LEG = 1.5
+"""Growth of x over one leg of the conical start."""
+MAX_LEGS = 25
 OGIVE_START = 0.01
 """Share of the first segment's length that is taken as a cone where that segment is curved."""
 
@@ -37,8 +39,8 @@ class MarchingGrid:
     n_radial : cells between body and outer boundary.
     n_circumferential : cells over the half body, leeward to windward.
     clustering : cells grow outward by exp(clustering) from the first to the last.
-    conical_tolerance : relative change of wall pressure and shock radius per e-fold of x that ends the
-        conical start.
+    conical_tolerance : relative change of wall pressure and shock radius, over a leg in which x grows by
+        half, that ends the conical start.
     """
 
     n_radial: int = 24
@@ -64,7 +66,7 @@ class FlowSolution:
     force : (2,) axial and normal force of p - p_inf from the wall fluxes, over p_inf [m2].
     force_from_momentum : (2,) the same from the momentum deficit of the exit plane [m2].
     mass_defect : relative imbalance of mass over the control volume.
-    conical_change : relative change of wall pressure and shock radius in the last e-fold of the conical start.
+    conical_change : relative change of wall pressure and shock radius in the last leg of the conical start.
     n_steps : marching steps taken.
     n_repairs : face states that fell back to first order to stay physical, after the conical start.
     """
@@ -147,7 +149,7 @@ def solve_flow(
 def _conical_start(
     half_angle: float, x: float, mach_number: float, incidence: float, grid: MarchingGrid
 ) -> tuple[_Plane, FloatArray, float]:
-    """Return the plane at ``x`` of a cone's flow, its p/p_inf (n_phi,) and the last change per e-fold."""
+    """Return the plane at ``x`` of a cone's flow, its p/p_inf (n_phi,) and the last change."""
     cone = np.array([0.0, 0.0, half_angle, half_angle, np.inf])
     coarse = MarchingGrid(max(grid.n_radial // 2, 8), max(grid.n_circumferential // 2, 8), grid.clustering)
     mach_angle = np.arcsin(1.0 / mach_number)
@@ -158,17 +160,9 @@ def _conical_start(
         outer=np.full(coarse.n_circumferential + 1, reach),
         force=np.zeros(2),
     )
-    for _ in range(5):
-        _march_e_fold(plane, cone, mach_number, incidence, coarse)
+    _settle(plane, cone, mach_number, incidence, coarse)
     plane = _prolong(plane, coarse, grid)
-    pressure = _march_e_fold(plane, cone, mach_number, incidence, grid)
-    change = np.inf
-    for _ in range(MAX_E_FOLDS):
-        before, shock = pressure, plane.outer.copy()
-        pressure = _march_e_fold(plane, cone, mach_number, incidence, grid)
-        change = float(max(np.max(np.abs(pressure / before - 1.0)), np.max(np.abs(plane.outer / shock - 1.0))))
-        if change < grid.conical_tolerance:
-            break
+    pressure, change = _settle(plane, cone, mach_number, incidence, grid)
     plane.x, plane.outer = x, plane.outer * x
     plane.repairs[:] = 0  # what the impulsive start needed says nothing of the flow
     area = (x * np.tan(half_angle)) ** 2
@@ -179,14 +173,24 @@ def _conical_start(
     return plane, pressure, change
 
 
-def _march_e_fold(
+def _settle(
     plane: _Plane, cone: FloatArray, mach_number: float, incidence: float, grid: MarchingGrid
-) -> FloatArray:
-    """March a cone from x = 1 to e, shrink the plane back to x = 1; return the last p/p_inf (n_phi,)."""
-    _, pressure = _advance(plane, cone, e, mach_number, incidence, grid)
-    plane.outer /= e
-    plane.x = 1.0
-    return pressure[-1]
+) -> tuple[FloatArray, float]:
+    """March a cone leg by leg, shrinking the plane back to x = 1, until it changes no more.
+
+    Returns p/p_inf (n_phi,) and the relative change of it or of the shock's radius over the last leg.
+    """
+    pressure, change = np.ones(grid.n_circumferential), np.inf
+    for _ in range(MAX_LEGS):
+        before, shock = pressure, plane.outer.copy()
+        _, pressures = _advance(plane, cone, LEG, mach_number, incidence, grid)
+        plane.outer /= LEG
+        plane.x = 1.0
+        pressure = pressures[-1]
+        change = float(max(np.max(np.abs(pressure / before - 1.0)), np.max(np.abs(plane.outer / shock - 1.0))))
+        if change < grid.conical_tolerance:
+            break
+    return pressure, change
 
 
 def _advance(
@@ -239,16 +243,20 @@ def _free_stream(mach_number: float, incidence: float, grid: MarchingGrid) -> Fl
 
 
 def _prolong(plane: _Plane, coarse: MarchingGrid, fine: MarchingGrid) -> _Plane:
-    """Put a plane of the coarse grid on the fine one: nearest cell, boundary interpolated."""
+    """Put a plane of the coarse grid on the fine one by linear interpolation."""
 
-    def nearest(n_fine: int, n_coarse: int) -> NDArray[np.intp]:
-        return np.minimum((np.arange(n_fine) + 0.5) * n_coarse / n_fine, n_coarse - 1).astype(np.intp)
+    def weights(n_fine: int, n_coarse: int) -> FloatArray:
+        """Return (n_fine, n_coarse): values at fine cell centres from those at coarse ones."""
+        centre = (np.arange(n_fine) + 0.5) / n_fine
+        known = (np.arange(n_coarse) + 0.5) / n_coarse
+        return np.stack([np.interp(centre, known, unit) for unit in np.eye(n_coarse)], axis=1)
 
-    rays = nearest(fine.n_circumferential, coarse.n_circumferential)
-    cells = nearest(fine.n_radial, coarse.n_radial)
+    around = weights(fine.n_circumferential, coarse.n_circumferential)
+    outward = weights(fine.n_radial, coarse.n_radial)
+    conserved = np.ascontiguousarray(np.einsum("jb,kbc,ic->kji", around, plane.conserved, outward))
     angle = np.linspace(0.0, 1.0, fine.n_circumferential + 1)
     outer = np.interp(angle, np.linspace(0.0, 1.0, coarse.n_circumferential + 1), plane.outer)
-    return _Plane(plane.x, np.ascontiguousarray(plane.conserved[:, rays][:, :, cells]), outer, np.zeros(2))
+    return _Plane(plane.x, conserved, outer, np.zeros(2))
 
 
 def _momentum_balance(
