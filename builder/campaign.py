@@ -106,8 +106,6 @@ def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, path: Path) -> No
     """Write ``snapshots.h5`` atomically."""
 
     def fill(file: h5py.File) -> None:
-        file.attrs["schema"] = SCHEMA
-        file.attrs["schema_version"] = SCHEMA_VERSION
         table = file.create_dataset("condition", data=snapshots.condition)
         table.attrs["columns"] = "mach_number [1], angle_of_attack [rad], sideslip_angle [rad], altitude [m]"
         file.create_dataset("pressure", data=snapshots.pressure).attrs["unit"] = "Pa"
@@ -117,7 +115,7 @@ def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, path: Path) -> No
         file.create_dataset("surface/radius", data=surface.radius).attrs["unit"] = "m"
         file.create_dataset("surface/roll_angle", data=surface.roll_angle).attrs["unit"] = "rad"
 
-    write_hdf5_atomically(path, fill)
+    write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
 
 
 def load_snapshots(path: Path) -> Snapshots:

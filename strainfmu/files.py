@@ -20,6 +20,7 @@ import numpy as np
 from strainfmu.errors import InputError, StrainfmuError
 
 HASH_ATTRIBUTE = "content_hash"
+USER_BLOCK_SIZE = 512
 
 
 def write_bytes_atomically(path: Path, content: bytes) -> None:
@@ -53,21 +54,28 @@ def _current_umask() -> int:
     return mask
 
 
-def write_hdf5_atomically(path: Path, fill: Callable[[h5py.File], None]) -> str:
-    """Compose an HDF5 file in memory with ``fill``, stamp its content hash and write it atomically.
+def write_hdf5_atomically(path: Path, schema: str, schema_version: int, fill: Callable[[h5py.File], None]) -> str:
+    """Compose an HDF5 file in memory with ``fill``, stamp it and write it atomically.
+
+    The file gets the root attributes ``schema``, ``schema_version`` and ``content_hash``, and ahead of the HDF5
+    part a user block with one line of text: ``strainfmu SCHEMA VERSION sha256 DIGEST``, the digest of all bytes
+    behind the block. So a damaged file is found out before HDF5, which may hang on one, sees it.
 
     Returns
     -------
     str
-        The content hash (see :func:`content_hash`), also stored as root attribute ``content_hash``.
+        The content hash (see :func:`content_hash`).
     """
     with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
         fill(file)
+        file.attrs["schema"] = schema
+        file.attrs["schema_version"] = schema_version
         digest = content_hash(file)
         file.attrs[HASH_ATTRIBUTE] = digest
         file.flush()
         image = file.id.get_file_image()
-    write_bytes_atomically(path, image)
+    line = f"strainfmu {schema} {schema_version} sha256 {hashlib.sha256(image).hexdigest()}\n"
+    write_bytes_atomically(path, line.encode().ljust(USER_BLOCK_SIZE, b"\0") + image)
     return digest
 
 
@@ -98,37 +106,34 @@ def content_hash(file: h5py.File) -> str:
 
 
 def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
-    """Open an artefact for reading after checking its kind, version and content hash.
+    """Open an artefact for reading after checking its kind, version and bytes.
 
     Raises
     ------
     InputError
-        The file is missing, is not HDF5, is of another kind or version, or its content was altered.
+        The file is missing, is not one of ours, is of another kind or version, or was altered.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
     try:
-        file = h5py.File(path, "r")
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    words = content[:USER_BLOCK_SIZE].split(b"\n")[0].decode("ascii", "replace").split(" ")
+    if len(words) != 5 or words[0] != "strainfmu" or words[3] != "sha256":
+        raise InputError(f"{path}: damaged, or not an HDF5 file written by strainfmu")
+    if words[1] != schema:
+        raise InputError(f"{path}: expected a file of schema '{schema}', found '{words[1]}'")
+    if words[2] != str(schema_version):
+        raise InputError(f"{path}: schema version {words[2]} found, {schema_version} wanted; build it again")
+    if words[4] != hashlib.sha256(content[USER_BLOCK_SIZE:]).hexdigest():
+        raise InputError(
+            f"{path}: damaged or altered since it was written as schema version {words[2]}; build it again"
+        )
+    try:
+        return h5py.File(path, "r")
     except OSError as error:
         raise InputError(f"{path}: damaged, or not an HDF5 file") from error
-    try:
-        found_schema = file.attrs.get("schema")
-        if found_schema != schema:
-            raise InputError(f"{path}: expected a file of schema '{schema}', found '{found_schema}'")
-        found_version = file.attrs.get("schema_version")
-        if found_version != schema_version:
-            raise InputError(
-                f"{path}: schema version {found_version} found, {schema_version} wanted; build it again"
-            )
-        if content_hash(file) != file.attrs.get(HASH_ATTRIBUTE):
-            raise InputError(f"{path}: damaged, content and content hash do not agree")
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        file.close()
-        raise InputError(f"{path}: damaged, cannot be read to its end") from error
-    except InputError:
-        file.close()
-        raise
-    return file
 
 
 def fingerprint(inputs: Mapping[str, Any]) -> str:

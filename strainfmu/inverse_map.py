@@ -144,8 +144,6 @@ def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
     """
 
     def fill(file: h5py.File) -> None:
-        file.attrs["schema"] = SCHEMA
-        file.attrs["schema_version"] = SCHEMA_VERSION
         for entry in fields(inverse_map):
             value = getattr(inverse_map, entry.name)
             if entry.name == "provenance":
@@ -157,7 +155,7 @@ def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
             else:
                 file.create_dataset(entry.name, data=value).attrs["unit"] = _UNITS.get(entry.name, "1")
 
-    return write_hdf5_atomically(path, fill)
+    return write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
 
 
 def load_inverse_map(path: Path) -> InverseMap:

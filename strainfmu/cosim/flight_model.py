@@ -265,8 +265,6 @@ def save_flight_model(model: FlightModel, path: Path) -> str:
     """
 
     def fill(file: h5py.File) -> None:
-        file.attrs["schema"] = SCHEMA
-        file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["vehicle"] = model.vehicle
         file.attrs["provenance"] = json.dumps(model.provenance, sort_keys=True)
         file.create_dataset("gauge_names", data=np.array([name.encode() for name in model.gauge_names], dtype="S"))
@@ -277,7 +275,7 @@ def save_flight_model(model: FlightModel, path: Path) -> str:
                 dataset = file.create_dataset(entry.name, data=value)
                 dataset.attrs["unit"] = _UNITS.get(entry.name, "1")
 
-    return write_hdf5_atomically(path, fill)
+    return write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
 
 
 def load_flight_model(path: Path) -> FlightModel:

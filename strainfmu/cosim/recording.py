@@ -65,8 +65,6 @@ def save_hdf5(recording: Recording, path: Path) -> str:
     """
 
     def fill(file: h5py.File) -> None:
-        file.attrs["schema"] = SCHEMA
-        file.attrs["schema_version"] = SCHEMA_VERSION
         file.create_dataset("time", data=recording.time).attrs["unit"] = "s"
         signals = file.create_group("signals", track_order=True)
         for name, unit, column in zip(recording.names, recording.units, recording.values.T, strict=True):
@@ -76,7 +74,7 @@ def save_hdf5(recording: Recording, path: Path) -> str:
         for name, column in zip(recording.instances, recording.step_cost.T, strict=True):
             costs.create_dataset(name, data=column).attrs["unit"] = "s"
 
-    return write_hdf5_atomically(path, fill)
+    return write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
 
 
 def load_recording(path: Path) -> Recording:
