@@ -12,7 +12,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.aero.euler.solver import FlowSolution, MarchingGrid, solve_flow
+from builder.aero.euler.marching_grid import MarchingGrid
+from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
 from builder.flight_conditions import flow_key
 from builder.geometry import BodyOfRevolution, SurfaceGrid
@@ -37,12 +38,14 @@ class Snapshots:
     pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
     solved : (N,) True where the flow was solved for this condition, False where it was rolled from another.
     momentum_error : (N,) relative difference of the force from wall pressure and from momentum.
+    repairs : (N,) face states of the flow that fell back to first order to stay physical.
     """
 
     condition: FloatArray
     pressure: FloatArray
     solved: NDArray[np.bool_]
     momentum_error: FloatArray
+    repairs: NDArray[np.int64]
 
     def conditions(self) -> list[FlightCondition]:
         """Return the conditions as objects."""
@@ -89,6 +92,7 @@ def take_snapshots(
     pressure = np.empty((len(conditions), surface.n_nodes))
     solved = np.zeros(len(conditions), dtype=bool)
     error = np.empty(len(conditions))
+    repairs = np.empty(len(conditions), dtype=np.int64)
     seen: set[FlowKey] = set()
     for i, condition in enumerate(conditions):
         key = flow_key(condition)
@@ -97,9 +101,10 @@ def take_snapshots(
         pressure[i] = condition.ambient_pressure * ratio
         solved[i] = key not in seen
         error[i] = np.linalg.norm(flow.force - flow.force_from_momentum) / np.linalg.norm(flow.force)
+        repairs[i] = flow.n_repairs
         seen.add(key)
     table = np.array([condition.as_tuple() for condition in conditions])
-    return Snapshots(table, pressure, solved, error)
+    return Snapshots(table, pressure, solved, error, repairs)
 
 
 def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, path: Path) -> None:
@@ -111,6 +116,7 @@ def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, path: Path) -> No
         file.create_dataset("pressure", data=snapshots.pressure).attrs["unit"] = "Pa"
         file.create_dataset("solved", data=snapshots.solved)
         file.create_dataset("momentum_error", data=snapshots.momentum_error).attrs["unit"] = "1"
+        file.create_dataset("repairs", data=snapshots.repairs)
         file.create_dataset("surface/x", data=surface.x).attrs["unit"] = "m"
         file.create_dataset("surface/radius", data=surface.radius).attrs["unit"] = "m"
         file.create_dataset("surface/roll_angle", data=surface.roll_angle).attrs["unit"] = "rad"
@@ -128,5 +134,9 @@ def load_snapshots(path: Path) -> Snapshots:
     """
     with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
         return Snapshots(
-            file["condition"][()], file["pressure"][()], file["solved"][()], file["momentum_error"][()]
+            file["condition"][()],
+            file["pressure"][()],
+            file["solved"][()],
+            file["momentum_error"][()],
+            file["repairs"][()],
         )

@@ -131,6 +131,11 @@ def _snapshots(chain: _Chain) -> None:
             f"{len(conditions)} conditions: {solved} flows solved, {len(conditions) - solved} rolled from them; "
             f"force and momentum agree within {100.0 * snapshots.momentum_error.max():.2g} %"
         )
+        repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
+        if repaired:
+            chain.reporter.note(
+                f"{repaired} flows needed states repaired, {snapshots.repairs.max()} at most in one"
+            )
         save_snapshots(snapshots, surface, path)
 
     inputs = {

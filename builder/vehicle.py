@@ -22,7 +22,7 @@ from pydantic import (
     model_validator,
 )
 
-from builder.aero.euler.solver import MarchingGrid
+from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
 from builder.flight_conditions import condition_grid
 from builder.geometry import BodyOfRevolution, chain_segments

@@ -62,6 +62,7 @@ def add_radial_fluxes(
     cross_flow = mach_number * math.sin(incidence)
     n_phi, n_r = change.shape[1], change.shape[2]
     half = np.empty((n_r, 4))
+    flat = np.zeros(4)  # a one-sided slope towards the next cell would make the first cell oscillate
     flux = np.empty(4)
     free_stream = face_state(1.0 / GAMMA, 1.0, 0.0, 0.0, 0.0, 1.0, cross_flow, enthalpy)
     for j in range(n_phi):
@@ -81,7 +82,7 @@ def add_radial_fluxes(
                     wave[1, j + 1, i - 1],
                     wave[2, j + 1, i - 1],
                     wave[3, j + 1, i - 1],
-                    half[i - 1],
+                    half[i - 1] if i > 1 else flat,
                     1.0,
                     sine,
                     cosine,

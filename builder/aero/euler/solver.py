@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from builder.aero.euler import grid as cross_plane
 from builder.aero.euler import march
 from builder.aero.euler.gas import GAMMA
+from builder.aero.euler.marching_grid import MarchingGrid
 from builder.geometry import BodyOfRevolution
 from strainfmu.errors import FlowReachError
 
@@ -26,32 +27,12 @@ MAX_STEPS = 20_000
 LEG = 1.5
 """Growth of x over one leg of the conical start."""
 MAX_LEGS = 25
+LARGEST_MASS_DEFECT = 5e-6
+"""Imbalance of mass, over the free stream through the base, that a settled conical start may have."""
+LARGEST_UNREST = 0.02
+"""Change over a leg above which a conical start that has not settled is refused."""
 OGIVE_START = 0.01
 """Share of the first segment's length that is taken as a cone where that segment is curved."""
-
-
-@dataclass(frozen=True)
-class MarchingGrid:
-    """Resolution of the cross-plane.
-
-    Attributes
-    ----------
-    n_radial : cells between body and outer boundary.
-    n_circumferential : cells over the half body, leeward to windward.
-    clustering : cells grow outward by exp(clustering) from the first to the last.
-    conical_tolerance : relative change of wall pressure and shock radius, over a leg in which x grows by
-        half, that ends the conical start.
-    """
-
-    n_radial: int = 24
-    n_circumferential: int = 36
-    clustering: float = 1.0
-    conical_tolerance: float = 5e-4
-
-    def spacing(self, n_radial: int) -> FloatArray:
-        """Return (n_radial + 1,) vertex positions from 0 (wall) to 1 (outer boundary)."""
-        t = np.linspace(0.0, 1.0, n_radial + 1)
-        return np.expm1(self.clustering * t) / np.expm1(self.clustering) if self.clustering else t
 
 
 @dataclass(frozen=True)
@@ -179,6 +160,7 @@ def _settle(
     """March a cone leg by leg, shrinking the plane back to x = 1, until it changes no more.
 
     Returns p/p_inf (n_phi,) and the relative change of it or of the shock's radius over the last leg.
+    Raises FlowReachError where that is still large after all legs.
     """
     pressure, change = np.ones(grid.n_circumferential), np.inf
     for _ in range(MAX_LEGS):
@@ -188,8 +170,14 @@ def _settle(
         plane.x = 1.0
         pressure = pressures[-1]
         change = float(max(np.max(np.abs(pressure / before - 1.0)), np.max(np.abs(plane.outer / shock - 1.0))))
-        if change < grid.conical_tolerance:
+        _, mass_defect = _momentum_balance(plane, float(np.tan(cone[2])), mach_number, incidence, grid)
+        if change < grid.conical_tolerance and abs(mass_defect) < LARGEST_MASS_DEFECT:
             break
+    if change > LARGEST_UNREST:
+        raise FlowReachError(
+            f"euler: the flow over the tip does not settle for M {mach_number:g}, total incidence "
+            f"{degrees(incidence):.4g} deg: it still changes by {change:.1%} over a leg"
+        )
     return pressure, change
 
 
