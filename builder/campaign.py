@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import h5py
@@ -17,6 +17,7 @@ from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
 from builder.flight_conditions import flow_key
 from builder.geometry import BodyOfRevolution, SurfaceGrid
+from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically
 from strainfmu.flight_condition import FlightCondition
 
@@ -133,10 +134,7 @@ def load_snapshots(path: Path) -> Snapshots:
         The file is missing, damaged, altered, or of another schema version.
     """
     with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
-        return Snapshots(
-            file["condition"][()],
-            file["pressure"][()],
-            file["solved"][()],
-            file["momentum_error"][()],
-            file["repairs"][()],
-        )
+        try:
+            return Snapshots(*(file[entry.name][()] for entry in fields(Snapshots)))
+        except KeyError as error:
+            raise InputError(f"{path}: damaged, {error}") from error

@@ -91,10 +91,10 @@ def read_layout(path: Path) -> GaugeLayout:
         The file is missing, a column is missing or unknown, a number is none, or a name is there twice.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.DictReader(stream)
             header = tuple(reader.fieldnames or ())
-            if set(header) != set(CSV_COLUMNS):
+            if sorted(header) != sorted(CSV_COLUMNS):
                 raise InputError(f"{path}: columns {', '.join(header)} found, must be {', '.join(CSV_COLUMNS)}")
             rows = list(reader)
     except FileNotFoundError as error:
@@ -105,6 +105,8 @@ def read_layout(path: Path) -> GaugeLayout:
         raise InputError(f"{path}: holds no gauges")
     values = np.empty((len(rows), 6))
     for i, row in enumerate(rows):
+        if None in row:
+            raise InputError(f"{path}, line {i + 2}: more than {len(CSV_COLUMNS)} values found")
         for k, column in enumerate(CSV_COLUMNS[1:]):
             values[i, k] = _number(row[column], f"{path}, line {i + 2}, column {column}")
     layout = GaugeLayout(tuple(row["name"] for row in rows), values[:, :3], values[:, 3:])

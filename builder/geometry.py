@@ -50,6 +50,13 @@ class Segment:
     def end_radius(self) -> float:
         return float(self.radius(np.array([self.end_x]))[0])
 
+    @property
+    def least_radius(self) -> float:
+        """Smallest radius [m] aft of the segment's start: at its end, or where a rising arc turns."""
+        if self.start_angle < 0.0 < self.end_angle:
+            return float(self.start_radius + self._arc_radius * (1.0 - np.cos(self.start_angle)))
+        return self.end_radius
+
     def angle(self, x: FloatArray) -> FloatArray:
         """Return the angle of the meridian to the axis [rad] at stations ``x`` [m]."""
         if self.is_straight:
@@ -135,7 +142,7 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
         if end_x <= x:
             raise InputError(f"profile segment {number}: end_x_m {end_x:g} must lie aft of {x:g}")
         segment = Segment(x, end_x, radius, start_angle, end_angle)
-        if segment.end_radius <= 0.0:
+        if segment.least_radius <= 0.0:
             raise InputError(f"profile segment {number}: the radius falls to zero before x = {end_x:g} m")
         segments.append(segment)
         x, radius = end_x, segment.end_radius

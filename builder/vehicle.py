@@ -19,6 +19,7 @@ from pydantic import (
     PositiveFloat,
     PrivateAttr,
     ValidationError,
+    field_validator,
     model_validator,
 )
 
@@ -80,7 +81,15 @@ class Structure(_Section):
     wall_thickness_mm: PositiveFloat
     solid_tip_length_m: PositiveFloat
     support: Literal["clamped_aft"] = "clamped_aft"
-    internal_pressure_Pa: Literal["ambient"] | Annotated[float, Field(ge=0.0)] = "ambient"
+    internal_pressure_Pa: float | Literal["ambient"] = "ambient"
+
+    @field_validator("internal_pressure_Pa", mode="before")
+    @classmethod
+    def _ambient_or_number(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < float("inf")
+        if value != "ambient" and not number:
+            raise ValueError(f"{value!r} found, must be 'ambient' or a number of at least 0")
+        return value
 
 
 class MaterialEntry(_Section):
@@ -213,6 +222,14 @@ class Truth(_Section):
     total_incidence_deg: list[Annotated[float, Field(gt=0.0, lt=60.0)]] = Field(min_length=4)
     manoeuvre: str
 
+    @model_validator(mode="after")
+    def _distinct(self) -> Truth:
+        for name in ("mach_number", "total_incidence_deg"):
+            values = getattr(self, name)
+            if len(set(values)) < len(values):
+                raise ValueError(f"{name} holds a value twice")
+        return self
+
 
 class Resolutions(_Section):
     """Resolution of the model that builds the map and of the one that plays the vehicle."""
@@ -324,6 +341,12 @@ def _first_fault(error: ValidationError) -> str:
         text = f"{where}: entry is missing"
     elif fault["type"] == "value_error":
         text = f"{where}: {fault['ctx']['error']}" if where else str(fault["ctx"]["error"])
+    elif fault["type"] == "union_tag_not_found":
+        text = f"{where}.kind: entry is missing, must be 'cone' or 'arc'"
+    elif fault["type"] == "union_tag_invalid":
+        text = f"{where}.kind: {fault['ctx']['tag']!r} found, must be 'cone' or 'arc'"
+    elif fault["type"] in ("too_short", "string_too_short"):
+        text = f"{where}: {fault['input']!r} found, must hold at least {fault['ctx']['min_length']}"
     else:
         what = fault["msg"].removeprefix("Input should be ")
         text = f"{where}: {fault['input']!r} found, must be {what}"

@@ -13,6 +13,9 @@ from strainfmu.inverse_map import InverseMap
 
 FloatArray = NDArray[np.float64]
 
+LEAST_DYNAMIC_PRESSURE = 1e-6
+"""q_inf [Pa] below which there is no flow to speak of, and no coefficients."""
+
 
 @dataclass(frozen=True)
 class LoadEstimate:
@@ -51,6 +54,7 @@ class Estimator:
         self._load_offset = inverse_map.load_of_mean + inverse_map.load_per_state @ inverse_map.state_offset
         self._loads_std = np.sqrt(np.diag(inverse_map.load_covariance))
         area, length = inverse_map.reference_area, inverse_map.reference_length
+        self._loads_std.flags.writeable = False  # handed out with every estimate
         self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
         self.chi_square_limit = chi_square_limit(inverse_map.residual_degrees_of_freedom)
 
@@ -72,12 +76,14 @@ class Estimator:
         if d.shape != (self.inverse_map.n_gauges,):
             raise InputError(f"strain: {d.shape} found, {self.inverse_map.n_gauges} values wanted")
         nothing = np.full(5, np.nan)
-        if not np.all(np.isfinite(d)):
+        with np.errstate(over="ignore", invalid="ignore"):
+            loads = self._load_gain @ d + self._load_offset
+            residual = self.inverse_map.residual_whitening @ (d - self.inverse_map.mean_strain)
+            chi_square = float(residual @ residual)
+        # Not finite where a strain is not, or so large that the loads overflow.
+        if not (np.isfinite(chi_square) and np.all(np.isfinite(loads))):
             return LoadEstimate(nothing, nothing, nothing, nothing, np.nan, HealthState.INVALID)
-        loads = self._load_gain @ d + self._load_offset
-        residual = self.inverse_map.residual_whitening @ (d - self.inverse_map.mean_strain)
-        chi_square = float(residual @ residual)
-        if not (np.isfinite(dynamic_pressure) and dynamic_pressure > 0.0):
+        if not LEAST_DYNAMIC_PRESSURE <= dynamic_pressure < np.inf:
             return LoadEstimate(loads, self._loads_std, nothing, nothing, chi_square, HealthState.NO_COEFFICIENTS)
         scale = 1.0 / (dynamic_pressure * self._reference)
         health = HealthState.OK if chi_square <= self.chi_square_limit else HealthState.INCONSISTENT

@@ -16,9 +16,9 @@ class HealthState(IntEnum):
     INCONSISTENT = 1
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
-    """Dynamic pressure is missing, not positive or not finite: loads are valid, coefficients are not."""
+    """Dynamic pressure is not positive (below 1e-6 Pa) or not finite: loads are valid, coefficients are not."""
     INVALID = 3
-    """A strain is not finite: nothing can be computed."""
+    """A strain is not finite, or beyond all bounds: nothing can be computed."""
 
 
 def chi_square_survival(value: float, degrees_of_freedom: int) -> float:

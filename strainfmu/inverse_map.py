@@ -102,6 +102,7 @@ class InverseMap:
             "gauge_direction": (n_d, 3),
             "noise_std": (n_d,),
             "strain_gain": (n_q, n_d),
+            "state_offset": (n_q,),
             "load_per_state": (5, n_q),
             "load_of_mean": (5,),
             "load_covariance": (5, 5),
@@ -123,6 +124,8 @@ class InverseMap:
             raise InputError("inverse map: gauge_names must hold at least one name and none twice")
         if not np.all(self.noise_std > 0.0):
             raise InputError("inverse map: noise_std must be positive")
+        if not np.all(np.diag(self.load_covariance) > 0.0):
+            raise InputError("inverse map: load_covariance must have positive variances")
         if self.residual_degrees_of_freedom < 1:
             raise InputError(
                 f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more"

@@ -12,6 +12,8 @@ from builder.aero.euler.compiled import compiled
 GAMMA = 1.4
 
 LEAST_PRESSURE_RATIO = 1e-3
+SLIGHT_TURN = 3e-4
+"""Turn into the wall [rad] below which pressure follows from a series."""
 VACUUM_ANGLE = 0.5 * math.pi * (math.sqrt((GAMMA + 1.0) / (GAMMA - 1.0)) - 1.0)
 """Largest Prandtl-Meyer angle [rad]: expansion into vacuum."""
 
@@ -115,7 +117,11 @@ def wall_pressure(pressure: float, density: float, speed: float, outflow_angle: 
     mach_number = speed / math.sqrt(GAMMA * pressure / density)
     if outflow_angle >= 0.0:
         return pressure * expanded_pressure_ratio(mach_number, outflow_angle)
-    if outflow_angle > -1e-6:
-        slope = GAMMA * mach_number**2 / math.sqrt(mach_number**2 - 1.0)
-        return pressure * (1.0 - slope * outflow_angle)
+    if outflow_angle > -SLIGHT_TURN and mach_number > 1.05:
+        # Busemann's second-order series, which a shock differs from in third order: the closed form of the
+        # shock loses its digits here.
+        square = mach_number**2 - 1.0
+        first = GAMMA * mach_number**2 / math.sqrt(square)
+        second = 0.25 * GAMMA * mach_number**2 * ((GAMMA + 1.0) * mach_number**4 - 4.0 * square) / square**2
+        return pressure * (1.0 - first * outflow_angle + second * outflow_angle**2)
     return pressure * compressed_pressure_ratio(mach_number, -outflow_angle)

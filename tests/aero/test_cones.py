@@ -1,0 +1,163 @@
+"""Cones: the exact conical flows that a space-marching solver must reproduce."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import asin, cos, pi, radians, sin, tan
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+
+from builder.aero.euler.solver import FlowSolution
+
+ConeFlow = Callable[[float, float, float], FlowSolution]
+GAMMA = 1.4
+
+# Half-angle [deg], M, p/p_inf on the cone: Taylor-Maccoll, checked against Sims, NASA SP-3004 (1964).
+TAYLOR_MACCOLL = [
+    (5.0, 5.0, 1.403371),
+    (5.0, 6.0, 1.544972),
+    (5.0, 7.0, 1.706137),
+    (10.0, 5.0, 2.308307),
+    (10.0, 5.5, 2.548777),
+    (10.0, 6.0, 2.810147),
+    (10.0, 6.5, 3.092585),
+    (10.0, 7.0, 3.396236),
+    (15.0, 5.0, 3.699124),
+    (15.0, 7.0, 6.070971),
+]
+
+# Half-angle [deg], M, C_N per rad on the base area at a = 0: checked against Sims, NASA SP-3007 (1964).
+NORMAL_FORCE_SLOPE = [
+    (5.0, 5.0, 1.87165),
+    (5.0, 6.0, 1.87422),
+    (5.0, 7.0, 1.88090),
+    (10.0, 5.0, 1.85751),
+    (10.0, 6.0, 1.87528),
+    (10.0, 7.0, 1.89034),
+    (15.0, 5.0, 1.81818),
+    (15.0, 7.0, 1.84802),
+]
+
+# M, a [deg], p/p_inf at 0, 30 .. 180 deg from leeward, C_N, C_A of the 10 deg cone: conical Euler solution on
+# the unit sphere, 120 x 72 and 160 x 96 cells.
+FINITE_INCIDENCE = [
+    (5.0, 1.0, (2.117, 2.140, 2.207, 2.304, 2.407, 2.487, 2.516), 0.0324, 0.0749),
+    (5.0, 4.0, (1.649, 1.701, 1.890, 2.248, 2.705, 3.097, 3.256), 0.1307, 0.0771),
+    (7.0, 4.0, (2.097, 2.207, 2.596, 3.307, 4.204, 4.979, 5.305), 0.1321, 0.0728),
+]
+
+
+def surface_pressure(flow: FlowSolution) -> np.ndarray:
+    """(n_phi,) p/p_inf at the end of the first piece."""
+    return flow.pieces[0][1][-1]
+
+
+def coefficients(flow: FlowSolution, base_area: float) -> np.ndarray:
+    """C_A, C_N on the base area."""
+    return flow.force / (0.5 * GAMMA * flow.mach_number**2 * base_area)
+
+
+def taylor_maccoll_pressure(half_angle: float, mach_number: float) -> float:
+    """p/p_inf on a cone, by integration from the shock inwards (Anderson, Modern Compressible Flow, ch. 10)."""
+
+    def behind_shock(shock: float) -> tuple[float, float, float]:
+        """Return the flow's Mach number and deflection behind an oblique shock, and p02/p01."""
+        normal2 = (mach_number * sin(shock)) ** 2
+        deflection = np.arctan(
+            2.0 / tan(shock) * (normal2 - 1.0) / (mach_number**2 * (GAMMA + np.cos(2.0 * shock)) + 2.0)
+        )
+        after2 = (1.0 + 0.2 * normal2) / (GAMMA * normal2 - 0.2)
+        pressure = 1.0 + 2.0 * GAMMA / (GAMMA + 1.0) * (normal2 - 1.0)
+        density = 6.0 * normal2 / (5.0 + normal2)
+        total = density * (density / pressure) ** 2.5  # (rho2/rho1)^(g/(g-1)) (p1/p2)^(1/(g-1))
+        return np.sqrt(after2) / sin(shock - deflection), deflection, total
+
+    def slope(angle: float, velocity: np.ndarray) -> list[float]:
+        radial, across = velocity
+        a = 0.5 * (GAMMA - 1.0) * (1.0 - radial**2 - across**2)
+        turn = (radial * across**2 - a * (2.0 * radial + across / tan(angle))) / (a - across**2)
+        return [across, turn]
+
+    def wall_flow(angle: float, velocity: np.ndarray) -> float:
+        return float(velocity[1])
+
+    wall_flow.terminal = True  # type: ignore[attr-defined]
+
+    def cone_of(shock: float) -> tuple[float, float]:
+        """Return the cone's half-angle and its p/p_inf."""
+        mach2, deflection, total = behind_shock(shock)
+        speed = (5.0 / mach2**2 + 1.0) ** -0.5
+        start = [speed * cos(shock - deflection), -speed * sin(shock - deflection)]
+        path = solve_ivp(slope, (shock, 1e-4), start, events=wall_flow, method="DOP853", rtol=1e-11, atol=1e-13)
+        angle, radial = path.t_events[0][0], path.y_events[0][0][0]
+        surface2 = 5.0 * radial**2 / (1.0 - radial**2)
+        return angle, total * ((1.0 + 0.2 * mach_number**2) / (1.0 + 0.2 * surface2)) ** 3.5
+
+    low, high = max(asin(1.0 / mach_number), half_angle) + 1e-3, half_angle + 0.25
+    shock = brentq(lambda angle: cone_of(angle)[0] - half_angle, low, high, xtol=1e-12)
+    return cone_of(shock)[1]
+
+
+@pytest.mark.parametrize(("half_angle", "mach_number", "expected"), TAYLOR_MACCOLL)
+def test_pressure_of_a_cone_without_incidence(
+    half_angle: float, mach_number: float, expected: float, cone_flow: ConeFlow
+) -> None:
+    """Within 0.3 % of Taylor-Maccoll on every ray, and C_A is the cone's C_p."""
+    flow = cone_flow(half_angle, mach_number, 0.0)
+    np.testing.assert_allclose(surface_pressure(flow), expected, rtol=3e-3)
+    axial, normal = coefficients(flow, pi * tan(radians(half_angle)) ** 2)
+    pressure_coefficient = (expected - 1.0) / (0.5 * GAMMA * mach_number**2)
+    assert axial == pytest.approx(pressure_coefficient, rel=5e-3)
+    assert abs(normal) < 1e-3 * axial
+
+
+def test_integration_of_the_cone_flow_gives_the_published_values() -> None:
+    for half_angle, mach_number, expected in TAYLOR_MACCOLL:
+        assert taylor_maccoll_pressure(radians(half_angle), mach_number) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("half_angle", "mach_number"), [(7.5, 5.8), (12.0, 6.3)])
+def test_pressure_of_a_cone_between_the_tables(half_angle: float, mach_number: float, cone_flow: ConeFlow) -> None:
+    """Within 0.3 % of the Taylor-Maccoll equation integrated here."""
+    expected = taylor_maccoll_pressure(radians(half_angle), mach_number)
+    np.testing.assert_allclose(surface_pressure(cone_flow(half_angle, mach_number, 0.0)), expected, rtol=3e-3)
+
+
+@pytest.mark.parametrize(("half_angle", "mach_number", "expected"), NORMAL_FORCE_SLOPE)
+def test_initial_normal_force_slope(
+    half_angle: float, mach_number: float, expected: float, cone_flow: ConeFlow
+) -> None:
+    """C_N/sin a at a = 0.5 deg within 1 % of the linearised conical flow."""
+    normal = coefficients(cone_flow(half_angle, mach_number, 0.5), pi * tan(radians(half_angle)) ** 2)[1]
+    assert normal / sin(radians(0.5)) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(("mach_number", "incidence", "pressure", "normal", "axial"), FINITE_INCIDENCE)
+def test_pressure_of_a_cone_at_incidence(
+    mach_number: float,
+    incidence: float,
+    pressure: tuple[float, ...],
+    normal: float,
+    axial: float,
+    cone_flow: ConeFlow,
+) -> None:
+    """Every ray within 1 % of the conical Euler solution, forces within 1 %."""
+    flow = cone_flow(10.0, mach_number, incidence)
+    angle, found = flow.roll_angle, surface_pressure(flow)
+    all_round = CubicSpline(
+        np.concatenate([-angle[::-1], angle, 2.0 * pi - angle[::-1]]),
+        np.concatenate([found[::-1], found, found[::-1]]),
+    )
+    np.testing.assert_allclose(all_round(np.radians(np.arange(0.0, 181.0, 30.0))), pressure, rtol=0.01)
+    np.testing.assert_allclose(coefficients(flow, pi * tan(radians(10.0)) ** 2), [axial, normal], rtol=0.01)
+
+
+def test_conical_start_says_how_settled_it_is(cone_flow: ConeFlow) -> None:
+    """The last e-fold changed the pressure by less than the grid's tolerance, and no state was repaired."""
+    flow = cone_flow(10.0, 5.0, 4.0)
+    assert 0.0 < flow.conical_change < 5e-4
+    assert flow.n_repairs == 0

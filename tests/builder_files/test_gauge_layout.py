@@ -1,0 +1,193 @@
+"""Gauge layouts: rows laid on the inner surface, and tables of positions."""
+
+from __future__ import annotations
+
+from math import cos, radians, sin, tan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from builder.gauge_layout import gauge_layout, read_layout
+from builder.structural_model import check_gauges, place_layouts, wall_of
+from builder.structure.meridian_mesh import MeridianMesh
+from builder.structure.shell_mesh import shell_mesh
+from builder.vehicle import IC3X, GaugeLayoutEntry, GaugeRow, Vehicle, load_vehicle
+from strainfmu.errors import InputError
+
+HEADER = "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\n"
+FIVE, ONE = radians(5.0), radians(1.0)
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Vehicle:
+    return load_vehicle(IC3X)
+
+
+@pytest.fixture(scope="module")
+def inner_mesh(shipped: Vehicle) -> MeridianMesh:
+    return shell_mesh(shipped.body(), wall_of(shipped), 0.036)
+
+
+def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
+    """Return the vehicle with one layout, ``here``."""
+    gauges = vehicle.gauges.model_copy(update={"layout": "here", "layouts": {"here": entry}})
+    return vehicle.model_copy(update={"gauges": gauges})
+
+
+def from_table(vehicle: Vehicle, folder: Path, *lines: str) -> Vehicle:
+    """Return the vehicle with a table of gauges as its layout."""
+    path = folder / "gauges.csv"
+    path.write_text(HEADER + "".join(f"{line}\n" for line in lines), encoding="utf-8")
+    return with_layout(vehicle, GaugeLayoutEntry(file=str(path)))
+
+
+def inner_radius(x: float) -> float:
+    """Inner radius [m] ahead of the slope break: the cone's less the wall along its normal."""
+    return x * tan(FIVE) - 0.004 / cos(FIVE)
+
+
+def test_rows_lie_on_the_inner_surface(shipped: Vehicle, inner_mesh: MeridianMesh) -> None:
+    """Cone's radius less 4 mm along the normal; axial gauges along the meridian, hoop ones across it."""
+    layout = gauge_layout(shipped, "configuration_1", inner_mesh)
+    assert len(layout.names) == len(set(layout.names)) == 27
+    i = layout.names.index("axial_180deg_1")
+    np.testing.assert_allclose(layout.position[i], [0.35, 0.0, -inner_radius(0.35)], atol=1e-9)
+    np.testing.assert_allclose(layout.direction[i], [cos(FIVE), 0.0, -sin(FIVE)], atol=1e-9)
+    i = layout.names.index("hoop_180deg_9")
+    radius = 1.75 * tan(FIVE) + 1.55 * tan(ONE) - 0.004 / cos(ONE)
+    np.testing.assert_allclose(layout.position[i], [3.30, 0.0, -radius], atol=1e-9)
+    np.testing.assert_allclose(layout.direction[i], [0.0, -1.0, 0.0], atol=1e-12)
+    i = layout.names.index("axial_90deg_2")
+    np.testing.assert_allclose(layout.position[i, :2], [0.71875, inner_radius(0.71875)], atol=1e-9)
+    assert np.sum(np.abs(layout.direction[:, 0]) < 1e-12) == 9
+
+
+def test_table_gives_the_same_gauges(shipped: Vehicle, inner_mesh: MeridianMesh, tmp_path: Path) -> None:
+    rows = gauge_layout(shipped, "configuration_2", inner_mesh)
+    lines = [
+        ",".join([name, *(repr(float(v)) for v in (*position, *(3.0 * direction)))])
+        for name, position, direction in zip(rows.names, rows.position, rows.direction, strict=True)
+    ]
+    vehicle = from_table(shipped, tmp_path, *lines)
+    found, placed = place_layouts(vehicle, inner_mesh, ["here"])
+    assert found["here"].names == rows.names
+    _, of_rows = place_layouts(shipped, inner_mesh, ["configuration_2"])
+    for entry in ("x", "roll_angle", "meridional", "circumferential"):
+        np.testing.assert_allclose(
+            getattr(placed["here"], entry), getattr(of_rows["configuration_2"], entry), atol=1e-12
+        )
+
+
+def test_columns_may_be_in_any_order(tmp_path: Path) -> None:
+    path = tmp_path / "gauges.csv"
+    path.write_text("x_m,name,z_m,y_m,direction_z,direction_y,direction_x\n1,a,3,2,6,5,4\n", encoding="utf-8")
+    layout = read_layout(path)
+    assert layout.names == ("a",)
+    np.testing.assert_array_equal(layout.position, [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(layout.direction, [[4.0, 5.0, 6.0]])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", r"columns  found, must be name, x_m"),
+        ("name,x_m,y_m\na,1,2\n", r"columns name, x_m, y_m found, must be name, x_m, y_m, z_m"),
+        (HEADER.replace("x_m", "x_mm", 1), r"columns name, x_mm, .* found, must be"),
+        (HEADER, "holds no gauges"),
+        (HEADER + "a,1,0,0.1,1,0,0\nb,one,0,0.1,1,0,0\n", r"line 3, column x_m: 'one' found, must be a number"),
+        (HEADER + "a,1,0\n", r"line 2, column z_m: 'None' found, must be a number"),
+        (HEADER + "a,1,0,nan,1,0,0\n", r"line 2, column z_m: 'nan' found, must be finite"),
+        (HEADER + "a,1,0,0.1,1,0,0\na,2,0,0.1,1,0,0\n", "gauge name 'a' is there twice"),
+        (HEADER + ",1,0,0.1,1,0,0\n", "gauge name '' is empty"),
+    ],
+)
+def test_faulty_table_is_refused(content: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "gauges.csv"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=words) as error:
+        read_layout(path)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+def test_table_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none.csv: no such file"):
+        read_layout(tmp_path / "none.csv")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_layout(tmp_path)
+    path = tmp_path / "latin.csv"
+    path.write_bytes(HEADER.encode() + "Flügel,1,0,0.1,1,0,0\n".encode("latin-1"))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_layout(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (
+            f"g1,1.0,0,{inner_radius(1.0) + 1e-3 / cos(FIVE)},1,0,{tan(FIVE)}",
+            r"g1: position is 1.00 mm outside the inner surface",
+        ),
+        (
+            f"g1,1.0,0,{inner_radius(1.0) - 1e-3 / cos(FIVE)},1,0,{tan(FIVE)}",
+            r"g1: position is 1.00 mm inside the inner surface",
+        ),
+        (f"g1,1.0,0,{inner_radius(1.0)},0,0,1", r"g1: direction leans 85.0 deg out of the inner surface"),
+        (f"g1,1.0,0,{inner_radius(1.0)},0,0,0", r"g1: direction has no length"),
+        ("g1,0.05,0,0.001,1,0,0", r"g1: x = 0.05 m is ahead of the hollow part"),
+        ("g1,3.7,0,0.18,1,0,0", r"g1: x = 3.7 m is aft of the base"),
+    ],
+)
+def test_gauge_off_the_surface_is_named(line: str, words: str, shipped: Vehicle, tmp_path: Path) -> None:
+    vehicle = from_table(shipped, tmp_path, line)
+    with pytest.raises(InputError, match=words):
+        check_gauges(vehicle)
+
+
+def test_gauge_on_the_surface_is_taken(shipped: Vehicle, tmp_path: Path) -> None:
+    line = f"g1,1.0,{inner_radius(1.0)},0,1,{tan(FIVE)},0"
+    assert check_gauges(from_table(shipped, tmp_path, line)) == {"here": 1}
+
+
+def test_station_without_a_hollow_is_refused(shipped: Vehicle) -> None:
+    row = GaugeRow(roll_angle_deg=0.0, directions=["axial"], x_m=[1.0, 0.05])
+    with pytest.raises(
+        InputError,
+        match=r"gauges.layouts.here.rows.1: station 0.05 m found, the inner surface reaches from 0.1 to 3.6 m",
+    ):
+        check_gauges(with_layout(shipped, GaugeLayoutEntry(rows=[row])))
+
+
+def test_row_given_twice_is_refused(shipped: Vehicle) -> None:
+    row = GaugeRow(roll_angle_deg=0.0, directions=["axial"], x_m=[1.0])
+    with pytest.raises(InputError, match="gauge name 'axial_0deg_1' is there twice"):
+        check_gauges(with_layout(shipped, GaugeLayoutEntry(rows=[row, row])))
+
+
+def test_a_spreadsheets_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
+    table = tmp_path / "gauges.csv"
+    table.write_text(
+        "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\na,1,0,0.1,1,0,0\n", encoding="utf-8-sig"
+    )
+    assert read_layout(table).names == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\na,1,0,0.1,1,0,0,9\n",
+            "line 2: more than 7 values",
+        ),
+        (
+            "name,x_m,x_m,y_m,z_m,direction_x,direction_y,direction_z\na,1,1,0,0.1,1,0,0\n",
+            "columns name, x_m, x_m",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_header_is_refused(tmp_path: Path, content: str, words: str) -> None:
+    table = tmp_path / "gauges.csv"
+    table.write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=words):
+        read_layout(table)

@@ -1,0 +1,246 @@
+"""The vehicle file: what it means, and that every fault is one line that names the entry."""
+
+from __future__ import annotations
+
+from math import degrees, pi, radians, tan
+from pathlib import Path
+
+import pytest
+
+from builder.structural_model import check_gauges, used_layouts, wall_of
+from builder.vehicle import IC3X, Vehicle, load_vehicle
+from strainfmu.errors import InputError
+
+TEXT = IC3X.read_text(encoding="utf-8")
+FIRST_CONE = 'kind = "cone"\nhalf_angle_deg = 5.0\nend_x_m = 1.75'
+LAYOUTS = r"\['configuration_1', 'configuration_2', 'configuration_45'\]"
+
+
+def load_changed(folder: Path, *changes: tuple[str, str]) -> Vehicle:
+    """Load the shipped file with texts replaced once each."""
+    text = TEXT
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    path = folder / "vehicle.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_vehicle(path)
+
+
+def test_shipped_vehicle() -> None:
+    """The surrogate's numbers, the set P1 of 90 conditions in the file's order, and three layouts."""
+    vehicle = load_vehicle(IC3X)
+    assert "surrogate" in vehicle.name
+    radius = 1.75 * tan(radians(5.0)) + 1.85 * tan(radians(1.0))
+    reference = vehicle.reference_quantities()
+    assert reference.area == pytest.approx(pi * radius**2, rel=1e-12)
+    assert reference.length == pytest.approx(2.0 * radius, rel=1e-12)
+    assert reference.moment_station == 2.0
+    conditions = vehicle.flight_conditions()
+    assert len(conditions) == 90
+    assert {c.mach_number for c in conditions} == {5.0, 5.5, 6.0, 6.5, 7.0}
+    assert [degrees(c.sideslip_angle) for c in conditions[:3]] == pytest.approx([0.0, 5.0, 10.0])
+    assert degrees(conditions[3].angle_of_attack) == pytest.approx(2.0)
+    assert {c.altitude for c in conditions} == {20e3}
+    assert check_gauges(vehicle) == {"configuration_1": 27, "configuration_2": 54, "configuration_45": 54}
+    assert used_layouts(vehicle) == ["configuration_2"]
+    wall = wall_of(vehicle)
+    assert (wall.thickness, wall.material.youngs_modulus) == pytest.approx((4e-3, 110e9))
+    assert vehicle.beside("a.csv") == IC3X.parent / "a.csv"
+
+
+def test_distinct_flows_of_the_set() -> None:
+    """17 total incidences per Mach number: 85 flows, the largest at 14.106 deg."""
+    incidences = {(c.mach_number, round(c.total_incidence, 9)) for c in load_vehicle(IC3X).flight_conditions()}
+    assert len(incidences) == 85
+    assert degrees(max(angle for _, angle in incidences)) == pytest.approx(14.106, abs=5e-4)
+
+
+def test_internal_pressure(tmp_path: Path) -> None:
+    """Vented: p_inf of the condition (20 km: 5474.9 Pa); or a number."""
+    vented = load_vehicle(IC3X)
+    condition = vented.flight_conditions()[0]
+    assert vented.internal_pressure(condition) == pytest.approx(5474.9, abs=0.05)
+    sealed = load_changed(tmp_path, ('internal_pressure_Pa = "ambient"', "internal_pressure_Pa = 9.0e4"))
+    assert sealed.internal_pressure(condition) == 9e4
+
+
+def test_reference_area_and_length_may_be_given(tmp_path: Path) -> None:
+    changed = load_changed(
+        tmp_path, ("moment_station_m = 2.0", "moment_station_m = 1.5\narea_m2 = 0.2\nlength_m = 0.5")
+    )
+    reference = changed.reference_quantities()
+    assert (reference.area, reference.length, reference.moment_station) == (0.2, 0.5, 1.5)
+
+
+def test_arc_is_an_ogive(tmp_path: Path) -> None:
+    arc = 'kind = "arc"\nstart_half_angle_deg = 10.0\nend_half_angle_deg = 1.0\nend_x_m = 1.75'
+    body = load_changed(tmp_path, (FIRST_CONE, arc)).body()
+    assert degrees(body.tip_angle) == pytest.approx(10.0)
+    assert len(body.slope_breaks) == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "wall_thickness_mm",
+            "wall_thickness_m",
+            r"wall_thickness_m: unknown entry \(wrong unit\?\), allowed is wall_thickness_mm",
+        ),
+        (
+            "youngs_modulus_GPa",
+            "youngs_modulus_MPa",
+            r"material.youngs_modulus_MPa: .*allowed is youngs_modulus_GPa",
+        ),
+        (FIRST_CONE, FIRST_CONE.replace("_deg", "_rad"), r"profile.1.half_angle_rad: .*allowed is half_angle_deg"),
+        ("first_x_m = 0.35", "first_x_mm = 350.0", r"rows.1.first_x_mm: .*allowed is first_x_m"),
+        ("altitude_km = 20.0", "altitude_ft = 65617.0", r"conditions.altitude_ft: .*allowed is altitude_km"),
+        ("poisson_ratio", "poison_ratio", r"material.poison_ratio: unknown entry, did you mean poisson_ratio\?"),
+        ("[map]", "[mapp]", r"mapp: unknown entry, did you mean map\?"),
+        ("modes = 5", "modes = 5\nzzz = 1", r"map.zzz: unknown entry; allowed: modes"),
+        (
+            "wall_thickness_mm = 4.0",
+            "wall_thickness_mm = -4.0",
+            r"structure.wall_thickness_mm: -4.0 found, must be greater than 0",
+        ),
+        (
+            "wall_thickness_mm = 4.0",
+            'wall_thickness_mm = "4.0"',
+            r"structure.wall_thickness_mm: '4.0' found, must be a valid number",
+        ),
+        (
+            "wall_thickness_mm = 4.0",
+            "wall_thickness_mm = nan",
+            r"structure.wall_thickness_mm: nan found, must be a finite number",
+        ),
+        (
+            "wall_thickness_mm = 4.0",
+            "wall_thickness_mm = inf",
+            r"structure.wall_thickness_mm: inf found, must be a finite number",
+        ),
+        ("wall_thickness_mm = 4.0", "", r"structure.wall_thickness_mm: entry is missing"),
+        (
+            "poisson_ratio = 0.31",
+            "poisson_ratio = 0.5",
+            r"material.poisson_ratio: 0.5 found, must be less than 0.5",
+        ),
+        (
+            'layout = "configuration_2"',
+            'layout = "other"',
+            rf"gauges: layout 'other' is not among the layouts {LAYOUTS}",
+        ),
+        (
+            'of_layout = "configuration_2"',
+            'of_layout = "other"',
+            rf"noise.of_layout 'other' is not among the layouts {LAYOUTS}",
+        ),
+        ("end_x_m = 3.6", "end_x_m = 1.6", r"profile segment 2: end_x_m 1.6 must lie aft of 1.75"),
+        (
+            "half_angle_deg = 1.0",
+            "half_angle_deg = -10.0",
+            r"profile segment 2: the radius falls to zero before x = 3.6 m",
+        ),
+        (
+            "half_angle_deg = 5.0",
+            "half_angle_deg = 50.0",
+            r"profile.1.half_angle_deg: 50.0 found, must be less than 45",
+        ),
+        (
+            "harmonics = 16",
+            "harmonics = 36",
+            r"resolution.map: harmonics must be less than half of surface_roll_angles",
+        ),
+        (
+            "radial_cells = 24",
+            "radial_cells = 4",
+            r"resolution.map.radial_cells: 4 found, must be greater than or equal to 8",
+        ),
+        ("modes = 5", "modes = 5.0", r"map.modes: 5.0 found, must be a valid integer"),
+        ("modes = 5", "modes = 0", r"map.modes: 0 found, must be greater than or equal to 1"),
+        (
+            "mach_number = [5.0, 5.5",
+            "mach_number = [5.0, 0.5",
+            r"conditions.mach_number.2: 0.5 found, must be greater than 1",
+        ),
+        (
+            "altitude_km = 20.0",
+            "altitude_km = 72.0",
+            r"conditions.altitude_km: 72.0 found, must be less than or equal to 71",
+        ),
+        ("count = 9", "count = 1", r"configuration_1.rows.1.count: 1 found, must be greater than or equal to 2"),
+        (
+            "last_x_m = 3.30, ",
+            "",
+            r"rows.1: stations must be given either as x_m or as first_x_m, last_x_m and count",
+        ),
+        (
+            '["axial", "hoop"]',
+            '["axial", "shear"]',
+            r"rows.1.directions.2: 'shear' found, must be 'axial' or 'hoop'",
+        ),
+        (
+            "percent_of_median_strain = 1.0",
+            "percent_of_median_strain = 1.0\nstd_um_per_m = 0.4",
+            r"noise: give either",
+        ),
+        ("percent_of_median_strain = 1.0", "", r"noise: give either percent_of_median_strain or std_um_per_m"),
+        ('support = "clamped_aft"', 'support = "free"', r"structure.support: 'free' found, must be 'clamped_aft'"),
+        ("[structure]", "[structure", r"not a TOML file"),
+    ],
+)
+def test_fault_is_one_line_that_names_the_entry(old: str, new: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        load_changed(tmp_path, (old, new))
+    message = str(error.value)
+    assert message.startswith(f"{tmp_path / 'vehicle.toml'}: ")
+    assert "\n" not in message
+
+
+def test_further_faults_are_counted(tmp_path: Path) -> None:
+    """A misspelt key leaves its right name missing: one more, and the unknown one is shown."""
+    with pytest.raises(InputError, match=r"wall_thickness_m: unknown entry.*\(and 1 more\)$"):
+        load_changed(tmp_path, ("wall_thickness_mm", "wall_thickness_m"))
+
+
+def test_layout_of_rows_and_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="configuration_1: a layout needs either rows or file"):
+        load_changed(
+            tmp_path, ("[gauges.layouts.configuration_1]", '[gauges.layouts.configuration_1]\nfile = "a.csv"')
+        )
+
+
+def test_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none.toml: no such file"):
+        load_vehicle(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_vehicle(tmp_path)
+    path = tmp_path / "latin.toml"
+    path.write_bytes("name = 'Flügel'".encode("latin-1"))
+    with pytest.raises(InputError, match="not a TOML file"):
+        load_vehicle(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('kind = "cone"\n', "", ("profile.1.kind", "missing", "'cone' or 'arc'")),
+        ('kind = "cone"\n', 'kind = "ball"\n', ("profile.1.kind", "'ball' found", "'cone' or 'arc'")),
+        ('= "ambient" # "ambient"', "= -1.0 #", ("internal_pressure_Pa", "-1.0 found", "'ambient' or a number")),
+        ('= "ambient" # "ambient"', '= "vacuum" #', ("internal_pressure_Pa", "'vacuum' found")),
+        ("mach_number = [5.25, 5.75,", "mach_number = [5.25, 5.25,", ("truth", "mach_number holds a value twice")),
+        ("sideslip_angle_deg = [0.0, 5.0, 10.0]", "sideslip_angle_deg = []", ("[] found", "at least 1")),
+    ],
+)
+def test_lines_that_pydantic_would_make_unreadable(
+    tmp_path: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    text = IC3X.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "vehicle.toml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        load_vehicle(path)
+    for word in words:
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)

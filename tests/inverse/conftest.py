@@ -1,0 +1,75 @@
+"""The shipped vehicle at a coarse resolution, its structure and real snapshots."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import pytest
+from inverse_case import Case
+
+from builder.aero.euler.solver import FlowSolution
+from builder.aero.loads import load_operator
+from builder.build import gauge_noise_std, internal_pressure
+from builder.campaign import FlowKey, Snapshots, solve_flows, take_snapshots
+from builder.flight_tables import truth_keys
+from builder.reduction import proper_orthogonal_decomposition
+from builder.structural_model import StructuralModel, structural_model
+from builder.vehicle import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
+from strainfmu.flight_condition import FlightCondition
+
+COARSE = Resolution(
+    radial_cells=12,
+    circumferential_cells=16,
+    surface_stations=40,
+    surface_roll_angles=24,
+    harmonics=10,
+    element_length_mm=40.0,
+    wall_layers=1,
+)
+
+
+@pytest.fixture(scope="session")
+def vehicle() -> Vehicle:
+    return load_vehicle(IC3X).model_copy(update={"resolution": Resolutions(map=COARSE, truth=COARSE)})
+
+
+@pytest.fixture(scope="session")
+def structure(vehicle: Vehicle) -> StructuralModel:
+    return structural_model(vehicle, COARSE, list(vehicle.gauges.layouts))
+
+
+@pytest.fixture(scope="session")
+def snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
+    """The 90 conditions of the vehicle file."""
+    return take_snapshots(vehicle.body(), vehicle.flight_conditions(), COARSE.marching_grid, structure.surface)
+
+
+@pytest.fixture(scope="session")
+def held_out(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
+    """24 conditions inside the envelope that are not among the snapshots."""
+    random = np.random.default_rng(11)
+    conditions = [
+        FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
+        for mach, alpha, beta in random.uniform([5.0, 0.0, 0.0], [7.0, 10.0, 10.0], size=(24, 3))
+    ]
+    return take_snapshots(vehicle.body(), conditions, COARSE.marching_grid, structure.surface)
+
+
+@pytest.fixture(scope="session")
+def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> Case:
+    layout = vehicle.gauges.layout
+    z_p = structure.strain_operator(layout)
+    return Case(
+        z_p,
+        load_operator(structure.surface, vehicle.reference.moment_station_m),
+        proper_orthogonal_decomposition(snapshots.pressure),
+        np.full(len(z_p), gauge_noise_std(vehicle, snapshots, structure)),
+        internal_pressure(vehicle, snapshots),
+    )
+
+
+@pytest.fixture(scope="session")
+def truth_flows(vehicle: Vehicle) -> dict[FlowKey, FlowSolution]:
+    """The flows at the knots of the flight model."""
+    return solve_flows(vehicle.body(), truth_keys(vehicle), COARSE.marching_grid)

@@ -1,0 +1,197 @@
+"""The flight model's tables against flows that are solved and applied directly."""
+
+from __future__ import annotations
+
+from math import pi, radians
+
+import numpy as np
+import pytest
+from inverse_case import Case
+
+from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.surface_pressure import pressure_at_stations
+from builder.build import snapshot_coefficients
+from builder.campaign import FlowKey, take_snapshots
+from builder.flight_tables import flight_model, pressure_harmonics, truth_keys
+from builder.structural_model import StructuralModel
+from builder.vehicle import Vehicle
+from strainfmu.cosim.flight_model import FlightModel, FlightPoint, evaluate
+from strainfmu.flight_condition import FlightCondition
+
+
+@pytest.fixture(scope="module")
+def model(vehicle: Vehicle, truth_flows: dict[FlowKey, FlowSolution], structure: StructuralModel) -> FlightModel:
+    return flight_model(vehicle, truth_flows, structure, 1e-7)
+
+
+def condition(mach_number: float, alpha: float, beta: float) -> FlightCondition:
+    """At 20 km; angles in degrees."""
+    return FlightCondition(mach_number, radians(alpha), radians(beta), 20e3)
+
+
+def direct(
+    vehicle: Vehicle, structure: StructuralModel, case: Case, at: FlightCondition
+) -> tuple[np.ndarray, ...]:
+    """Strain and coefficients of a flow solved for this condition, by nodal pressure."""
+    snapshot = take_snapshots(vehicle.body(), [at], vehicle.resolution.truth.marching_grid, structure.surface)
+    strain = case.strain_operator @ (snapshot.pressure[0] - at.ambient_pressure)
+    return strain, snapshot_coefficients(vehicle, snapshot, case.loads)[0]
+
+
+def gauge(model: FlightModel, name: str) -> int:
+    return model.gauge_names.index(name)
+
+
+def test_knots_are_those_of_the_vehicle_file(vehicle: Vehicle, model: FlightModel) -> None:
+    assert len(truth_keys(vehicle)) == 24
+    np.testing.assert_array_equal(model.mach_knots, [5.25, 5.75, 6.25, 6.75])
+    np.testing.assert_allclose(np.degrees(model.incidence_knots), [0, 1, 3, 5, 7, 9, 11], atol=1e-6)
+
+
+@pytest.mark.parametrize(("mach_number", "incidence"), [(5.25, 3.0), (6.25, 5.0), (6.75, 11.0)])
+def test_at_a_knot_strain_is_that_of_the_harmonics(
+    mach_number: float,
+    incidence: float,
+    model: FlightModel,
+    truth_flows: dict[FlowKey, FlowSolution],
+    structure: StructuralModel,
+    case: Case,
+) -> None:
+    """Nodal pressure made of the same harmonics, rolled to (a, b), through Z_p: equal to 1e-9 of the largest."""
+    flow = truth_flows[mach_number, round(radians(incidence), 9)]
+    harmonics = pressure_harmonics(flow, structure.surface, 10)
+    at = condition(mach_number, 0.6 * incidence, -0.8 * incidence)
+    # Total incidence is not exactly that of the knot: roll angle from (a, b), incidence from the knot.
+    roll = at.leeward_roll_angle
+    exact = FlightCondition(
+        mach_number,
+        np.arctan(np.tan(flow.incidence) * np.cos(roll)),
+        -np.arcsin(np.sin(flow.incidence) * np.sin(roll)),
+        20e3,
+    )
+    assert exact.total_incidence == pytest.approx(flow.incidence, rel=1e-12)
+    phase = np.outer(np.arange(11), structure.surface.roll_angle - exact.leeward_roll_angle)
+    pressure = exact.ambient_pressure * (harmonics @ np.cos(phase)).ravel()
+    expected = case.strain_operator @ (pressure - exact.ambient_pressure)
+    found = evaluate(model, exact).strain
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("mach_number", "incidence"), [(5.25, 3.0), (6.25, 5.0), (6.75, 11.0)])
+def test_at_a_knot_the_flow_is_met(
+    mach_number: float,
+    incidence: float,
+    vehicle: Vehicle,
+    model: FlightModel,
+    structure: StructuralModel,
+    case: Case,
+) -> None:
+    """Coefficients to 1e-6; strain to 0.2 %, harmonics against interpolated nodes."""
+    at = condition(mach_number, incidence, 0.0)
+    strain, coefficients = direct(vehicle, structure, case, at)
+    point = evaluate(model, at)
+    assert np.linalg.norm(point.strain - strain) < 2e-3 * np.linalg.norm(strain)
+    np.testing.assert_allclose(point.coefficients, coefficients, rtol=0.0, atol=1e-6 * coefficients[1])
+
+
+@pytest.mark.parametrize(
+    ("mach_number", "alpha", "beta"),
+    [(6.0, 4.0, 0.0), (5.5, 2.0, 0.0), (6.5, 6.0, 3.0), (6.1, 8.0, 5.0), (6.0, 0.0, 4.0)],
+)
+def test_between_the_knots_the_flow_is_met(
+    mach_number: float,
+    alpha: float,
+    beta: float,
+    vehicle: Vehicle,
+    model: FlightModel,
+    structure: StructuralModel,
+    case: Case,
+) -> None:
+    """Against a flow solved there: strain, force and moment within 1 % of their size."""
+    at = condition(mach_number, alpha, beta)
+    strain, coefficients = direct(vehicle, structure, case, at)
+    point = evaluate(model, at)
+    assert np.linalg.norm(point.strain - strain) < 0.01 * np.linalg.norm(strain)
+    assert point.coefficients[0] == pytest.approx(coefficients[0], rel=0.01)
+    force = np.hypot(*coefficients[1:3])
+    np.testing.assert_allclose(point.coefficients[1:3], coefficients[1:3], rtol=0.0, atol=0.01 * force)
+    # The moment point lies near the centre of pressure: 1 % of the force over a calibre.
+    np.testing.assert_allclose(point.coefficients[3:], coefficients[3:], rtol=0.0, atol=0.01 * force)
+
+
+def test_without_incidence_nothing_points_sideways(model: FlightModel) -> None:
+    """C_N, C_Y, M_P, M_Y vanish, opposite gauges agree, to 1e-10."""
+    point = evaluate(model, condition(6.0, 0.0, 0.0))
+    np.testing.assert_allclose(point.coefficients[1:], 0.0, atol=1e-10)
+    for i in range(1, 10):
+        axial = [point.strain[gauge(model, f"axial_{roll}deg_{i}")] for roll in (0, 180)]
+        assert axial[0] == pytest.approx(axial[1], rel=1e-10)
+
+
+def test_strain_is_even_and_odd_as_it_must_be_near_zero(model: FlightModel) -> None:
+    """Up and down by 0.01 deg: C_A changes by less than 1e-6, C_N and the lateral strain change sign."""
+    up, down, level = (evaluate(model, condition(6.0, angle, 0.0)) for angle in (0.01, -0.01, 0.0))
+    assert up.coefficients[0] == pytest.approx(level.coefficients[0], rel=1e-6)
+    assert up.coefficients[1] == pytest.approx(-down.coefficients[1], rel=1e-9)
+    top, bottom = gauge(model, "axial_0deg_5"), gauge(model, "axial_180deg_5")
+    assert up.strain[top] == pytest.approx(down.strain[bottom], rel=1e-9)
+    assert up.coefficients[1] > 0.0
+
+
+def test_sideslip_to_the_other_side_mirrors(model: FlightModel) -> None:
+    """b -> -b: C_Y and M_Y change sign, gauges at 90 and 270 deg swap."""
+    left, right = (evaluate(model, condition(6.2, 3.0, beta)) for beta in (4.0, -4.0))
+    np.testing.assert_allclose(right.coefficients, left.coefficients * [1, 1, -1, 1, -1], rtol=1e-12)
+    for i in range(1, 10):
+        swapped = [gauge(model, f"axial_{roll}deg_{i}") for roll in (90, 270)]
+        np.testing.assert_allclose(right.strain[swapped], left.strain[swapped[::-1]], rtol=1e-9)
+        same = [gauge(model, f"{kind}_{roll}deg_{i}") for kind in ("axial", "hoop") for roll in (0, 180)]
+        np.testing.assert_allclose(right.strain[same], left.strain[same], rtol=1e-9)
+
+
+def test_quarter_turn_moves_the_strain_to_the_next_row(model: FlightModel) -> None:
+    """(a, b) = (5, 0) and (0, 5): leeward from 0 to 270 deg, so the axial rows move by one."""
+    attack, sideslip = evaluate(model, condition(6.2, 5.0, 0.0)), evaluate(model, condition(6.2, 0.0, 5.0))
+    for i in range(1, 10):
+        before = [gauge(model, f"axial_{roll}deg_{i}") for roll in (0, 90, 180, 270)]
+        after = [gauge(model, f"axial_{roll}deg_{i}") for roll in (270, 0, 90, 180)]
+        np.testing.assert_allclose(sideslip.strain[after], attack.strain[before], rtol=1e-8)
+    assert sideslip.coefficients[2] == pytest.approx(-attack.coefficients[1], rel=1e-9)
+    assert sideslip.coefficients[4] == pytest.approx(-attack.coefficients[3], rel=1e-9)
+
+
+def test_fixed_internal_pressure(
+    vehicle: Vehicle,
+    truth_flows: dict[FlowKey, FlowSolution],
+    structure: StructuralModel,
+    model: FlightModel,
+    case: Case,
+) -> None:
+    """A sealed body at 1 bar: strain of the difference from p_inf, and C_A less its push on the base."""
+    sealed = vehicle.model_copy(
+        update={"structure": vehicle.structure.model_copy(update={"internal_pressure_Pa": 1e5})}
+    )
+    at = condition(6.0, 4.0, 2.0)
+    vented, closed = evaluate(model, at), evaluate(flight_model(sealed, truth_flows, structure, 1e-7), at)
+    difference = 1e5 - at.ambient_pressure
+    uniform = case.strain_operator @ np.ones(structure.surface.n_nodes)
+    size = np.abs(closed.strain).max()
+    np.testing.assert_allclose(closed.strain, vented.strain - difference * uniform, rtol=0.0, atol=1e-10 * size)
+    area = pi * vehicle.body().base_radius ** 2
+    push = difference * area / (at.dynamic_pressure * area)
+    expected = vented.coefficients - [push, 0.0, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(closed.coefficients, expected, rtol=1e-9)
+    assert isinstance(vented, FlightPoint)
+
+
+def test_harmonics_are_those_of_the_cells(
+    vehicle: Vehicle, truth_flows: dict[FlowKey, FlowSolution], structure: StructuralModel
+) -> None:
+    """All 16 of 16 cells give the cells' pressure back; without incidence only the mean is left."""
+    flow = truth_flows[6.25, round(radians(5.0), 9)]
+    harmonics = pressure_harmonics(flow, structure.surface, 15)
+    back = harmonics @ np.cos(np.outer(np.arange(16), flow.roll_angle))
+    np.testing.assert_allclose(back, pressure_at_stations(flow, structure.surface), rtol=1e-12)
+    assert np.all(pressure_harmonics(flow, structure.surface, 20)[:, 16:] == 0.0)
+    level = solve_flow(vehicle.body(), 6.25, 0.0, vehicle.resolution.truth.marching_grid)
+    assert np.abs(pressure_harmonics(level, structure.surface, 8)[:, 1:]).max() < 1e-3

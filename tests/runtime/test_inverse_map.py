@@ -1,0 +1,167 @@
+"""The artefact: what goes in comes out, and nothing damaged does."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from runtime_map import N_GAUGES, random_map
+
+from strainfmu import files
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.inverse_map import (
+    SCHEMA,
+    SCHEMA_VERSION,
+    InverseMap,
+    content_hash_of,
+    load_inverse_map,
+    save_inverse_map,
+)
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    save_inverse_map(random_map(), tmp_path / "map.h5")
+    return tmp_path / "map.h5"
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    inverse_map = random_map()
+    digest = save_inverse_map(inverse_map, tmp_path / "deep" / "map.h5")
+    loaded = load_inverse_map(tmp_path / "deep" / "map.h5")
+    for entry in fields(InverseMap):
+        found, wanted = getattr(loaded, entry.name), getattr(inverse_map, entry.name)
+        if isinstance(wanted, np.ndarray):
+            np.testing.assert_array_equal(found, wanted)
+        else:
+            assert found == wanted
+    assert loaded.n_gauges == N_GAUGES
+    assert content_hash_of(tmp_path / "deep" / "map.h5") == digest
+
+
+def test_every_number_has_its_unit(saved: Path) -> None:
+    with h5py.File(saved) as file:
+        units = {name: file[name].attrs["unit"] for name in file if name != "gauge_names"}
+    assert len(units) == 16
+    assert units["strain_gain"] == "Pa/(m/m)"
+    assert units["nominal_dynamic_pressure"] == "Pa"
+
+
+def test_content_hash_is_of_content_alone(tmp_path: Path) -> None:
+    first = save_inverse_map(random_map(), tmp_path / "one.h5")
+    assert save_inverse_map(random_map(), tmp_path / "two.h5") == first
+    assert save_inverse_map(replace(random_map(), reference_area=0.2000001), tmp_path / "three.h5") != first
+    assert save_inverse_map(replace(random_map(), vehicle="other"), tmp_path / "four.h5") != first
+
+
+def test_flipped_bit_anywhere_is_refused_or_harmless(saved: Path) -> None:
+    """One bit of every 37th byte: only the padding behind the first line of text may be other than it was."""
+    content = saved.read_bytes()
+    padding = range(content.index(b"\n") + 1, files.USER_BLOCK_SIZE)
+    for position in range(0, len(content), 37):
+        damaged = bytearray(content)
+        damaged[position] ^= 1 << position % 8
+        saved.write_bytes(bytes(damaged))
+        if position in padding:
+            np.testing.assert_array_equal(load_inverse_map(saved).strain_gain, random_map().strain_gain)
+        else:
+            with pytest.raises(InputError, match=r"map.h5: (damaged|expected a file|schema version)"):
+                load_inverse_map(saved)
+
+
+def test_flipped_bit_in_any_array_is_refused(saved: Path) -> None:
+    """The lowest bit of one number of each array, in the file's bytes."""
+    with h5py.File(saved) as file:
+        # h5py counts from behind the user block where the file has one.
+        where = {name: (file[name].id.get_offset(), file[name].id.get_storage_size()) for name in file}
+    assert len(where) == 17
+    content = saved.read_bytes()
+    for offset, size in where.values():
+        damaged = bytearray(content)
+        damaged[offset + (size // 2) // 8 * 8] ^= 1
+        saved.write_bytes(bytes(damaged))
+        with pytest.raises(InputError, match="damaged or altered"):
+            load_inverse_map(saved)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_truncated_file_is_refused(share: float, saved: Path) -> None:
+    content = saved.read_bytes()
+    saved.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(InputError, match=r"map.h5: damaged"):
+        load_inverse_map(saved)
+
+
+@pytest.mark.parametrize("version", [0, 2])
+def test_other_schema_version_is_refused(version: int, tmp_path: Path) -> None:
+    files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, version, lambda file: None)
+    with pytest.raises(InputError, match=f"schema version {version} found, 1 wanted; build it again"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_other_kind_of_file_is_refused(tmp_path: Path) -> None:
+    files.write_hdf5_atomically(tmp_path / "map.h5", "strainfmu.snapshots", 1, lambda file: None)
+    with pytest.raises(InputError, match=r"schema 'strainfmu.inverse_map', found 'strainfmu.snapshots'"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_edited_file_is_refused(saved: Path) -> None:
+    with h5py.File(saved, "r+") as file:
+        file.attrs["vehicle"] = "another vehicle"
+    with pytest.raises(InputError, match="damaged or altered"):
+        load_inverse_map(saved)
+
+
+def test_missing_entry_is_named(tmp_path: Path) -> None:
+    def fill(file: h5py.File) -> None:
+        file.attrs["vehicle"] = "a vehicle"
+
+    files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, SCHEMA_VERSION, fill)
+    with pytest.raises(InputError, match=r"damaged, entry .*gauge_names.* is missing"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_inverse_map(tmp_path / "none.h5")
+    (tmp_path / "text.h5").write_text("not a map")
+    with pytest.raises(InputError, match="damaged, or not an HDF5 file"):
+        load_inverse_map(tmp_path / "text.h5")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"strain_gain": np.zeros((3, 7))}, r"strain_gain has shape \(3, 7\), must be \(3, 8\)"),
+        ({"gauge_position": np.zeros((8, 2))}, r"gauge_position has shape \(8, 2\), must be \(8, 3\)"),
+        ({"load_covariance": np.zeros(5)}, r"load_covariance has shape \(5,\), must be \(5, 5\)"),
+        ({"mean_strain": np.full(8, np.nan)}, "mean_strain holds values that are not finite"),
+        ({"load_of_mean": np.full(5, np.inf)}, "load_of_mean holds values that are not finite"),
+        ({"reference_area": 0.0}, "reference_area is 0.0, must be positive"),
+        ({"reference_length": np.nan}, "reference_length is nan, must be positive"),
+        ({"nominal_dynamic_pressure": np.inf}, "nominal_dynamic_pressure is inf, must be positive"),
+        ({"gauge_names": ("a",) * 8}, "at least one name and none twice"),
+        ({"noise_std": np.zeros(8)}, "noise_std must be positive"),
+        ({"residual_degrees_of_freedom": 0}, "8 gauges for 3 states found, health needs at least one gauge more"),
+    ],
+)
+def test_values_that_cannot_be_meant_are_refused(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        replace(random_map(), **changes)
+
+
+def test_file_is_whole_or_as_it_was(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Writing fails: the old map stays, no temporary file is left, the error names the path."""
+    before = saved.read_bytes()
+
+    def no_space(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files.os, "fsync", no_space)
+    with pytest.raises(StrainfmuError, match=r"map.h5: could not be written: No space left on device"):
+        save_inverse_map(random_map(2), saved)
+    assert saved.read_bytes() == before
+    assert [path.name for path in saved.parent.iterdir()] == ["map.h5"]
