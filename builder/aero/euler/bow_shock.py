@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA
+from builder.aero.euler.grid import norm
 from builder.aero.euler.reconstruction import limited
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +56,7 @@ def outer_boundary_growth(
         phi = (j + 0.5) * math.pi / n_rays
         ty = vertex[0, j + 1, n_r] - vertex[0, j, n_r]
         tz = vertex[1, j + 1, n_r] - vertex[1, j, n_r]
-        length = math.hypot(ty, tz)
+        length = norm(ty, tz)
         ny, nz = -tz / length, ty / length
         row = wave[0, j + 1]
         pressure = row[n_r - 1] + 0.5 * limited(row[n_r - 1] - row[n_r - 2], row[n_r - 2] - row[n_r - 3])

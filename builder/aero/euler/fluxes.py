@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import hll
 from builder.aero.euler.gas import GAMMA, total_enthalpy, wall_pressure
-from builder.aero.euler.grid import face_area
+from builder.aero.euler.grid import face_area, norm
 from builder.aero.euler.reconstruction import State, face_state, limited, reconstruct
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +27,7 @@ def _flow_through(
     flux: FloatArray,
 ) -> None:
     """Fill flux (4,) with the flow through the vector area (sx, sy, sz) from left to right."""
-    length = math.hypot(sy, sz)
+    length = norm(sy, sz)
     ny, nz = sy / length, sz / length
     slope = -sx / length
     pl, rl, ul, vl, wl = left

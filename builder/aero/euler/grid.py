@@ -30,6 +30,12 @@ def body_radius(x: float, segment: FloatArray) -> float:
 
 
 @compiled
+def norm(y: float, z: float) -> float:
+    """Return the length of (y, z); several times faster than ``math.hypot``, whose guards are not needed here."""
+    return math.sqrt(y * y + z * z)
+
+
+@compiled
 def place_vertices(radius: float, outer: FloatArray, spacing: FloatArray, vertex: FloatArray) -> None:
     """Fill vertex (2, n_phi + 1, n_r + 1) with y, z of the grid in one plane.
 

@@ -17,7 +17,7 @@ from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import characteristic_slopes
 from builder.aero.euler.fluxes import add_circumferential_fluxes, add_radial_fluxes
 from builder.aero.euler.gas import GAMMA, primitive, total_enthalpy
-from builder.aero.euler.grid import body_radius, cell_areas, face_area, place_vertices
+from builder.aero.euler.grid import body_radius, cell_areas, face_area, norm, place_vertices
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -87,11 +87,11 @@ def marching_step(
             v, w = cell[3, j, i], cell[4, j, i]
             y = vertex[0, j, i] + vertex[0, j + 1, i]
             z = vertex[1, j, i] + vertex[1, j + 1, i]
-            height = 0.5 * math.hypot(
+            height = 0.5 * norm(
                 vertex[0, j, i + 1] + vertex[0, j + 1, i + 1] - y,
                 vertex[1, j, i + 1] + vertex[1, j + 1, i + 1] - z,
             )
-            width = math.hypot(vertex[0, j + 1, i] - vertex[0, j, i], vertex[1, j + 1, i] - vertex[1, j, i])
+            width = norm(vertex[0, j + 1, i] - vertex[0, j, i], vertex[1, j + 1, i] - vertex[1, j, i])
             low, high = characteristic_slopes(p, rho, u, v * sine + w * cosine)
             share = 0.5 * (spacing[i] + spacing[i + 1])
             slope = wall_slope + share * (0.5 * (growth[j] + growth[j + 1]) - wall_slope)

@@ -26,7 +26,7 @@ class MarchingGrid:
     n_radial: int = 24
     n_circumferential: int = 36
     clustering: float = 1.0
-    conical_tolerance: float = 5e-4
+    conical_tolerance: float = 1e-3
 
     def spacing(self, n_radial: int) -> FloatArray:
         """Return (n_radial + 1,) vertex positions from 0 (wall) to 1 (outer boundary)."""

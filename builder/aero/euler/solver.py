@@ -27,7 +27,7 @@ MAX_STEPS = 20_000
 LEG = 1.5
 """Growth of x over one leg of the conical start."""
 MAX_LEGS = 25
-LARGEST_MASS_DEFECT = 5e-6
+LARGEST_MASS_DEFECT = 1e-5
 """Imbalance of mass, over the free stream through the base, that a settled conical start may have."""
 LARGEST_UNREST = 0.02
 """Change over a leg above which a conical start that has not settled is refused."""
