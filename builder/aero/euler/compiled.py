@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar, cast
+
 from numba import njit
 
-compiled = njit(cache=True, nogil=True, error_model="numpy")
-"""Decorator: machine code kept on disk, run without the interpreter lock, IEEE results for x/0.
+Function = TypeVar("Function", bound=Callable[..., object])
 
-A compiled function is renewed when its own file changes, not when a function that it calls does: after an
-edit in this folder delete ``__pycache__``.
-"""
+
+def compiled(function: Function) -> Function:
+    """Compile ``function``: machine code kept on disk, run without the interpreter lock, IEEE results for x/0.
+
+    A compiled function is renewed when its own file changes, not when a function that it calls does: after an
+    edit in this folder delete ``__pycache__``. Where no folder for the machine code can be written, the function
+    is compiled anew in every process.
+    """
+    try:
+        return cast(Function, njit(cache=True, nogil=True, error_model="numpy")(function))
+    except RuntimeError:
+        return cast(Function, njit(nogil=True, error_model="numpy")(function))
