@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +16,8 @@ from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
 from builder.flight_conditions import flow_key
 from builder.geometry import BodyOfRevolution, SurfaceGrid
-from strainfmu.errors import InputError
-from strainfmu.files import open_hdf5, write_hdf5_atomically
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.records import load_record, save_record
 
 FloatArray = NDArray[np.float64]
 FlowKey = tuple[float, float]
@@ -27,6 +25,14 @@ Progress = Callable[[int, int], None]
 
 SCHEMA = "strainfmu.snapshots"
 SCHEMA_VERSION = 1
+
+_UNITS = {
+    "condition": "1, rad, rad, m",
+    "pressure": "Pa",
+    "station": "m",
+    "radius": "m",
+    "roll_angle": "rad",
+}
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,9 @@ class Snapshots:
     Attributes
     ----------
     condition : (N, 4) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m].
-    pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
+    pressure : (N, n_p) absolute pressure at the surface nodes [Pa]; node = station index * n_roll + roll index.
+    station, radius : (n_x,) where the nodes are [m]; equal stations in a pair mark a slope break.
+    roll_angle : (n_roll,) roll angles of the nodes [rad].
     solved : (N,) True where the flow was solved for this condition, False where it was rolled from another.
     momentum_error : (N,) relative difference of the force from wall pressure and from momentum.
     repairs : (N,) face states of the flow that fell back to first order to stay physical.
@@ -44,6 +52,9 @@ class Snapshots:
 
     condition: FloatArray
     pressure: FloatArray
+    station: FloatArray
+    radius: FloatArray
+    roll_angle: FloatArray
     solved: NDArray[np.bool_]
     momentum_error: FloatArray
     repairs: NDArray[np.int64]
@@ -105,24 +116,18 @@ def take_snapshots(
         repairs[i] = flow.n_repairs
         seen.add(key)
     table = np.array([condition.as_tuple() for condition in conditions])
-    return Snapshots(table, pressure, solved, error, repairs)
+    return Snapshots(table, pressure, surface.x, surface.radius, surface.roll_angle, solved, error, repairs)
 
 
-def save_snapshots(snapshots: Snapshots, surface: SurfaceGrid, path: Path) -> None:
-    """Write ``snapshots.h5`` atomically."""
+def save_snapshots(snapshots: Snapshots, path: Path) -> None:
+    """Write ``snapshots.h5`` atomically.
 
-    def fill(file: h5py.File) -> None:
-        table = file.create_dataset("condition", data=snapshots.condition)
-        table.attrs["columns"] = "mach_number [1], angle_of_attack [rad], sideslip_angle [rad], altitude [m]"
-        file.create_dataset("pressure", data=snapshots.pressure).attrs["unit"] = "Pa"
-        file.create_dataset("solved", data=snapshots.solved)
-        file.create_dataset("momentum_error", data=snapshots.momentum_error).attrs["unit"] = "1"
-        file.create_dataset("repairs", data=snapshots.repairs)
-        file.create_dataset("surface/x", data=surface.x).attrs["unit"] = "m"
-        file.create_dataset("surface/radius", data=surface.radius).attrs["unit"] = "m"
-        file.create_dataset("surface/roll_angle", data=surface.roll_angle).attrs["unit"] = "rad"
-
-    write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+    save_record(snapshots, path, SCHEMA, SCHEMA_VERSION, _UNITS)
 
 
 def load_snapshots(path: Path) -> Snapshots:
@@ -133,8 +138,4 @@ def load_snapshots(path: Path) -> Snapshots:
     InputError
         The file is missing, damaged, altered, or of another schema version.
     """
-    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
-        try:
-            return Snapshots(*(file[entry.name][()] for entry in fields(Snapshots)))
-        except KeyError as error:
-            raise InputError(f"{path}: damaged, {error}") from error
+    return load_record(Snapshots, path, SCHEMA, SCHEMA_VERSION)

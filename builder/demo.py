@@ -136,7 +136,7 @@ def _snapshots(chain: _Chain) -> None:
             chain.reporter.note(
                 f"{repaired} flows needed states repaired, {snapshots.repairs.max()} at most in one"
             )
-        save_snapshots(snapshots, surface, path)
+        save_snapshots(snapshots, path)
 
     inputs = {
         "profile": [entry.model_dump() for entry in vehicle.profile],

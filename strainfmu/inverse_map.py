@@ -7,17 +7,16 @@ needs their product only; T, k and the load rows stay in the file for whoever wa
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.errors import InputError
-from strainfmu.files import open_hdf5, write_hdf5_atomically
+from strainfmu.files import open_hdf5
+from strainfmu.records import load_record, save_record
 
 FloatArray = NDArray[np.float64]
 
@@ -145,20 +144,7 @@ def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-
-    def fill(file: h5py.File) -> None:
-        for entry in fields(inverse_map):
-            value = getattr(inverse_map, entry.name)
-            if entry.name == "provenance":
-                file.attrs["provenance"] = json.dumps(value, sort_keys=True)
-            elif entry.name == "gauge_names":
-                file.create_dataset(entry.name, data=np.array(value, dtype="S"))
-            elif entry.name == "vehicle":
-                file.attrs[entry.name] = value
-            else:
-                file.create_dataset(entry.name, data=value).attrs["unit"] = _UNITS.get(entry.name, "1")
-
-    return write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
+    return save_record(inverse_map, path, SCHEMA, SCHEMA_VERSION, _UNITS)
 
 
 def load_inverse_map(path: Path) -> InverseMap:
@@ -169,25 +155,7 @@ def load_inverse_map(path: Path) -> InverseMap:
     InputError
         The file is missing, damaged, altered, or of another schema version.
     """
-    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
-        values: dict[str, Any] = {}
-        try:
-            for entry in fields(InverseMap):
-                if entry.name == "provenance":
-                    values[entry.name] = json.loads(file.attrs[entry.name])
-                elif entry.name == "gauge_names":
-                    values[entry.name] = tuple(name.decode() for name in file[entry.name][()])
-                elif entry.name == "vehicle":
-                    values[entry.name] = str(file.attrs[entry.name])
-                else:
-                    stored = file[entry.name][()]
-                    values[entry.name] = stored.item() if np.ndim(stored) == 0 else stored
-        except KeyError as error:
-            raise InputError(f"{path}: damaged, entry {error} is missing") from error
-    try:
-        return InverseMap(**values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return load_record(InverseMap, path, SCHEMA, SCHEMA_VERSION)
 
 
 def content_hash_of(path: Path) -> str:

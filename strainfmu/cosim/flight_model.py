@@ -7,21 +7,19 @@ every flight condition. Between the knots it is a tensor-product cubic polynomia
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from math import cos, degrees, sin
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.errors import InputError
-from strainfmu.files import open_hdf5, write_hdf5_atomically
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.records import load_record, save_record
 
 FloatArray = NDArray[np.float64]
 
@@ -263,19 +261,7 @@ def save_flight_model(model: FlightModel, path: Path) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-
-    def fill(file: h5py.File) -> None:
-        file.attrs["vehicle"] = model.vehicle
-        file.attrs["provenance"] = json.dumps(model.provenance, sort_keys=True)
-        file.create_dataset("gauge_names", data=np.array([name.encode() for name in model.gauge_names], dtype="S"))
-        for entry in fields(model):
-            value = getattr(model, entry.name)
-            # A vented body has no internal pressure of its own: the data set is left out.
-            if entry.name not in ("vehicle", "provenance", "gauge_names") and value is not None:
-                dataset = file.create_dataset(entry.name, data=value)
-                dataset.attrs["unit"] = _UNITS.get(entry.name, "1")
-
-    return write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
+    return save_record(model, path, SCHEMA, SCHEMA_VERSION, _UNITS)
 
 
 def load_flight_model(path: Path) -> FlightModel:
@@ -286,22 +272,4 @@ def load_flight_model(path: Path) -> FlightModel:
     InputError
         The file is missing, damaged, altered, or of another schema version.
     """
-    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
-        try:
-            values: dict[str, Any] = {
-                "vehicle": str(file.attrs["vehicle"]),
-                "provenance": json.loads(file.attrs["provenance"]),
-                "gauge_names": tuple(name.decode() for name in file["gauge_names"][()]),
-            }
-            if "internal_pressure" not in file:
-                values["internal_pressure"] = None
-            for entry in fields(FlightModel):
-                if entry.name not in values:
-                    stored = file[entry.name][()]
-                    values[entry.name] = stored.item() if np.ndim(stored) == 0 else stored
-        except KeyError as error:
-            raise InputError(f"{path}: damaged, entry {error} is missing") from error
-    try:
-        return FlightModel(**values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return load_record(FlightModel, path, SCHEMA, SCHEMA_VERSION)

@@ -23,6 +23,7 @@ _ESTIMATOR_MODULES = (
     "health.py",
     "interface.py",
     "inverse_map.py",
+    "records.py",
 )
 _PLANT_MODULES = (
     "__init__.py",
@@ -35,6 +36,7 @@ _PLANT_MODULES = (
     "flight_condition.py",
     "health.py",
     "interface.py",
+    "records.py",
 )
 
 _STEP_SIZE = 1e-3

@@ -125,7 +125,7 @@ def test_snapshots_survive_the_disk(tmp_path: Path) -> None:
     conditions = [FlightCondition(6.0, 0.02, 0.0, 20e3), FlightCondition(6.0, 0.0, 0.02, 20e3)]
     snapshots = take_snapshots(body, conditions, MarchingGrid(8, 8), surface)
     path = tmp_path / "snapshots.h5"
-    save_snapshots(snapshots, surface, path)
+    save_snapshots(snapshots, path)
     loaded = load_snapshots(path)
     for entry in fields(Snapshots):
         np.testing.assert_array_equal(getattr(loaded, entry.name), getattr(snapshots, entry.name))

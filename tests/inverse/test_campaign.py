@@ -27,7 +27,7 @@ def test_conditions_that_share_a_flow_share_its_solution(tmp_path: Path) -> None
     # a_T takes three values: 0, 4 deg, and that of 4 and 4 deg.
     assert snapshots.solved.sum() == 3
     assert done == [(1, 3), (2, 3), (3, 3)]
-    save_snapshots(snapshots, surface, tmp_path / "snapshots.h5")
+    save_snapshots(snapshots, tmp_path / "snapshots.h5")
     loaded = load_snapshots(tmp_path / "snapshots.h5")
     for entry in fields(Snapshots):
         np.testing.assert_array_equal(getattr(loaded, entry.name), getattr(snapshots, entry.name))

@@ -78,10 +78,9 @@ def add_radial_fluxes(
             sx, sy, sz = face_area(before, after, dx, j + 1, i, j, i)
             if i > 0:
                 left = reconstruct(
-                    wave[0, j + 1, i - 1],
-                    wave[1, j + 1, i - 1],
-                    wave[2, j + 1, i - 1],
-                    wave[3, j + 1, i - 1],
+                    wave,
+                    j + 1,
+                    i - 1,
                     half[i - 1] if i > 1 else flat,
                     1.0,
                     sine,
@@ -91,19 +90,7 @@ def add_radial_fluxes(
                     repairs,
                 )
             if i < n_r:
-                right = reconstruct(
-                    wave[0, j + 1, i],
-                    wave[1, j + 1, i],
-                    wave[2, j + 1, i],
-                    wave[3, j + 1, i],
-                    half[i],
-                    -1.0,
-                    sine,
-                    cosine,
-                    cross_flow,
-                    enthalpy,
-                    repairs,
-                )
+                right = reconstruct(wave, j + 1, i, half[i], -1.0, sine, cosine, cross_flow, enthalpy, repairs)
             if i == 0:
                 p, rho, u, v, w = right
                 speed = math.sqrt(u * u + v * v + w * w)
@@ -154,33 +141,9 @@ def add_circumferential_fluxes(
                 half_left[k] = 0.5 * limited(wave[k, j, i] - wave[k, j - 1, i], step) if j > 0 else 0.0
                 half_right[k] = 0.5 * limited(step, wave[k, j + 2, i] - wave[k, j + 1, i]) if j < n_phi else 0.0
             if j > 0:
-                left = reconstruct(
-                    wave[0, j, i],
-                    wave[1, j, i],
-                    wave[2, j, i],
-                    wave[3, j, i],
-                    half_left,
-                    1.0,
-                    sine,
-                    cosine,
-                    cross_flow,
-                    enthalpy,
-                    repairs,
-                )
+                left = reconstruct(wave, j, i, half_left, 1.0, sine, cosine, cross_flow, enthalpy, repairs)
             if j < n_phi:
-                right = reconstruct(
-                    wave[0, j + 1, i],
-                    wave[1, j + 1, i],
-                    wave[2, j + 1, i],
-                    wave[3, j + 1, i],
-                    half_right,
-                    -1.0,
-                    sine,
-                    cosine,
-                    cross_flow,
-                    enthalpy,
-                    repairs,
-                )
+                right = reconstruct(wave, j + 1, i, half_right, -1.0, sine, cosine, cross_flow, enthalpy, repairs)
             # Across the symmetry plane (y = 0) lies the mirror image.
             if j == 0:
                 left = (right[0], right[1], right[2], -right[3], right[4])

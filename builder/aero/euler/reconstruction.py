@@ -49,10 +49,9 @@ def face_state(
 
 @compiled
 def reconstruct(
-    p: float,
-    rho: float,
-    radial: float,
-    around: float,
+    wave: FloatArray,
+    j: int,
+    i: int,
     half: FloatArray,
     side: float,
     sine: float,
@@ -61,10 +60,11 @@ def reconstruct(
     enthalpy: float,
     repairs: IntArray,
 ) -> State:
-    """Return the state at a face: the cell's values plus ``side`` times the half slopes (4,).
+    """Return the state at a face: the values wave (4, :, :) of cell (j, i) plus ``side`` times half slopes (4,).
 
     Where that state has no supersonic axial flow left, the cell's own values serve, and ``repairs`` counts it.
     """
+    p, rho, radial, around = wave[0, j, i], wave[1, j, i], wave[2, j, i], wave[3, j, i]
     state = face_state(
         p + side * half[0],
         rho + side * half[1],

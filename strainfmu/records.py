@@ -1,0 +1,83 @@
+"""Frozen dataclasses as HDF5 files: one data set per field, with its unit.
+
+Arrays and numbers become data sets; a tuple of names a data set of byte strings; a string an attribute; a
+dictionary an attribute holding JSON; None is left out and comes back as None.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import h5py
+import numpy as np
+
+from strainfmu.errors import InputError
+from strainfmu.files import open_hdf5, write_hdf5_atomically
+
+Record = TypeVar("Record")
+
+
+def save_record(record: Any, path: Path, schema: str, schema_version: int, units: Mapping[str, str]) -> str:
+    """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
+
+    ``units`` holds the unit of each field; fields without one are of unit 1.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+
+    def fill(file: h5py.File) -> None:
+        for entry in fields(record):
+            value = getattr(record, entry.name)
+            if isinstance(value, dict):
+                file.attrs[entry.name] = json.dumps(value, sort_keys=True)
+            elif isinstance(value, str):
+                file.attrs[entry.name] = value
+            elif isinstance(value, tuple):
+                file.create_dataset(entry.name, data=np.array([name.encode() for name in value], dtype="S"))
+            elif value is not None:
+                file.create_dataset(entry.name, data=value).attrs["unit"] = units.get(entry.name, "1")
+
+    return write_hdf5_atomically(path, schema, schema_version, fill)
+
+
+def load_record(kind: type[Record], path: Path, schema: str, schema_version: int) -> Record:
+    """Read a dataclass of type ``kind`` that :func:`save_record` wrote.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, of another schema or version, or its values are refused by ``kind``.
+    """
+    with open_hdf5(path, schema, schema_version) as file:
+        try:
+            values = {entry.name: _read(file, entry.name, str(entry.type)) for entry in fields(kind)}  # type: ignore[arg-type]
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path}: damaged, {error.args[0]}") from error
+    try:
+        return kind(**values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read(file: h5py.File, name: str, annotation: str) -> Any:
+    """Return one field; ``annotation`` is its type as written in the class."""
+    held: Any = file.attrs if annotation == "str" or annotation.startswith("dict") else file
+    if name not in held:
+        if "None" in annotation:
+            return None
+        raise KeyError(f"entry '{name}' is missing")
+    if annotation == "str":
+        return str(held[name])
+    if annotation.startswith("dict"):
+        return json.loads(held[name])
+    value = held[name][()]
+    if annotation.startswith("tuple"):
+        return tuple(item.decode() for item in value)
+    return value.item() if np.ndim(value) == 0 else value
