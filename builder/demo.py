@@ -27,10 +27,12 @@ from strainfmu.cosim.flight_model import check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.system import System
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.trajectory import Trajectory, load_trajectory
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
 from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map, save_inverse_map
+
+ROUND_OFF = 1e-9
 
 COMMUNICATION_STEP_SIZE = 0.01
 """Time between communication points of the demonstration flight [s]: 100 Hz."""
@@ -90,6 +92,7 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     check_gauges(vehicle)
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
+    _note_extrapolation(vehicle, load_trajectory(manoeuvre), reporter)
     chain = _Chain(vehicle, Workspace(folder), reporter)
     _snapshots(chain)
     _inverse_map(chain)
@@ -100,6 +103,24 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     _figures(chain, recording)
     _summary(chain, score)
     return DemoResult(vehicle.name, folder, chain.files, tuple(chain.reused), score)
+
+
+def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Reporter) -> None:
+    """Say where the manoeuvre leaves the range of the snapshots: there the stated sigmas need not hold."""
+    flown = trajectory.conditions
+    ranges = (
+        ("Mach number", flown[:, 0], vehicle.conditions.mach_number, ""),
+        ("angle of attack", np.degrees(flown[:, 1]), vehicle.conditions.angle_of_attack_deg, " deg"),
+        ("sideslip angle", np.degrees(flown[:, 2]), vehicle.conditions.sideslip_angle_deg, " deg"),
+        ("altitude", 1e-3 * flown[:, 3], [vehicle.conditions.altitude_km], " km"),
+    )
+    for name, values, known, unit in ranges:
+        low, high = float(values.min()), float(values.max())
+        if low < min(known) - ROUND_OFF or high > max(known) + ROUND_OFF:
+            reporter.note(
+                f"warning: the manoeuvre flies {name} {low:.4g} to {high:.4g}{unit}, the snapshots cover "
+                f"{min(known):.4g} to {max(known):.4g}{unit}: outside, sigmas need not hold"
+            )
 
 
 def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:

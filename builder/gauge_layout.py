@@ -127,6 +127,8 @@ def _checked(layout: GaugeLayout, where: str) -> GaugeLayout:
     """Refuse two gauges of one name."""
     seen: set[str] = set()
     for name in layout.names:
+        if not name.isprintable():
+            raise InputError(f"{where}: gauge name {name!r} found, must be printable text on one line")
         if not name or name in seen:
             raise InputError(f"{where}: gauge name '{name}' is {'there twice' if name else 'empty'}")
         seen.add(name)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -52,6 +53,13 @@ _UNITS = (
     "m2",
     "um",
 )
+
+
+def one_line(text: str) -> str:
+    """Refuse text that a file name, a table or XML could not hold: control characters, line breaks."""
+    if not text.isprintable():
+        raise ValueError(f"{text!r} found, must be printable text on one line")
+    return text
 
 
 class _Section(BaseModel):
@@ -241,7 +249,7 @@ class Resolutions(_Section):
 class Vehicle(_Section):
     """A vehicle file, whole."""
 
-    name: str = Field(min_length=1)
+    name: Annotated[str, Field(min_length=1), AfterValidator(one_line)]
     description: str = ""
     profile: list[Annotated[Cone | Arc, Field(discriminator="kind")]] = Field(min_length=1)
     structure: Structure

@@ -61,6 +61,7 @@ def refused(outcome: tuple[int, str, str], *words: str, code: int = 2) -> None:
         ('file = "gauges.csv"', 'file = "none.csv"', ("none.csv", "no such file")),
         ('manoeuvre = "manoeuvre.csv"', 'manoeuvre = "none.csv"', ("none.csv", "no such file")),
         ('name = "ogive test body"', "name = ", ("not a TOML file",)),
+        ('name = "ogive test body"', 'name = "two\\nlines"', ("name", "printable text on one line")),
     ],
 )
 def test_vehicle_entries(
@@ -85,6 +86,7 @@ def test_missing_vehicle_file(tmp_path: Path, run: Run) -> None:
         ("axial_0_1,1.2,", "axial_0_1,9.0,", ("axial_0_1", "9")),
         (",1,0,0\n", ",0,0,0\n", ("axial_0_1", "direction")),
         ("axial_0_2", "axial_0_1", ("axial_0_1", "twice")),
+        ("axial_0_2", "axial\x01", ("printable text",)),
         ("axial_0_1,1.2,", "axial_0_1,nan,", ("gauges.csv", "line 2", "x_m", "finite")),
         ("direction_z", "dz", ("gauges.csv", "columns", "direction_z")),
     ],

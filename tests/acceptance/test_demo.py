@@ -158,3 +158,15 @@ def test_check_reports_without_solving(run: Run) -> None:
     assert code == 0
     assert "90 conditions, 85 distinct flows" in printed
     assert "54 gauges" in printed
+
+
+def test_a_manoeuvre_outside_the_snapshots_is_said(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
+    assert "warning" not in (ogive_demo.parent / "printed.txt").read_text(encoding="utf-8")
+    shutil.copytree(OGIVE.parent, tmp_path / "vehicle")
+    shutil.copytree(ogive_demo, tmp_path / "demo")
+    (tmp_path / "vehicle" / "manoeuvre.csv").write_text(
+        "time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km\n0,4.8,1,0,22\n1,4.6,5,-2,22\n"
+    )
+    code, printed, _ = run("demo", "--vehicle", tmp_path / "vehicle" / "ogive.toml", "-o", tmp_path / "demo")
+    assert code == 0
+    assert "sideslip angle -2 to 0 deg" in " ".join(printed.split())
