@@ -24,7 +24,7 @@ FlowKey = tuple[float, float]
 Progress = Callable[[int, int], None]
 
 SCHEMA = "strainfmu.snapshots"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 _UNITS = {
     "condition": "1, rad, rad, m",

@@ -13,16 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from builder import figures
+from builder import campaign, figures
 from builder.build import build_inverse_map
 from builder.campaign import load_snapshots, save_snapshots, solve_flows, take_snapshots
 from builder.flight_score import FlightScore, score_flight
 from builder.flight_tables import flight_model, truth_keys, truth_knots
 from builder.geometry import surface_grid
 from builder.reporting import Reporter
-from builder.structural_model import check_gauges, structural_model, used_layouts
+from builder.structural_model import check_gauges, check_map_size, structural_model, used_layouts
 from builder.vehicle import Vehicle, load_vehicle
 from builder.workspace import Workspace
+from strainfmu import inverse_map as inverse_map_file
+from strainfmu.cosim import flight_model as flight_model_file
 from strainfmu.cosim.flight_model import check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
@@ -89,7 +91,7 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     """
     vehicle = load_vehicle(vehicle_path)
     # Refused before the long work, not after it.
-    check_gauges(vehicle)
+    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     _note_extrapolation(vehicle, load_trajectory(manoeuvre), reporter)
@@ -132,7 +134,7 @@ def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
         As :func:`run_demo`.
     """
     vehicle = load_vehicle(vehicle_path)
-    check_gauges(vehicle)
+    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
     chain = _Chain(vehicle, Workspace(folder), reporter)
     _snapshots(chain)
     _inverse_map(chain)
@@ -160,6 +162,7 @@ def _snapshots(chain: _Chain) -> None:
         save_snapshots(snapshots, path)
 
     inputs = {
+        "schema_version": campaign.SCHEMA_VERSION,
         "profile": [entry.model_dump() for entry in vehicle.profile],
         "conditions": vehicle.conditions.model_dump(),
         "resolution": _aerodynamic(settings.model_dump()),
@@ -199,6 +202,7 @@ def _inverse_map(chain: _Chain) -> None:
         save_inverse_map(inverse_map, path)
 
     inputs = {
+        "schema_version": inverse_map_file.SCHEMA_VERSION,
         "snapshots": chain.made_from("snapshots.h5"),
         "resolution": vehicle.resolution.map.model_dump(),
         **_structural_inputs(vehicle),
@@ -218,6 +222,7 @@ def _flight_model(chain: _Chain) -> None:
         save_flight_model(flight_model(vehicle, flows, structure, noise_std), path)
 
     inputs = {
+        "schema_version": flight_model_file.SCHEMA_VERSION,
         "map": chain.made_from("map.h5"),
         "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
         "resolution": settings.model_dump(),
@@ -320,6 +325,13 @@ def _figures(chain: _Chain, recording: Recording) -> None:
             progress(done, len(drawings))
 
 
+def _without_nan(value: Any) -> Any:
+    """Turn NaN, which JSON has no word for, into None."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
 def _summary(chain: _Chain, score: FlightScore) -> None:
     def make(path: Path) -> None:
         values = {
@@ -328,7 +340,7 @@ def _summary(chain: _Chain, score: FlightScore) -> None:
             else value
             for key, value in asdict(score).items()
         }
-        write_bytes_atomically(path, json.dumps(values, indent=1).encode())
+        write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
     inputs = {"flight": chain.made_from("flight.h5")}
     chain.link("summary.json", "the table below, as numbers", inputs, make)

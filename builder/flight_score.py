@@ -12,6 +12,9 @@ from strainfmu.inverse_map import COEFFICIENT_NAMES
 
 FloatArray = NDArray[np.float64]
 
+CONSTANT = 1e-9
+"""Range of a coefficient [1] that counts as none."""
+
 
 @dataclass(frozen=True)
 class FlightScore:
@@ -20,7 +23,7 @@ class FlightScore:
     Attributes
     ----------
     rms_error : (5,) root mean square of estimate less truth [1].
-    rms_error_of_range : (5,) the same over the range of the truth in this flight [1].
+    rms_error_of_range : (5,) the same over the range of the truth in this flight [1]; NaN where it is constant.
     mean_sigma : (5,) mean stated standard deviation [1].
     coverage : (5,) share of samples with the truth inside +-3 sigma [1].
     healthy : share of samples with health state OK [1].
@@ -42,10 +45,11 @@ def score_flight(recording: Recording, plant: str = "plant", estimator: str = "e
     sigma = np.stack([recording[f"{estimator}.sigma.{name}"] for name in COEFFICIENT_NAMES], axis=1)
     error = estimate - truth
     rms = np.sqrt(np.mean(error**2, axis=0))
+    spread = np.ptp(truth, axis=0)
     cost = np.median(recording.step_cost, axis=0)
     return FlightScore(
         rms_error=rms,
-        rms_error_of_range=rms / np.ptp(truth, axis=0),
+        rms_error_of_range=np.divide(rms, spread, out=np.full(len(rms), np.nan), where=spread > CONSTANT),
         mean_sigma=sigma.mean(axis=0),
         coverage=np.mean(np.abs(error) <= 3.0 * sigma, axis=0),
         healthy=float(np.mean(recording[f"{estimator}.health.state"] == 0)),

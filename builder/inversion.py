@@ -85,7 +85,7 @@ def least_squares_map(
     if not condition_number < LARGEST_CONDITION_NUMBER:
         raise InputError(
             f"map.modes: the {n_gauges} gauges cannot tell {n_modes} modes apart "
-            f"(condition number {condition_number:.1e})"
+            f"(condition number {condition_number:.1e}); keep fewer modes or move gauges to other roll angles"
         )
     q, r = np.linalg.qr(whitened)
     inverse_cholesky = solve_triangular(cholesky, np.eye(n_gauges), lower=True)

@@ -16,6 +16,7 @@ from builder.structure.shell_mesh import shell_mesh
 from builder.structure.strain_operator import HarmonicResponse, harmonic_response, strain_operator
 from builder.structure.wall import Material, Wall
 from builder.vehicle import Resolution, Vehicle
+from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -73,9 +74,29 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
     InputError
         The wall does not fit the body or a gauge is not on the inner surface.
     """
-    mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
+    try:
+        mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
+    except InputError as error:
+        raise InputError(f"structure: {error}") from error
     found, _ = place_layouts(vehicle, mesh, list(vehicle.gauges.layouts))
     return {name: len(layout.names) for name, layout in found.items()}
+
+
+def check_map_size(vehicle: Vehicle, n_gauges: int) -> None:
+    """Refuse more modes than the gauges or the snapshots can carry.
+
+    Raises
+    ------
+    InputError
+        ``map.modes`` is too large.
+    """
+    conditions = len(vehicle.flight_conditions())
+    most = min(n_gauges, conditions) - 1
+    if vehicle.map.modes > most:
+        raise InputError(
+            f"map.modes: {vehicle.map.modes} found, at most {most} allowed with {n_gauges} gauges and "
+            f"{conditions} conditions"
+        )
 
 
 def structural_model(

@@ -103,7 +103,7 @@ class Structure(_Section):
 class MaterialEntry(_Section):
     """Isotropic linear elasticity."""
 
-    youngs_modulus_GPa: PositiveFloat
+    youngs_modulus_GPa: float = Field(ge=1e-3, le=1e4)
     poisson_ratio: float = Field(ge=0.0, lt=0.5)
 
 
@@ -120,7 +120,7 @@ class GaugeRow(_Section):
 
     roll_angle_deg: float
     directions: list[Literal["axial", "hoop"]] = Field(min_length=1, max_length=2)
-    x_m: list[PositiveFloat] | None = None
+    x_m: list[PositiveFloat] | None = Field(default=None, min_length=1)
     first_x_m: PositiveFloat | None = None
     last_x_m: PositiveFloat | None = None
     count: int | None = Field(default=None, ge=2)

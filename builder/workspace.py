@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from strainfmu import __version__
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import fingerprint, write_bytes_atomically
 
 MANIFEST = "manifest.json"
@@ -25,11 +26,16 @@ class Workspace:
     ------
     InputError
         ``folder`` exists and is no folder.
+    StrainfmuError
+        It cannot be written: said before the long work.
     """
 
     def __init__(self, folder: Path) -> None:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: is a file, a folder is wanted")
+        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        if not os.access(there, os.W_OK):
+            raise StrainfmuError(f"{folder}: cannot be written, no permission in {there}")
         self.folder = folder
         self._made_from: dict[str, str] = {}
 

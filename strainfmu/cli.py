@@ -27,7 +27,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except StrainfmuError as error:
         _fail(str(error), error.exit_code)
     except ImportError as error:
-        _fail(f"'{error.name}' is not installed: pip install 'strainfmu[all]'", 1)
+        _fail(
+            f"'{(error.name or str(error)).partition('.')[0]}' is not installed: pip install 'strainfmu[all]'", 1
+        )
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 1)
     except Exception as error:

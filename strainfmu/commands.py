@@ -116,7 +116,7 @@ def _show_result(console: Console, result: DemoResult) -> None:
         table.add_row(
             name,
             f"{score.rms_error[i]:.2e}",
-            f"{100.0 * score.rms_error_of_range[i]:.2f} %",
+            f"{score.rms_error_of_range[i]:.2%}" if score.rms_error_of_range[i] >= 0.0 else "-",
             f"{score.mean_sigma[i]:.2e}",
             f"{100.0 * score.coverage[i]:.2f} %",
         )
@@ -144,7 +144,7 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
 
     from builder.flight_conditions import flow_key
     from builder.flight_tables import truth_knots
-    from builder.structural_model import check_gauges
+    from builder.structural_model import check_gauges, check_map_size
     from builder.vehicle import load_vehicle
     from strainfmu.cosim.flight_model import check_envelope
     from strainfmu.cosim.trajectory import load_trajectory
@@ -152,6 +152,7 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     loaded = load_vehicle(vehicle)
     body = loaded.body()
     gauges = check_gauges(loaded)
+    check_map_size(loaded, gauges[loaded.gauges.layout])
     manoeuvre = loaded.beside(loaded.truth.manoeuvre)
     trajectory = load_trajectory(manoeuvre)
     check_envelope(*truth_knots(loaded), trajectory, manoeuvre)

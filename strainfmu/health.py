@@ -16,7 +16,7 @@ class HealthState(IntEnum):
     INCONSISTENT = 1
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
-    """Dynamic pressure is not positive (below 1e-6 Pa) or not finite: loads are valid, coefficients are not."""
+    """Dynamic pressure is below 1e-6 Pa or not finite: no coefficients; chi-square tells of the loads."""
     INVALID = 3
     """A strain is not finite, or beyond all bounds: nothing can be computed."""
 

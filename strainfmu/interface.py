@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from strainfmu.inverse_map import InverseMap
 
 COEFFICIENTS = {
-    "C_A": "Axial force coefficient, positive aft, fore-body",
+    "C_A": "Axial force coefficient of pressure less internal pressure, positive aft, fore-body",
     "C_N": "Normal force coefficient, positive up",
     "C_Y": "Side force coefficient, positive to starboard",
     "M_P": "Pitching moment coefficient, positive nose-up",
@@ -95,7 +95,10 @@ HEALTH_ITEMS = (
         HealthState.INCONSISTENT,
         "The residual's chi-square is above its limit: the strains fit no known pressure",
     ),
-    (HealthState.NO_COEFFICIENTS, "Dynamic pressure is not a positive number: loads only, no coefficients"),
+    (
+        HealthState.NO_COEFFICIENTS,
+        "Dynamic pressure is not a positive number: no coefficients; chi-square tells of the loads",
+    ),
     (HealthState.INVALID, "A strain is not a finite number: nothing can be computed"),
 )
 

@@ -39,7 +39,7 @@ _PLANT_MODULES = (
     "records.py",
 )
 
-_STEP_SIZE = 1e-3
+_STEP_SIZE = 1e-2
 
 
 def export_estimator(map_path: Path, fmu_path: Path, model_name: str = "StrainLoadEstimator") -> None:

@@ -1,0 +1,45 @@
+"""The score of a flight, on a recording made by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.flight_score import score_flight
+from strainfmu.cosim.recording import Recording
+from strainfmu.inverse_map import COEFFICIENT_NAMES
+
+
+def recording(truth: np.ndarray, estimate: np.ndarray, sigma: float) -> Recording:
+    """Return a recording of n samples of five coefficients (n, 5)."""
+    names = [f"plant.{name}" for name in COEFFICIENT_NAMES]
+    names += [f"estimator.{name}" for name in COEFFICIENT_NAMES]
+    names += [f"estimator.sigma.{name}" for name in COEFFICIENT_NAMES]
+    health = np.zeros((len(truth), 1))
+    values = np.hstack([truth, estimate, np.full_like(truth, sigma), health])
+    cost = np.array([[1e-4, 2e-5]] * (len(truth) - 1))
+    return Recording(
+        np.arange(len(truth)) * 0.01,
+        (*names, "estimator.health.state"),
+        ("1",) * (len(names) + 1),
+        values,
+        ("plant", "estimator"),
+        cost,
+    )
+
+
+def test_errors_and_coverage_of_known_numbers() -> None:
+    truth = np.zeros((4, 5))
+    truth[:, 1] = [0.0, 1.0, 2.0, 4.0]
+    estimate = truth + 0.02
+    estimate[0, 1] += 0.08
+    score = score_flight(recording(truth, estimate, 0.01))
+    np.testing.assert_allclose(score.rms_error[1], np.sqrt((0.1**2 + 3 * 0.02**2) / 4), rtol=1e-12)
+    np.testing.assert_allclose(score.rms_error_of_range[1], score.rms_error[1] / 4.0, rtol=1e-12)
+    np.testing.assert_allclose(score.coverage, [1.0, 0.75, 1.0, 1.0, 1.0])
+    assert score.step_time == {"plant": 1e-4, "estimator": 2e-5}
+
+
+def test_a_constant_coefficient_has_no_range() -> None:
+    score = score_flight(recording(np.zeros((3, 5)), np.full((3, 5), 0.01), 0.01))
+    assert np.all(np.isnan(score.rms_error_of_range))
+    np.testing.assert_allclose(score.rms_error, 0.01)
