@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import h5py
 import numpy as np
@@ -57,7 +57,7 @@ def load_record(kind: type[Record], path: Path, schema: str, schema_version: int
     """
     with open_hdf5(path, schema, schema_version) as file:
         try:
-            values = {entry.name: _read(file, entry.name, str(entry.type)) for entry in fields(kind)}  # type: ignore[arg-type]
+            values = {entry.name: _read(file, entry.name, str(entry.type)) for entry in fields(cast(Any, kind))}
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: damaged, {error.args[0]}") from error
     try:

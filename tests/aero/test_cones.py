@@ -85,7 +85,7 @@ def taylor_maccoll_pressure(half_angle: float, mach_number: float) -> float:
     def wall_flow(angle: float, velocity: np.ndarray) -> float:
         return float(velocity[1])
 
-    wall_flow.terminal = True  # type: ignore[attr-defined]
+    vars(wall_flow)["terminal"] = True  # scipy reads this from the function itself
 
     def cone_of(shock: float) -> tuple[float, float]:
         """Return the cone's half-angle and its p/p_inf."""
