@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.structure.inner_surface import inner_surface_points
-from builder.structure.meridian_mesh import MeridianMesh
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.vehicle import GaugeRow, Vehicle
 from strainfmu.errors import InputError
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from builder.gauge_layout import GaugeLayout, gauge_layout
 from builder.geometry import SurfaceGrid, surface_grid
-from builder.structure.gauges import PlacedGauges, place_gauges
-from builder.structure.meridian_mesh import MeridianMesh
-from builder.structure.shell_mesh import shell_mesh
-from builder.structure.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.fourier.gauges import PlacedGauges, place_gauges
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
 from builder.structure.wall import Material, Wall
 from builder.vehicle import Resolution, Vehicle
 from strainfmu.errors import InputError

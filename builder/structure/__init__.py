@@ -1,12 +1,6 @@
-"""Structure: from the body's shape and wall to gauge strain per surface pressure.
+"""Structure: from shape, wall and material to gauge strain per surface pressure, by two independent models.
 
-The data go one way:
-
-:mod:`~builder.structure.wall` (thickness, solid tip, material) and the body's meridian
--> :mod:`~builder.structure.shell_mesh` (quadrilaterals in the meridian plane, a
-:class:`~builder.structure.meridian_mesh.MeridianMesh`)
--> :mod:`~builder.structure.fourier_elasticity` (one stiffness matrix per harmonic of the roll angle)
-and :mod:`~builder.structure.surface_load` (nodal forces per station pressure)
--> :mod:`~builder.structure.gauges` (where each gauge sits and which strain it reads)
--> :mod:`~builder.structure.strain_operator` (Z_p: nodal surface pressure to gauge strain).
+:mod:`builder.structure.solid` is three-dimensional elasticity on any mesh; :mod:`builder.structure.fourier` is the
+semi-analytic model of a body of revolution, harmonic by harmonic. Either stands as the check of the other.
+:mod:`builder.structure.wall` says what the vehicle is made of.
 """

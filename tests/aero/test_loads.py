@@ -10,8 +10,8 @@ import pytest
 
 from builder.aero.loads import ReferenceQuantities, coefficient_scale, load_operator
 from builder.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
-from builder.structure.shell_mesh import shell_mesh
-from builder.structure.surface_load import pressure_load
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
 
 BodyMaker = Callable[..., BodyOfRevolution]

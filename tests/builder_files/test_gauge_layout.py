@@ -10,8 +10,8 @@ import pytest
 
 from builder.gauge_layout import gauge_layout, read_layout
 from builder.structural_model import check_gauges, place_layouts, wall_of
-from builder.structure.meridian_mesh import MeridianMesh
-from builder.structure.shell_mesh import shell_mesh
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.vehicle import IC3X, GaugeLayoutEntry, GaugeRow, Vehicle, load_vehicle
 from strainfmu.errors import InputError
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.geometry import BodyOfRevolution
-from builder.structure.meridian_mesh import (
+from builder.structure.fourier.meridian_mesh import (
     MeridianMesh,
     check_resolution,
     grid_elements,

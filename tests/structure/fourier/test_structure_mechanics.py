@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from builder.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
-from builder.structure import fourier_elasticity
-from builder.structure.fourier_elasticity import (
+from builder.structure.fourier import fourier_elasticity
+from builder.structure.fourier.fourier_elasticity import (
     assemble_stiffness,
     factor_harmonic,
     rigid_motions,
     roll_integral,
 )
-from builder.structure.meridian_mesh import End, MeridianMesh, quadratic_shape, tube_mesh
-from builder.structure.shell_mesh import shell_mesh
-from builder.structure.strain_operator import HarmonicResponse, harmonic_response, strain_rows
-from builder.structure.surface_load import pressure_load
+from builder.structure.fourier.meridian_mesh import End, MeridianMesh, quadratic_shape, tube_mesh
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_rows
+from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
 from strainfmu.errors import InputError
 

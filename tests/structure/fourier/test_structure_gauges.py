@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from builder.geometry import BodyOfRevolution
-from builder.structure.gauges import PlacedGauges, place_gauges
-from builder.structure.meridian_mesh import MeridianMesh, tube_mesh
+from builder.structure.fourier.gauges import PlacedGauges, place_gauges
+from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
 from strainfmu.errors import InputError
 
 FIVE = np.deg2rad(5.0)

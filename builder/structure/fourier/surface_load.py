@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from builder.structure.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
+from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
 from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -22,7 +22,7 @@ def pressure_load(mesh: MeridianMesh, station_x: FloatArray) -> csc_array:
     Pressure is linear in x between stations and may jump at a pair of equal ones. Edges are split at the
     stations and every part is integrated exactly, f = -integral of p n N r ds, so the forces sum to the
     exact resultant on the meshed surface. The integral over roll is left out, as in
-    :mod:`builder.structure.fourier_elasticity`; the matrix is the same for all harmonics.
+    :mod:`builder.structure.fourier.fourier_elasticity`; the matrix is the same for all harmonics.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from builder.structure.meridian_mesh import MeridianMesh, quadratic_shape
+from builder.structure.fourier.meridian_mesh import MeridianMesh, quadratic_shape
 from builder.structure.wall import Material
 from strainfmu.errors import InputError
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.geometry import SMALLEST_SLOPE_BREAK
-from builder.structure.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
+from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
 from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]

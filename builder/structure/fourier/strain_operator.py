@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.geometry import BodyOfRevolution, SurfaceGrid
-from builder.structure.fourier_elasticity import assemble_stiffness, factor_harmonic
-from builder.structure.gauges import PlacedGauges, place_gauges
-from builder.structure.inner_surface import inner_surface_points
-from builder.structure.meridian_mesh import MeridianMesh
-from builder.structure.shell_mesh import shell_mesh
-from builder.structure.surface_load import pressure_load
+from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.fourier.gauges import PlacedGauges, place_gauges
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
 from strainfmu.errors import InputError
 

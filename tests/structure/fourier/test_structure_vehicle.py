@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from builder.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
-from builder.structure.gauges import PlacedGauges
-from builder.structure.meridian_mesh import MeridianMesh
-from builder.structure.shell_mesh import shell_mesh
-from builder.structure.strain_operator import (
+from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import (
     HarmonicResponse,
     Resolution,
     harmonic_response,

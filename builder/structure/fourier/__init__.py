@@ -1,0 +1,12 @@
+"""Structure: from the body's shape and wall to gauge strain per surface pressure.
+
+The data go one way:
+
+:mod:`~builder.structure.wall` (thickness, solid tip, material) and the body's meridian
+-> :mod:`~builder.structure.fourier.shell_mesh` (quadrilaterals in the meridian plane, a
+:class:`~builder.structure.fourier.meridian_mesh.MeridianMesh`)
+-> :mod:`~builder.structure.fourier.fourier_elasticity` (one stiffness matrix per harmonic of the roll angle)
+and :mod:`~builder.structure.fourier.surface_load` (nodal forces per station pressure)
+-> :mod:`~builder.structure.fourier.gauges` (where each gauge sits and which strain it reads)
+-> :mod:`~builder.structure.fourier.strain_operator` (Z_p: nodal surface pressure to gauge strain).
+"""

@@ -1,0 +1,83 @@
+"""A volume mesh with named surfaces and material regions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+NODES_PER_ELEMENT = {"hexahedron20": 20, "tetrahedron10": 10, "hexahedron8": 8, "tetrahedron4": 4}
+NODES_PER_FACET = {"hexahedron20": 8, "tetrahedron10": 6, "hexahedron8": 4, "tetrahedron4": 3}
+QUADRATIC = ("hexahedron20", "tetrahedron10")
+"""Results are taken from these alone: linear elements lock under the bending of a thin wall."""
+
+EXTERNAL, INTERNAL, SUPPORT = "external", "internal", "support"
+"""Names of the surfaces that carry the air load, the gauges, and the support."""
+
+
+@dataclass(frozen=True)
+class SolidMesh:
+    """Nodes, elements of one kind, and what their faces are called.
+
+    Attributes
+    ----------
+    element_type : key of :data:`NODES_PER_ELEMENT`; nodes within an element and a facet in VTK's order (corners,
+        then middles of edges).
+    node : (n, 3) positions in body axes [m].
+    element : (m, n_e) node numbers.
+    region : (m,) index into ``region_names``: which material an element is of.
+    region_names : names of the regions.
+    surface : per name the facets (f, n_f) node numbers, outward normal by the right-hand rule.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit the element type, a coordinate is not finite, or a node does not exist.
+    """
+
+    element_type: str
+    node: FloatArray
+    element: IntArray
+    region: IntArray
+    region_names: tuple[str, ...]
+    surface: Mapping[str, IntArray]
+
+    def __post_init__(self) -> None:
+        if self.element_type not in NODES_PER_ELEMENT:
+            raise InputError(f"mesh: element type '{self.element_type}' found, {sorted(NODES_PER_ELEMENT)} known")
+        wanted = NODES_PER_ELEMENT[self.element_type]
+        if self.element.ndim != 2 or self.element.shape[1] != wanted or not len(self.element):
+            raise InputError(f"mesh: elements {self.element.shape} found, {self.element_type} has {wanted} nodes")
+        if not np.isfinite(self.node).all():
+            raise InputError("mesh: a node has a coordinate that is not finite")
+        for name, numbers in (("elements", self.element), *self.surface.items()):
+            if numbers.size and not 0 <= numbers.min() <= numbers.max() < len(self.node):
+                raise InputError(f"mesh: {name} name a node that does not exist ({len(self.node)} nodes)")
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.node)
+
+    @property
+    def n_dof(self) -> int:
+        """Displacement components: dof = 3 * node + component."""
+        return 3 * len(self.node)
+
+    def named_surface(self, name: str) -> IntArray:
+        """Return the facets (f, n_f) of a surface.
+
+        Raises
+        ------
+        InputError
+            The mesh has no surface of that name; the message lists those it has.
+        """
+        if name not in self.surface or not len(self.surface[name]):
+            raise InputError(f"mesh: no surface '{name}', found {sorted(self.surface) or 'none'}")
+        return self.surface[name]
