@@ -1,0 +1,81 @@
+"""What every source of surface pressure looks like: a flight condition in, pressure at the surface nodes out.
+
+Engines: :class:`builder.aero.euler_engine.EulerEngine` (the marching solver),
+:class:`builder.aero.newtonian.NewtonianEngine` (any closed surface), :class:`builder.aero.cfd.table.TableEngine`
+(results of another solver, imported). Adding one means writing these four members; campaigns, the command line
+and reports need no change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.flight_condition import FlightCondition
+
+FloatArray = NDArray[np.float64]
+FlowKey = tuple[float, ...]
+"""What tells one flow from another: conditions with equal keys share one solution."""
+
+
+@dataclass(frozen=True)
+class Flow:
+    """One solved flow, as it is kept on disk.
+
+    Attributes
+    ----------
+    key : the flow it is.
+    arrays : what the engine needs to give pressures from it.
+    momentum_error : relative difference of the force from wall pressure and from momentum; NaN if not known.
+    repairs : states that had to be made physical; 0 in a clean run.
+    """
+
+    key: FlowKey
+    arrays: Mapping[str, FloatArray]
+    momentum_error: float = float("nan")
+    repairs: int = 0
+
+
+class Engine(Protocol):
+    """A source of surface pressure for one vehicle. Engines are small, immutable and can be pickled."""
+
+    @property
+    def name(self) -> str:
+        """Name at the user's edge: ``euler``, ``newtonian``, ``table``."""
+        ...
+
+    @property
+    def surface(self) -> SurfaceMesh:
+        """The vehicle's aerodynamic surface, at whose nodes pressures are given."""
+        ...
+
+    def inputs(self) -> Mapping[str, Any]:
+        """Return everything a flow depends on beside its key, as JSON can hold it.
+
+        A stored flow is valid as long as this and its key are unchanged. What only :meth:`pressure_ratio`
+        depends on does not belong here.
+        """
+        ...
+
+    def flow_key(self, condition: FlightCondition) -> FlowKey:
+        """Return the flow that ``condition`` needs; equal for conditions that differ by a symmetry alone."""
+        ...
+
+    def solve(self, key: FlowKey) -> Flow:
+        """Solve one flow: the long work.
+
+        Raises
+        ------
+        FlowReachError
+            The flow is outside the engine's reach; the message names it.
+        """
+        ...
+
+    def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
+        """Return p/p_inf (n_p,) at the nodes of ``surface``: the flow turned to the condition's wind. Cheap."""
+        ...
