@@ -1,0 +1,121 @@
+"""Points with values from a CSV table: one line of column names, one line per point."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.cfd.text_numbers import read_file
+from builder.aero.cfd.units import METRES
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+_AXES = ("x", "y", "z")
+NORMALS = ("normal_x", "normal_y", "normal_z")
+
+
+@dataclass(frozen=True)
+class PointTable:
+    """Points and one quantity.
+
+    Attributes
+    ----------
+    point : (n, 3) in the file's length unit.
+    values : (n,) in the file's unit.
+    column : name of the quantity's column.
+    normal : (n, 3) from the columns normal_x, normal_y, normal_z, or None.
+    """
+
+    point: FloatArray
+    values: FloatArray
+    column: str
+    normal: FloatArray | None
+
+
+def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> PointTable:
+    """Read points and the values of ``column``, which may be None if there is only one beside the coordinates.
+
+    Coordinates stand in columns x, y, z, with or without a unit (x_mm), or as ParaView names them (Points:0). A
+    unit in a name must be ``metres_per_unit``.
+
+    Raises
+    ------
+    InputError
+        The file is missing or empty, a column is missing, a line has another number of columns, an entry is no
+        finite number: file, line, column, what was found.
+    """
+    text = read_file(path).decode("utf-8-sig", "replace")
+    rows = list(csv.reader(text.splitlines(), skipinitialspace=True))
+    start = next(number for number, row in enumerate(rows) if row)
+    header = [name.strip() for name in rows[start]]
+    repeated = sorted({name for name in header if header.count(name) > 1})
+    if repeated:
+        raise InputError(f"{path}: line {start + 1}: column '{repeated[0]}' is there twice")
+    axes = [_axis_column(path, header, k, metres_per_unit) for k in range(3)]
+    normals = [header.index(name) for name in NORMALS if name in header]
+    named = _value_column(path, header, column, axes)
+    wanted = [*axes, header.index(named), *(normals if len(normals) == 3 else [])]
+    table = _numbers(path, rows, start, header, wanted)
+    if not len(table):
+        raise InputError(f"{path}: no line of numbers behind the column names")
+    return PointTable(table[:, :3], table[:, 3], named, table[:, 4:7] if len(normals) == 3 else None)
+
+
+def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float) -> int:
+    """Return the column of coordinate ``k``."""
+    names = {_AXES[k]: None, f"Points:{k}": None, f"Points_{k}": None}
+    units = {f"{_AXES[k]}_{unit}": unit for unit in METRES}
+    for index, name in enumerate(header):
+        plain = name.lower() if len(name) == 1 else name
+        if plain in names:
+            return index
+        if name in units:
+            if METRES[units[name]] != metres_per_unit:
+                raise InputError(f"{path}: column '{name}' found, but the manifest gives another length_unit")
+            return index
+    raise InputError(
+        f"{path}: no column '{_AXES[k]}' found ('{_AXES[k]}', '{_AXES[k]}_m', 'Points:{k}' ... allowed); there "
+        f"are: {', '.join(header)}"
+    )
+
+
+def _value_column(path: Path, header: list[str], column: str | None, axes: list[int]) -> str:
+    rest = [name for index, name in enumerate(header) if index not in axes and name not in NORMALS]
+    if column is None and len(rest) != 1:
+        raise InputError(f"{path}: {len(rest)} columns could be meant, name one with 'array': {', '.join(rest)}")
+    if column is not None and column not in rest:
+        raise InputError(f"{path}: no column '{column}' found; there are: {', '.join(rest)}")
+    return column or rest[0]
+
+
+def _numbers(path: Path, rows: list[list[str]], start: int, header: list[str], wanted: list[int]) -> FloatArray:
+    """Return the wanted columns (n, k) of all lines behind the header."""
+    table = []
+    for line, row in enumerate(rows[start + 1 :], start=start + 2):
+        if not row:
+            continue
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {line}: {len(row)} columns found, must be {len(header)}")
+        try:
+            table.append([float(row[index]) for index in wanted])
+        except ValueError:
+            table.append([np.nan])
+        if not np.isfinite(table[-1]).all():
+            index = next(index for index in wanted if not _is_finite(row[index]))
+            raise InputError(
+                f"{path}: line {line}: column '{header[index]}': {row[index][:40]!r} found, must be a finite "
+                "number"
+            )
+    return np.array(table, dtype=np.float64).reshape(-1, len(wanted))
+
+
+def _is_finite(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False

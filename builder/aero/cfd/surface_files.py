@@ -1,0 +1,99 @@
+"""Triangulated surfaces from files, whichever format they are in."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.cfd.cart3d import read_cart3d
+from builder.aero.cfd.stl import read_stl
+from builder.aero.cfd.text_numbers import read_file
+from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+VTK_FORMATS = (".vtk", ".vtp", ".vtu")
+FORMATS = (".stl", ".tri", ".triq", ".obj", *VTK_FORMATS)
+
+
+def read_surface(path: Path, scale: float = 1.0) -> SurfaceMesh:
+    """Read a triangulated surface; the format is known by the suffix.
+
+    Parameters
+    ----------
+    path : .stl (ASCII, binary; equal corners merged), .tri, .triq (Cart3D, ASCII), .obj, .vtk, .vtp, .vtu.
+    scale : metres per length unit of the file.
+
+    Returns
+    -------
+    The mesh in the file's axes; triangles without area and nodes without triangle are left out. Normals point to
+    where the file has them point.
+
+    Raises
+    ------
+    InputError
+        The format is none of these, the file is missing or damaged, or holds no triangle with an area.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".stl":
+        point, triangle = read_stl(path)
+    elif suffix in (".tri", ".triq"):
+        triangulation = read_cart3d(path)
+        point, triangle = triangulation.point, triangulation.triangle
+    elif suffix == ".obj":
+        point, triangle = _read_obj(path)
+    elif suffix in VTK_FORMATS:
+        from builder.aero.cfd.vtk_files import read_vtk
+
+        content = read_vtk(path)
+        point, triangle = content.point, content.triangle
+    else:
+        raise InputError(f"{path}: '{path.suffix}' found, a surface must be one of {', '.join(FORMATS)}")
+    return _clean(path, scale * point, triangle)
+
+
+def _clean(path: Path, point: FloatArray, triangle: IntArray) -> SurfaceMesh:
+    """Leave out triangles without area and nodes that belong to none."""
+    try:
+        mesh = SurfaceMesh(point, triangle)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    solid = mesh.area > 0.0
+    if not solid.any():
+        raise InputError(f"{path}: no triangle has an area")
+    used, inverse = np.unique(triangle[solid], return_inverse=True)
+    return SurfaceMesh(point[used], inverse.reshape(-1, 3).astype(np.int64))
+
+
+def _read_obj(path: Path) -> tuple[FloatArray, IntArray]:
+    """Read vertices and faces of a Wavefront OBJ; polygons are cut into a fan from their first corner."""
+    vertices: list[list[float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    for number, line in enumerate(read_file(path).decode("utf-8", "replace").splitlines(), start=1):
+        words = line.split("#")[0].split()
+        try:
+            if words[:1] == ["v"]:
+                vertices.append([float(words[1]), float(words[2]), float(words[3])])
+            elif words[:1] == ["f"]:
+                corners = [_obj_index(word, len(vertices)) for word in words[1:]]
+                triangles += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+        except (ValueError, IndexError) as error:
+            raise InputError(
+                f"{path}: line {number}: {line.strip()[:60]!r} found, no OBJ vertex or face"
+            ) from error
+    if not triangles:
+        raise InputError(f"{path}: the OBJ file holds no face")
+    return np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(triangles, dtype=np.int64)
+
+
+def _obj_index(word: str, count: int) -> int:
+    """Return the vertex number from 0 on: counted from 1, or backward from -1, texture and normal left out."""
+    index = int(word.split("/")[0])
+    if index == 0:
+        raise ValueError("vertex numbers begin at 1")
+    return index - 1 if index > 0 else count + index

@@ -1,0 +1,66 @@
+"""Numbers from text files: fast where all is well, and line by line where something has to be named."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+def read_file(path: Path) -> bytes:
+    """Return the bytes of a file that must exist and hold something.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cannot be read or is empty.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if not content.strip():
+        raise InputError(f"{path}: the file is empty")
+    return content
+
+
+def numbers_of(path: Path, content: bytes, first_line: int = 1) -> FloatArray:
+    """Return all numbers of a text, separated by blanks or line ends.
+
+    ``first_line`` is the number of the text's first line in the file, for messages.
+
+    Raises
+    ------
+    InputError
+        A word is no number, or a number is not finite: line, word.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            values = np.fromstring(content, sep=" ")
+        except (DeprecationWarning, ValueError):
+            values = np.array([np.nan])
+    if not np.isfinite(values).all():
+        _refuse_first_bad_word(path, content, first_line)
+    return values
+
+
+def _refuse_first_bad_word(path: Path, content: bytes, first_line: int) -> None:
+    for number, line in enumerate(content.splitlines(), start=first_line):
+        for word in line.split():
+            try:
+                good = bool(np.isfinite(float(word)))
+            except ValueError:
+                good = False
+            if not good:
+                found = word.decode("ascii", "replace")[:40]
+                raise InputError(f"{path}: line {number}: {found!r} found, must be a finite number")
+    raise InputError(f"{path}: a number is not finite")

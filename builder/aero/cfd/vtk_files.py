@@ -1,0 +1,149 @@
+"""VTK files (.vtk legacy, .vtp, .vtu): surfaces with their arrays in, fields out."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.cfd.legacy_vtk import check_whole
+from builder.aero.cfd.text_numbers import read_file
+from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import write_bytes_atomically
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_CHILD = Path(__file__).with_name("vtk_child.py")
+_REFUSED = 3
+_LONGEST = 600.0
+_WRITTEN_TYPE = {".vtu": "UnstructuredGrid", ".vtp": "PolyData"}
+
+
+@dataclass(frozen=True)
+class VtkSurface:
+    """The surface cells of a VTK file.
+
+    Attributes
+    ----------
+    point : (n, 3) all points of the file, in its length unit.
+    triangle : (m, 3) point numbers; quads, polygons and strips are cut into triangles.
+    face : (m,) the cell of the file that each triangle is cut from.
+    node_arrays, cell_arrays : name to (n,) values at points, to (number of cells,) values in cells.
+    other_arrays : names of what is no scalar of real numbers.
+    """
+
+    point: FloatArray
+    triangle: IntArray
+    face: IntArray
+    node_arrays: Mapping[str, FloatArray]
+    cell_arrays: Mapping[str, FloatArray]
+    other_arrays: tuple[str, ...]
+
+
+def require_vtk() -> None:
+    """Say which extra to install if VTK is not there.
+
+    Raises
+    ------
+    StrainfmuError
+        VTK is not installed.
+    """
+    if importlib.util.find_spec("vtkmodules") is None:
+        raise StrainfmuError('VTK files need the package vtk: pip install "strainfmu[cfd]"')
+
+
+def read_vtk(path: Path) -> VtkSurface:
+    """Read the surface cells of a legacy VTK, .vtp or .vtu file, ASCII or binary, compressed or not.
+
+    VTK's own readers do it, in a process of their own (:mod:`builder.aero.cfd.vtk_child`).
+
+    Raises
+    ------
+    InputError
+        The file is missing, empty, damaged or cut short, or holds no surface cells.
+    StrainfmuError
+        VTK is not installed.
+    """
+    content = read_file(path)
+    require_vtk()
+    if b"<VTKFile" in content[:4096] and b"</VTKFile>" not in content[-4096:]:
+        raise InputError(f"{path}: cut short: </VTKFile> is missing at its end")
+    if content.startswith(b"# vtk DataFile"):
+        check_whole(path, content)
+    command = [sys.executable, "-P", str(_CHILD), str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, check=False, timeout=_LONGEST)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{path}: damaged: VTK's reader did not end within {_LONGEST:g} s") from error
+    if done.returncode == _REFUSED:
+        raise InputError(f"{path}: {done.stderr.decode('utf-8', 'replace').strip().splitlines()[-1]}")
+    if done.returncode != 0:
+        raise InputError(f"{path}: damaged: VTK's reader broke down on it (exit code {done.returncode})")
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+        return VtkSurface(
+            archive["point"],
+            archive["triangle"],
+            archive["face"],
+            {str(name): archive[f"node_{i}"] for i, name in enumerate(archive["node_names"])},
+            {str(name): archive[f"cell_{i}"] for i, name in enumerate(archive["cell_names"])},
+            tuple(map(str, archive["others"])),
+        )
+
+
+def write_vtk(path: Path, mesh: SurfaceMesh, node_arrays: Mapping[str, FloatArray]) -> None:
+    """Write a surface with (n,) node arrays as .vtu or .vtp, binary and compressed, atomically.
+
+    Raises
+    ------
+    StrainfmuError
+        VTK is not installed, or the file could not be written.
+    """
+    require_vtk()
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
+    flat = _WRITTEN_TYPE[path.suffix.lower()] == "PolyData"
+    data = _vtk_data(mesh, node_arrays, flat)
+    writer: Any = vtkXMLPolyDataWriter() if flat else vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(data)
+    writer.SetDataModeToAppended()
+    writer.SetCompressorTypeToZLib()
+    writer.WriteToOutputStringOn()
+    if not writer.Write():
+        raise StrainfmuError(f"{path}: VTK could not compose the file")
+    write_bytes_atomically(path, writer.GetOutputString().encode("latin-1"))
+
+
+def _vtk_data(mesh: SurfaceMesh, node_arrays: Mapping[str, FloatArray], flat: bool) -> Any:
+    """Return polydata (``flat``) or an unstructured grid of triangles."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import VTK_TRIANGLE, vtkCellArray, vtkPolyData, vtkUnstructuredGrid
+
+    points = vtkPoints()
+    points.SetData(numpy_to_vtk(np.ascontiguousarray(mesh.point), deep=True))
+    offsets = 3 * np.arange(len(mesh.triangle) + 1, dtype=np.int64)
+    triangles = vtkCellArray()
+    triangles.SetData(
+        numpy_to_vtkIdTypeArray(offsets, deep=True), numpy_to_vtkIdTypeArray(mesh.triangle.ravel(), deep=True)
+    )
+    data: Any = vtkPolyData() if flat else vtkUnstructuredGrid()
+    data.SetPoints(points)
+    if flat:
+        data.SetPolys(triangles)
+    else:
+        data.SetCells(VTK_TRIANGLE, triangles)
+    for name, values in node_arrays.items():
+        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array.SetName(name)
+        data.GetPointData().AddArray(array)
+    return data

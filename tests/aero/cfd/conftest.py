@@ -1,0 +1,57 @@
+"""One real snapshot of the shipped vehicle, and what other meshes of it make of it."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import pytest
+from imported_case import CONDITION, SYMMETRIC
+
+from builder.aero.euler_engine import EulerEngine
+from builder.geometry import SurfaceGrid, surface_grid
+from builder.snapshots import Snapshots
+from builder.vehicle import IC3X, load_vehicle
+from strainfmu.flight_condition import FlightCondition
+
+
+@pytest.fixture(scope="session")
+def other_grid() -> SurfaceGrid:
+    """Return another mesh of the vehicle than the snapshots': coarser, and its nodes at other places."""
+    return surface_grid(load_vehicle(IC3X).body(), 97, 60)
+
+
+@pytest.fixture(scope="session")
+def snapshots() -> Snapshots:
+    """Return two snapshots of one flow on the vehicle's own grid: rolled, and in the plane of symmetry."""
+    vehicle = load_vehicle(IC3X)
+    resolution = vehicle.resolution.map
+    grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    engine = EulerEngine(vehicle.body(), resolution.marching_grid, grid)
+    flow = engine.solve(engine.flow_key(CONDITION))
+    conditions = [CONDITION, SYMMETRIC]
+    ambient = np.array([c.ambient_pressure for c in conditions])
+    reference = vehicle.reference_quantities()
+    return Snapshots(
+        vehicle=vehicle.name,
+        engine=engine.name,
+        settings={},
+        condition=np.array([c.as_tuple() for c in conditions]),
+        pressure=np.array([engine.pressure_ratio(flow, c) for c in conditions]) * ambient[:, None],
+        internal_pressure=ambient,
+        reference=np.array([reference.area, reference.length, reference.moment_station]),
+        point=engine.surface.point,
+        triangle=engine.surface.triangle,
+        station=grid.x,
+        radius=grid.radius,
+        meridian_angle=grid.angle,
+        solved=np.array([True, False]),
+        flow=np.array([0, 0]),
+        momentum_error=np.full(2, flow.momentum_error),
+        repairs=np.zeros(2, dtype=np.int64),
+    )
+
+
+@pytest.fixture(scope="session")
+def zero_incidence() -> FlightCondition:
+    return FlightCondition(5.0, radians(0.0), 0.0, 20e3)
