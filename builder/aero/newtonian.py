@@ -1,0 +1,137 @@
+"""Modified Newtonian flow as an engine: pressure from local inclination, for any shape, blunt or finned.
+
+Options, as the vehicle file names them:
+
+``stagnation``
+    ``rayleigh_pitot`` (default): C_p,max behind a normal shock, 1.81 at M 5. ``classical``: C_p,max = 2. On
+    slender pointed bodies both are too low at M 5 to 7, ``classical`` by less (``docs/aerodynamics.md``).
+``leeward``
+    ``ambient`` (default), ``prandtl_meyer`` (sharp bodies) or ``matched`` (blunt bodies):
+    :mod:`builder.aero.local_inclination`.
+
+Aft-facing nodes (normals within 30 deg of the axis) are the base: flow separates there, and they keep the ambient
+pressure whatever ``leeward`` says. Not modelled: shadows of one part of the body on another (a fin behind a wider
+body is loaded as if it stood alone), interference of shocks, viscosity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from math import cos, degrees, radians, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.edges import prepare_surface
+from builder.aero.engine import Flow, FlowKey
+from builder.aero.local_inclination import LEEWARD, STAGNATION, inclination_pressure_ratio, matching_point
+from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.errors import FlowReachError, InputError
+from strainfmu.flight_condition import FlightCondition
+
+FloatArray = NDArray[np.float64]
+
+METHOD_VERSION = 1
+"""Raised whenever results change, so that stored flows of an older version are solved again."""
+FEATURE_ANGLE = radians(30.0)
+BASE_ANGLE = radians(30.0)
+
+
+@dataclass(frozen=True)
+class NewtonianEngine:
+    """Pressure from the inclination of the nodes' normals to the free stream.
+
+    Attributes
+    ----------
+    surface : nodes doubled at sharp edges, triangles facing outward (:func:`newtonian_engine` sees to both).
+    stagnation : one of :data:`builder.aero.local_inclination.STAGNATION`.
+    leeward : one of :data:`builder.aero.local_inclination.LEEWARD`.
+
+    Raises
+    ------
+    InputError
+        An option is not one of these, or ``matched`` is asked for without the stagnation pressure it starts from.
+    """
+
+    surface: SurfaceMesh
+    stagnation: str = "rayleigh_pitot"
+    leeward: str = "ambient"
+
+    def __post_init__(self) -> None:
+        for name, value, allowed in (
+            ("stagnation", self.stagnation, STAGNATION),
+            ("leeward", self.leeward, LEEWARD),
+        ):
+            if value not in allowed:
+                raise InputError(f"{name}: '{value}' found, must be one of {', '.join(allowed)}")
+        if self.leeward == "matched" and self.stagnation != "rayleigh_pitot":
+            raise InputError(f"stagnation: '{self.stagnation}' found, leeward 'matched' needs 'rayleigh_pitot'")
+
+    @property
+    def name(self) -> str:
+        return "newtonian"
+
+    def inputs(self) -> Mapping[str, Any]:
+        return {
+            "engine": self.name,
+            "method_version": METHOD_VERSION,
+            "surface": _digest(self.surface),
+            "stagnation": self.stagnation,
+            "leeward": self.leeward,
+        }
+
+    def flow_key(self, condition: FlightCondition) -> FlowKey:
+        """Return (M, alpha, beta), angles in radians, rounded; altitude does not change p/p_inf."""
+        values = condition.mach_number, condition.angle_of_attack, condition.sideslip_angle
+        return tuple(round(value, 9) for value in values)
+
+    def solve(self, key: FlowKey) -> Flow:
+        mach_number, angle_of_attack, sideslip = key
+        wind = np.array(
+            [cos(angle_of_attack) * cos(sideslip), -sin(sideslip), sin(angle_of_attack) * cos(sideslip)]
+        )
+        sine = -self.surface.node_normal @ wind
+        if self.leeward == "matched":
+            _check_blunt(mach_number, float(sine.max()))
+        ratio = inclination_pressure_ratio(mach_number, sine, self.stagnation, self.leeward)
+        base = self.surface.node_normal[:, 0] >= cos(BASE_ANGLE)
+        return Flow(key, {"pressure_ratio": np.where(base & (sine < 0.0), 1.0, ratio)})
+
+    def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
+        return flow.arrays["pressure_ratio"]
+
+
+def newtonian_engine(
+    mesh: SurfaceMesh, stagnation: str = "rayleigh_pitot", leeward: str = "ambient"
+) -> tuple[NewtonianEngine, tuple[str, ...]]:
+    """Return the engine of a surface from a file, and notes on what was changed on it.
+
+    Raises
+    ------
+    InputError
+        The surface is not closed but for its base (:func:`builder.aero.edges.prepare_surface`), or an option is
+        wrong.
+    """
+    surface, notes = prepare_surface(mesh, FEATURE_ANGLE)
+    return NewtonianEngine(surface, stagnation, leeward), notes
+
+
+def _check_blunt(mach_number: float, largest_sine: float) -> None:
+    """Refuse ``matched`` where no part of the body is steep enough for it to start."""
+    least = matching_point(mach_number).inclination
+    if largest_sine < sin(least):
+        raise FlowReachError(
+            f"leeward: 'matched' needs a blunt nose, inclined by {degrees(least):.3g} deg or more at Mach number"
+            f" {mach_number:g}; the steepest node has {degrees(np.arcsin(max(largest_sine, 0.0))):.3g} deg:"
+            " use 'prandtl_meyer'"
+        )
+
+
+def _digest(mesh: SurfaceMesh) -> str:
+    """Return what tells one surface from another."""
+    digest = sha256(np.ascontiguousarray(mesh.point, dtype="<f8").tobytes())
+    digest.update(np.ascontiguousarray(mesh.triangle, dtype="<i8").tobytes())
+    return digest.hexdigest()
