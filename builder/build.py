@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.loads import coefficient_scale, load_operator
-from builder.campaign import Snapshots
 from builder.inversion import least_squares_map
 from builder.reduction import proper_orthogonal_decomposition
+from builder.snapshot_transfer import snapshots_on
+from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel
 from builder.uncertainty import load_covariance
 from builder.vehicle import Vehicle
@@ -44,8 +45,9 @@ def build_inverse_map(vehicle: Vehicle, snapshots: Snapshots, structure: Structu
     Raises
     ------
     InputError
-        The gauges cannot identify the modes asked for.
+        The gauges cannot identify the modes asked for, or the snapshots' surface is not the structure's.
     """
+    snapshots = snapshots_on(snapshots, structure.surface)
     layout = vehicle.gauges.layout
     z_p = structure.strain_operator(layout)
     inside = internal_pressure(vehicle, snapshots)

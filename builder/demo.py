@@ -6,26 +6,35 @@ Every link writes a file into one folder; a link whose inputs have not changed i
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from builder import campaign, figures
+from builder import figures
+from builder import snapshots as snapshots_file
+from builder.aero.engine import Flow, FlowKey
+from builder.aero.engines import make_engine
 from builder.build import build_inverse_map
-from builder.campaign import load_snapshots, save_snapshots, solve_flows, take_snapshots
+from builder.campaign.journal import Journal
+from builder.campaign.run import complete_flows, run_campaign
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.flight_score import FlightScore, score_flight
-from builder.flight_tables import flight_model, truth_keys, truth_knots
+from builder.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.geometry import surface_grid
-from builder.reporting import Reporter
+from builder.reporting import Reporter, campaign_notes
+from builder.snapshot_transfer import snapshots_on
+from builder.snapshots import load_snapshots
 from builder.structural_model import check_gauges, check_map_size, structural_model, used_layouts
 from builder.vehicle import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu import inverse_map as inverse_map_file
 from strainfmu.cosim import flight_model as flight_model_file
-from strainfmu.cosim.flight_model import check_envelope, save_flight_model
+from strainfmu.cosim.flight_model import FlightModel, check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.system import System
@@ -142,38 +151,28 @@ def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
 
 
 def _snapshots(chain: _Chain) -> None:
-    vehicle, settings = chain.vehicle, chain.vehicle.resolution.map
-    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    vehicle = chain.vehicle
+    engine = make_engine(vehicle, None, vehicle.resolution.map, note=chain.reporter.note)
+    campaign = vehicle_campaign(vehicle, engine)
+    surface = campaign.engine.surface
 
     def make(path: Path) -> None:
-        conditions = vehicle.flight_conditions()
-        with chain.reporter.stage("Flow: snapshots") as progress:
-            snapshots = take_snapshots(vehicle.body(), conditions, settings.marching_grid, surface, progress)
-        solved = int(snapshots.solved.sum())
-        chain.reporter.note(
-            f"{len(conditions)} conditions: {solved} flows solved, {len(conditions) - solved} rolled from them; "
-            f"force and momentum agree within {100.0 * snapshots.momentum_error.max():.2g} %"
-        )
-        repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
-        if repaired:
-            chain.reporter.note(
-                f"{repaired} flows needed states repaired, {snapshots.repairs.max()} at most in one"
-            )
-        save_snapshots(snapshots, path)
+        result = run_campaign(campaign, path, Scheduling(), chain.reporter)
+        for note in campaign_notes(result):
+            chain.reporter.note(note)
 
     inputs = {
-        "schema_version": campaign.SCHEMA_VERSION,
-        "profile": [entry.model_dump() for entry in vehicle.profile],
-        "conditions": vehicle.conditions.model_dump(),
-        "resolution": _aerodynamic(settings.model_dump()),
+        "schema_version": snapshots_file.SCHEMA_VERSION,
+        "vehicle": vehicle.name,
+        "engine": campaign.engine.inputs(),
+        "engine_entries": vehicle.aerodynamics.model_dump(),
+        "surface": sha256(surface.point.tobytes() + surface.triangle.tobytes()).hexdigest(),
+        "conditions": [condition.as_tuple() for condition in campaign.conditions],
+        "flows": [campaign.engine.flow_key(condition) for condition in campaign.conditions],
+        "internal_pressure": campaign.internal_pressure,
+        "reference": asdict(campaign.reference),
     }
     chain.link("snapshots.h5", "surface pressure at every flight condition", inputs, make)
-
-
-def _aerodynamic(resolution: dict[str, Any]) -> dict[str, Any]:
-    """Return the part of a resolution that the flow depends on."""
-    keys = ("radial_cells", "circumferential_cells", "surface_stations", "surface_roll_angles")
-    return {key: resolution[key] for key in keys}
 
 
 def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
@@ -214,12 +213,19 @@ def _flight_model(chain: _Chain) -> None:
     vehicle, settings = chain.vehicle, chain.vehicle.resolution.truth
 
     def make(path: Path) -> None:
-        with chain.reporter.stage("Flow: the vehicle that flies") as progress:
-            flows = solve_flows(vehicle.body(), truth_keys(vehicle), settings.marching_grid, progress)
+        engine, title = truth_engine(vehicle), "Flow: the vehicle that flies"
+        with Journal(path) as journal:
+            flows, _ = complete_flows(
+                engine, truth_keys(vehicle), journal, {}, Scheduling(), chain.reporter, title
+            )
+            save_flight_model(_assembled(flows), path)
+            journal.remove()
+
+    def _assembled(flows: Mapping[FlowKey, Flow]) -> FlightModel:
         with chain.reporter.stage("Structure: the vehicle that flies") as progress:
             structure = structural_model(vehicle, settings, [vehicle.gauges.layout], progress)
         noise_std = float(load_inverse_map(chain.workspace.path("map.h5")).noise_std[0])
-        save_flight_model(flight_model(vehicle, flows, structure, noise_std), path)
+        return flight_model(vehicle, flows, structure, noise_std)
 
     inputs = {
         "schema_version": flight_model_file.SCHEMA_VERSION,
@@ -282,7 +288,7 @@ def _flight(chain: _Chain) -> Recording:
 def _figures(chain: _Chain, recording: Recording) -> None:
     vehicle, settings = chain.vehicle, chain.vehicle.resolution.map
     surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
-    snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
+    snapshots = snapshots_on(load_snapshots(chain.workspace.path("snapshots.h5")), surface)
     inverse_map = load_inverse_map(chain.workspace.path("map.h5"))
     title = vehicle.name
     of_pressure = {"snapshots": chain.made_from("snapshots.h5"), "title": title}

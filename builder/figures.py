@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.campaign import Snapshots
 from builder.geometry import SurfaceGrid
+from builder.snapshots import Snapshots
 from strainfmu.cosim.recording import Recording
 from strainfmu.errors import StrainfmuError
 from strainfmu.files import write_bytes_atomically
@@ -32,7 +32,8 @@ COEFFICIENT_TITLES = {
 }
 
 
-def _figure(width: float, height: float) -> Figure:
+def blank_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of the given size [in] that needs no display."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -55,7 +56,7 @@ def three_conditions(snapshots: Snapshots) -> list[int]:
 
 def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
     """Draw p/p_inf over station and roll angle for three conditions."""
-    figure = _figure(9.0, 8.0)
+    figure = blank_figure(9.0, 8.0)
     axes = figure.subplots(3, 1, sharex=True)
     conditions = snapshots.conditions()
     roll = np.degrees(np.append(surface.roll_angle, 2.0 * np.pi))
@@ -78,7 +79,7 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
 
 def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
     """Draw p/p_inf on the body for three conditions, seen from leeward and from windward."""
-    figure = _figure(11.0, 6.0)
+    figure = blank_figure(11.0, 6.0)
     axes = figure.subplots(3, 2, sharex=True, sharey=True)
     conditions = snapshots.conditions()
     for row, index in zip(axes, three_conditions(snapshots), strict=True):
@@ -98,7 +99,7 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
 def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float) -> Any:
     """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad]."""
     seen = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
-    shown = _at_roll_angles(ratio, surface.roll_angle, np.mod(seen + facing, 2.0 * np.pi))
+    shown = at_roll_angles(ratio, surface.roll_angle, np.mod(seen + facing, 2.0 * np.pi))
     across = 1e3 * np.outer(surface.radius, np.sin(seen))
     along = np.repeat(surface.x[:, None], len(seen), axis=1)
     return axis.pcolormesh(
@@ -113,7 +114,7 @@ def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float
     )
 
 
-def _at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArray) -> FloatArray:
+def at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArray) -> FloatArray:
     """Interpolate (n_x, n_roll) values periodically to roll angles ``wanted`` [rad] in 0..2 pi."""
     angle = np.append(roll_angle, 2.0 * np.pi)
     closed = np.concatenate([values, values[:, :1]], axis=1)
@@ -122,7 +123,7 @@ def _at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArr
 
 def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     """Draw where the gauges sit and what they measure: unrolled, and seen from behind."""
-    figure = _figure(10.0, 4.2)
+    figure = blank_figure(10.0, 4.2)
     unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
     position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
     roll = np.degrees(np.arctan2(position[:, 1], position[:, 2])) % 360.0
@@ -158,7 +159,7 @@ def overview(
     snapshots: Snapshots, surface: SurfaceGrid, inverse_map: InverseMap, recording: Recording, title: str
 ) -> Figure:
     """Draw the product in one picture: load and gauges on the body, and two coefficients that strain gave back."""
-    figure = _figure(10.0, 6.5)
+    figure = blank_figure(10.0, 6.5)
     body, *panels = figure.subplots(3, 1, height_ratios=(1.1, 1.0, 1.0))
     index = three_conditions(snapshots)[1]
     condition = snapshots.conditions()[index]
@@ -213,7 +214,7 @@ def _draw_coefficient(axis: Any, recording: Recording, name: str) -> None:
 
 def coefficients(recording: Recording, title: str) -> Figure:
     """Draw estimated and true coefficients over time with bands of 3 sigma, and the health chi-square."""
-    figure = _figure(10.0, 11.0)
+    figure = blank_figure(10.0, 11.0)
     axes = figure.subplots(len(COEFFICIENT_NAMES) + 1, 1, sharex=True)
     for axis, name in zip(axes, COEFFICIENT_NAMES, strict=False):
         _draw_coefficient(axis, recording, name)

@@ -7,17 +7,18 @@ changes by (-1)^m. So the spline has the right symmetry at a_T = 0 without a kno
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import factorial, radians
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from builder.aero.euler.solver import FlowSolution
+from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.loads import load_operator
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.campaign import FlowKey
-from builder.geometry import SurfaceGrid
+from builder.geometry import SurfaceGrid, surface_grid
 from builder.structural_model import StructuralModel
 from builder.vehicle import Vehicle
 from strainfmu.cosim.flight_model import FlightModel
@@ -37,21 +38,29 @@ def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
     return [(round(m, 9), a) for m in mach.tolist() for a in incidence[1:].tolist()]
 
 
-def pressure_harmonics(solution: FlowSolution, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
+def truth_engine(vehicle: Vehicle) -> EulerEngine:
+    """Return the solver of the vehicle that flies: Euler, whatever engine the map is built on."""
+    settings = vehicle.resolution.truth
+    body = vehicle.body()
+    surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
+    return EulerEngine(body, settings.marching_grid, surface)
+
+
+def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
     """Return the amplitudes (n_x, max_harmonic + 1) of cos(m phi) in p/p_inf, phi from the leeward meridian.
 
     The discrete cosine transform over the solver's cells; harmonics it cannot carry are zero.
     """
-    ratio = pressure_at_stations(solution, surface)
+    ratio = pressure_at_stations(pieces(flow), surface)
     n_phi = ratio.shape[1]
     m = np.arange(max_harmonic + 1)
     weight = np.where(m == 0, 1.0, 2.0) * (m < n_phi)
-    return ratio @ np.cos(np.outer(solution.roll_angle, m)) * weight / n_phi
+    return ratio @ np.cos(np.outer(flow.arrays["roll_angle"], m)) * weight / n_phi
 
 
 def flight_model(
     vehicle: Vehicle,
-    flows: dict[FlowKey, FlowSolution],
+    flows: Mapping[FlowKey, Flow],
     structure: StructuralModel,
     noise_std: float,
 ) -> FlightModel:
@@ -83,9 +92,8 @@ def flight_model(
             flow = flows[round(float(mach_number), 9), float(angle)]
             harmonics = pressure_harmonics(flow, structure.surface, max_harmonic)
             strain[i, j] = np.einsum("cmxp,xm->cmp", response, harmonics)
-            ratio = pressure_ratio_on_surface(
-                pressure_at_stations(flow, structure.surface), flow.roll_angle, structure.surface, 0.0
-            )
+            at_stations = pressure_at_stations(pieces(flow), structure.surface)
+            ratio = pressure_ratio_on_surface(at_stations, flow.arrays["roll_angle"], structure.surface, 0.0)
             axial, normal, _, pitch, _ = loads @ ratio
             coefficient[i, j] = np.array([axial, normal, pitch]) / (0.7 * mach_number**2 * area)
     inside = vehicle.structure.internal_pressure_Pa

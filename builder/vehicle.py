@@ -24,6 +24,7 @@ from pydantic import (
     model_validator,
 )
 
+from builder.aero.engines import ENGINES
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
 from builder.flight_conditions import condition_grid
@@ -181,6 +182,28 @@ class Conditions(_Section):
     altitude_km: float = Field(ge=0.0, le=71.0)
 
 
+class Aerodynamics(_Section):
+    """Where surface pressure comes from, and what that engine needs beside the rest of the file.
+
+    ``surface``, ``stagnation`` and ``leeward`` are the newtonian engine's, ``manifest`` the table's; files lie
+    beside the vehicle file.
+    """
+
+    engine: str = "euler"
+    surface: str | None = None
+    surface_length_unit: str = "m"
+    stagnation: str | None = None
+    leeward: str | None = None
+    manifest: str | None = None
+
+    @field_validator("engine")
+    @classmethod
+    def _engine_exists(cls, value: str) -> str:
+        if value not in ENGINES:
+            raise ValueError(f"'{value}' found, must be one of {', '.join(ENGINES)}")
+        return value
+
+
 class Noise(_Section):
     """Gauge noise, either relative to the snapshots' strains or absolute; the same for all gauges."""
 
@@ -257,6 +280,7 @@ class Vehicle(_Section):
     reference: Reference
     gauges: Gauges
     conditions: Conditions
+    aerodynamics: Aerodynamics = Aerodynamics()
     noise: Noise
     map: MapEntry
     truth: Truth

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 
-from strainfmu import __version__
+from strainfmu import __version__, campaign_commands
+from strainfmu.console import ConsoleReporter
 from strainfmu.inverse_map import COEFFICIENT_NAMES, content_hash_of, load_inverse_map
 
 if TYPE_CHECKING:
@@ -38,31 +29,6 @@ VehicleArgument = Annotated[
     Path | None,
     typer.Option("--vehicle", help="Vehicle file (TOML). Default: the IC3X surrogate that is shipped."),
 ]
-
-
-class ConsoleReporter:
-    """Shows stages as progress bars and notes as lines."""
-
-    def __init__(self, console: Console) -> None:
-        self.console = console
-
-    @contextmanager
-    def stage(self, title: str) -> Iterator[Callable[[int, int], None]]:
-        columns = (
-            TextColumn("{task.description:<40}"),
-            BarColumn(bar_width=30),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-        )
-        start = perf_counter()
-        with Progress(*columns, console=self.console, transient=True) as bars:
-            task = bars.add_task(title, total=None)
-            yield lambda done, of: bars.update(task, completed=done, total=of)
-        self.console.print(f"{title:<40} {perf_counter() - start:6.1f} s", highlight=False)
-
-    def note(self, text: str) -> None:
-        self.console.print(f"  {text}", style="dim", highlight=False)
 
 
 def _show_version(wanted: bool) -> None:
@@ -142,7 +108,7 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     """
     from math import degrees
 
-    from builder.flight_conditions import flow_key
+    from builder.aero.engines import make_engine
     from builder.flight_tables import truth_knots
     from builder.structural_model import check_gauges, check_map_size
     from builder.vehicle import load_vehicle
@@ -163,8 +129,9 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
     for name, count in gauges.items():
         table.add_row(f"layout {name}{' (in use)' if name == loaded.gauges.layout else ''}", f"{count} gauges")
-    flows = len({flow_key(condition) for condition in conditions})
-    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows")
+    engine = make_engine(loaded, None, loaded.resolution.map)
+    flows = len({engine.flow_key(condition) for condition in conditions})
+    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
     table.add_row("manoeuvre", f"{trajectory.stop_time:.4g} s")
     Console().print(table)
 
@@ -187,6 +154,9 @@ def build(
     console = Console()
     path = run_build(vehicle, output, ConsoleReporter(console))
     console.print(f"{path}: written", highlight=False)
+
+
+app.command()(campaign_commands.snapshots)
 
 
 @app.command()
@@ -260,3 +230,6 @@ def bench(
     for name, seconds in rows.items():
         table.add_row(name, f"{1e6 * seconds:.2f} us", f"{seconds / next(iter(rows.values())):.1f} x")
     Console().print(table)
+
+
+from strainfmu import surface_commands as surface_commands  # noqa: E402  adds commands to app

@@ -136,6 +136,26 @@ def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
         raise InputError(f"{path}: damaged, or not an HDF5 file") from error
 
 
+def schema_of(path: Path) -> str:
+    """Return the schema that an artefact says it is of, unchecked.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cannot be read, or is not one of ours.
+    """
+    try:
+        with path.open("rb") as stream:
+            words = stream.read(USER_BLOCK_SIZE).split(b"\n")[0].decode("ascii", "replace").split(" ")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if len(words) != 5 or words[0] != "strainfmu":
+        raise InputError(f"{path}: damaged, or not an HDF5 file written by strainfmu")
+    return words[1]
+
+
 def fingerprint(inputs: Mapping[str, Any]) -> str:
     """Return a short hash of the inputs of a computation, to tell whether its result is up to date."""
     text = json.dumps(inputs, sort_keys=True, default=_plain)

@@ -1,7 +1,8 @@
 """Frozen dataclasses as HDF5 files: one data set per field, with its unit.
 
 Arrays and numbers become data sets; a tuple of names a data set of byte strings; a string an attribute; a
-dictionary an attribute holding JSON; None is left out and comes back as None.
+dictionary an attribute holding JSON, or a data set where it is too long for one; None is left out and comes back
+as None.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from strainfmu.files import open_hdf5, write_hdf5_atomically
 
 Record = TypeVar("Record")
 
+LONGEST_ATTRIBUTE = 32_768
+"""Bytes above which text goes into a data set: HDF5 holds attributes of less than 64 KiB."""
+
 
 def save_record(record: Any, path: Path, schema: str, schema_version: int, units: Mapping[str, str]) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
@@ -32,19 +36,25 @@ def save_record(record: Any, path: Path, schema: str, schema_version: int, units
         The file could not be written; what was there before is untouched.
     """
 
-    def fill(file: h5py.File) -> None:
-        for entry in fields(record):
-            value = getattr(record, entry.name)
-            if isinstance(value, dict):
-                file.attrs[entry.name] = json.dumps(value, sort_keys=True)
-            elif isinstance(value, str):
-                file.attrs[entry.name] = value
-            elif isinstance(value, tuple):
-                file.create_dataset(entry.name, data=np.array([name.encode() for name in value], dtype="S"))
-            elif value is not None:
-                file.create_dataset(entry.name, data=value).attrs["unit"] = units.get(entry.name, "1")
+    return write_hdf5_atomically(path, schema, schema_version, lambda file: write_record(file, record, units))
 
-    return write_hdf5_atomically(path, schema, schema_version, fill)
+
+def write_record(group: h5py.Group, record: Any, units: Mapping[str, str]) -> None:
+    """Write the fields of a dataclass into ``group``, so that a file can hold a record and more beside it."""
+    for entry in fields(record):
+        value = getattr(record, entry.name)
+        if isinstance(value, dict):
+            text = json.dumps(value, sort_keys=True)
+            if len(text) <= LONGEST_ATTRIBUTE:
+                group.attrs[entry.name] = text
+            else:
+                group.create_dataset(entry.name, data=np.bytes_(text.encode()))
+        elif isinstance(value, str):
+            group.attrs[entry.name] = value
+        elif isinstance(value, tuple):
+            group.create_dataset(entry.name, data=np.array([name.encode() for name in value], dtype="S"))
+        elif value is not None:
+            group.create_dataset(entry.name, data=value).attrs["unit"] = units.get(entry.name, "1")
 
 
 def load_record(kind: type[Record], path: Path, schema: str, schema_version: int) -> Record:
@@ -57,18 +67,30 @@ def load_record(kind: type[Record], path: Path, schema: str, schema_version: int
     """
     with open_hdf5(path, schema, schema_version) as file:
         try:
-            values = {entry.name: _read(file, entry.name, str(entry.type)) for entry in fields(cast(Any, kind))}
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{path}: damaged, {error.args[0]}") from error
+            return read_record(kind, file)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+def read_record(kind: type[Record], group: h5py.Group) -> Record:
+    """Read a dataclass of type ``kind`` that :func:`write_record` wrote into ``group``.
+
+    Raises
+    ------
+    InputError
+        An entry is missing or no value of its type, or ``kind`` refuses the values.
+    """
     try:
-        return kind(**values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        values = {entry.name: _read(group, entry.name, str(entry.type)) for entry in fields(cast(Any, kind))}
+    except (KeyError, ValueError) as error:
+        raise InputError(f"damaged, {error.args[0]}") from error
+    return kind(**values)
 
 
-def _read(file: h5py.File, name: str, annotation: str) -> Any:
+def _read(group: h5py.Group, name: str, annotation: str) -> Any:
     """Return one field; ``annotation`` is its type as written in the class."""
-    held: Any = file.attrs if annotation == "str" or annotation.startswith("dict") else file
+    short = annotation == "str" or (annotation.startswith("dict") and name in group.attrs)
+    held: Any = group.attrs if short else group
     if name not in held:
         if "None" in annotation:
             return None
@@ -76,7 +98,7 @@ def _read(file: h5py.File, name: str, annotation: str) -> Any:
     if annotation == "str":
         return str(held[name])
     if annotation.startswith("dict"):
-        return json.loads(held[name])
+        return json.loads(held[name] if short else held[name][()])
     value = held[name][()]
     if annotation.startswith("tuple"):
         return tuple(item.decode() for item in value)

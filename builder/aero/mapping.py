@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from builder.aero.closest_points import ClosestPoints, closest_points
+from builder.aero.loads import load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -158,8 +160,11 @@ class PressureMap:
         return mapped
 
 
-def pressure_map(source: SurfaceMesh, target: SurfaceMesh) -> PressureMap:
+def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | None = None) -> PressureMap:
     """Return the transfer of nodal pressure from ``source`` to ``target``.
+
+    Where the target's nodes are those of ``grid``, its loads are that grid's (:func:`builder.aero.loads.load_operator`),
+    not those of the chords between its nodes.
 
     The conservative correction A^-1 L^T (L A^-1 L^T)^-1, with nodal areas A and the target's load operator L,
     minimises sum_i A_i (q_i - p_i)^2 under L q = the source's loads.
@@ -167,7 +172,7 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh) -> PressureMap:
     found = closest_points(source, target.point, target.node_normal)
     middle = float(0.5 * (target.point[:, 0].min() + target.point[:, 0].max()))
     own_loads = mesh_load_operator(source, middle)
-    loads = mesh_load_operator(target, middle)
+    loads = mesh_load_operator(target, middle) if grid is None else load_operator(grid, middle)
     area = target.node_area
     per_area = np.divide(loads, area, out=np.zeros_like(loads), where=area > 0.0)
     # A moment is measured by the body's length, so that the rank is judged in one unit.

@@ -7,30 +7,35 @@ that shares (M, a_T), by rotation.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from builder.aero.euler.solver import FlowSolution
 from builder.geometry import SurfaceGrid
 
 FloatArray = NDArray[np.float64]
 
 
-def pressure_at_stations(solution: FlowSolution, grid: SurfaceGrid) -> FloatArray:
+def pressure_at_stations(pieces: Sequence[tuple[FloatArray, FloatArray]], grid: SurfaceGrid) -> FloatArray:
     """Interpolate a flow's wall pressure linearly in x to the stations of ``grid``.
+
+    Parameters
+    ----------
+    pieces : per smooth piece of the meridian, stations (n,) [m] and p/p_inf (n, n_phi).
 
     Returns
     -------
-    (n_x, n_phi) p/p_inf at the solution's roll angles. Never interpolated across a slope break; towards
-    the ends of a smooth piece, where no marching step has its middle, the nearest value holds.
+    (n_x, n_phi) p/p_inf. Never interpolated across a slope break; towards the ends of a smooth piece, where no
+    marching step has its middle, the nearest value holds.
     """
     joints = np.flatnonzero(np.diff(grid.x) == 0.0) + 1
     parts = np.split(np.arange(len(grid.x)), joints)
-    if len(parts) != len(solution.pieces):
-        raise ValueError(f"{len(solution.pieces)} smooth pieces solved, surface grid has {len(parts)}")
-    ratio = np.empty((len(grid.x), len(solution.roll_angle)))
-    for part, (x, pressure) in zip(parts, solution.pieces, strict=True):
+    if len(parts) != len(pieces):
+        raise ValueError(f"{len(pieces)} smooth pieces solved, surface grid has {len(parts)}")
+    ratio = np.empty((len(grid.x), pieces[0][1].shape[1]))
+    for part, (x, pressure) in zip(parts, pieces, strict=True):
         for j in range(pressure.shape[1]):
             ratio[part, j] = np.interp(grid.x[part], x, pressure[:, j])
     return ratio

@@ -127,7 +127,8 @@ def test_condition_outside_the_solvers_reach(
     spoil(vehicle, old, new)
     outcome = run("build", vehicle, "-o", tmp_path / "out")
     refused(outcome, "axial Mach number falls to 1", "total incidence", *words)
-    assert not (tmp_path / "out").exists()
+    # What was solved beside it is kept, and nothing else.
+    assert {path.name for path in (tmp_path / "out").iterdir()} <= {"snapshots.h5.journal"}
 
 
 def test_manoeuvre_outside_the_flight_model(vehicle: Path, tmp_path: Path, run: Run) -> None:
@@ -198,5 +199,5 @@ def test_disk_full_while_writing(vehicle: Path, tmp_path: Path, largest: int) ->
     )
     assert finished.returncode == 1
     assert finished.stderr.count("\n") == 1
-    assert "snapshots.h5: could not be written: File too large" in finished.stderr
-    assert list(folder.iterdir()) == []
+    assert "could not be written: File too large" in finished.stderr
+    assert {path.name for path in folder.iterdir()} <= {"snapshots.h5.journal"}

@@ -97,6 +97,16 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
         ("first_x_m = 0.35", "first_x_mm = 350.0", r"rows.1.first_x_mm: .*allowed is first_x_m"),
         ("altitude_km = 20.0", "altitude_ft = 65617.0", r"conditions.altitude_ft: .*allowed is altitude_km"),
         ("poisson_ratio", "poison_ratio", r"material.poison_ratio: unknown entry, did you mean poisson_ratio\?"),
+        (
+            "[map]",
+            '[aerodynamics]\nengine = "eular"\n[map]',
+            r"aerodynamics.engine: 'eular' found, must be one of euler, newtonian, table",
+        ),
+        (
+            "[map]",
+            '[aerodynamics]\nsurfaces = "a.stl"\n[map]',
+            r"aerodynamics.surfaces: unknown entry, did you mean surface\?",
+        ),
         ("[map]", "[mapp]", r"mapp: unknown entry, did you mean map\?"),
         ("modes = 5", "modes = 5\nzzz = 1", r"map.zzz: unknown entry; allowed: modes"),
         (

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
-from builder.aero.euler.solver import MarchingGrid
-from builder.campaign import Snapshots, load_snapshots, save_snapshots, take_snapshots
-from builder.geometry import chain_segments, surface_grid
 from builder.workspace import MANIFEST, Workspace
 from strainfmu.errors import InputError
-from strainfmu.flight_condition import FlightCondition
 
 
 class Maker:
@@ -117,21 +111,3 @@ def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     path.write_text("")
     with pytest.raises(InputError, match="is a file, a folder is wanted"):
         Workspace(path)
-
-
-def test_snapshots_survive_the_disk(tmp_path: Path) -> None:
-    body = chain_segments([(1.0, 0.1, 0.1)])
-    surface = surface_grid(body, 10, 16)
-    conditions = [FlightCondition(6.0, 0.02, 0.0, 20e3), FlightCondition(6.0, 0.0, 0.02, 20e3)]
-    snapshots = take_snapshots(body, conditions, MarchingGrid(8, 8), surface)
-    path = tmp_path / "snapshots.h5"
-    save_snapshots(snapshots, path)
-    loaded = load_snapshots(path)
-    for entry in fields(Snapshots):
-        np.testing.assert_array_equal(getattr(loaded, entry.name), getattr(snapshots, entry.name))
-    assert loaded.conditions() == conditions
-    with h5py.File(path, "r+") as file:
-        assert file["pressure"].attrs["unit"] == "Pa"
-        file["pressure"][1, 3] += 1.0
-    with pytest.raises(InputError, match="damaged or altered"):
-        load_snapshots(path)

@@ -6,14 +6,16 @@ from math import radians
 
 import numpy as np
 import pytest
-from inverse_case import Case
+from inverse_case import Case, snapshots_at
 
-from builder.aero.euler.solver import FlowSolution
+from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
 from builder.build import gauge_noise_std, internal_pressure
-from builder.campaign import FlowKey, Snapshots, solve_flows, take_snapshots
-from builder.flight_tables import truth_keys
+from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.flight_tables import truth_engine, truth_keys
 from builder.reduction import proper_orthogonal_decomposition
+from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel, structural_model
 from builder.vehicle import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
 from strainfmu.flight_condition import FlightCondition
@@ -42,7 +44,8 @@ def structure(vehicle: Vehicle) -> StructuralModel:
 @pytest.fixture(scope="session")
 def snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
     """The 90 conditions of the vehicle file."""
-    return take_snapshots(vehicle.body(), vehicle.flight_conditions(), COARSE.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    return snapshots_at(engine, vehicle, vehicle.flight_conditions())
 
 
 @pytest.fixture(scope="session")
@@ -53,7 +56,8 @@ def held_out(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
         FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
         for mach, alpha, beta in random.uniform([5.0, 0.0, 0.0], [7.0, 10.0, 10.0], size=(24, 3))
     ]
-    return take_snapshots(vehicle.body(), conditions, COARSE.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    return snapshots_at(engine, vehicle, conditions)
 
 
 @pytest.fixture(scope="session")
@@ -70,6 +74,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
 
 
 @pytest.fixture(scope="session")
-def truth_flows(vehicle: Vehicle) -> dict[FlowKey, FlowSolution]:
+def truth_flows(vehicle: Vehicle) -> dict[FlowKey, Flow]:
     """The flows at the knots of the flight model."""
-    return solve_flows(vehicle.body(), truth_keys(vehicle), COARSE.marching_grid)
+    solved = solve_flows(truth_engine(vehicle), truth_keys(vehicle), Scheduling(workers=0))
+    return {one.flow.key: one.flow for one in solved}

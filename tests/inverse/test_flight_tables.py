@@ -6,13 +6,13 @@ from math import pi, radians
 
 import numpy as np
 import pytest
-from inverse_case import Case
+from inverse_case import Case, snapshots_at
 
-from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.surface_pressure import pressure_at_stations
 from builder.build import snapshot_coefficients
-from builder.campaign import FlowKey, take_snapshots
-from builder.flight_tables import flight_model, pressure_harmonics, truth_keys
+from builder.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
 from builder.structural_model import StructuralModel
 from builder.vehicle import Vehicle
 from strainfmu.cosim.flight_model import FlightModel, FlightPoint, evaluate
@@ -20,7 +20,7 @@ from strainfmu.flight_condition import FlightCondition
 
 
 @pytest.fixture(scope="module")
-def model(vehicle: Vehicle, truth_flows: dict[FlowKey, FlowSolution], structure: StructuralModel) -> FlightModel:
+def model(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow], structure: StructuralModel) -> FlightModel:
     return flight_model(vehicle, truth_flows, structure, 1e-7)
 
 
@@ -33,7 +33,8 @@ def direct(
     vehicle: Vehicle, structure: StructuralModel, case: Case, at: FlightCondition
 ) -> tuple[np.ndarray, ...]:
     """Strain and coefficients of a flow solved for this condition, by nodal pressure."""
-    snapshot = take_snapshots(vehicle.body(), [at], vehicle.resolution.truth.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), vehicle.resolution.truth.marching_grid, structure.surface)
+    snapshot = snapshots_at(engine, vehicle, [at])
     strain = case.strain_operator @ (snapshot.pressure[0] - at.ambient_pressure)
     return strain, snapshot_coefficients(vehicle, snapshot, case.loads)[0]
 
@@ -53,7 +54,7 @@ def test_at_a_knot_strain_is_that_of_the_harmonics(
     mach_number: float,
     incidence: float,
     model: FlightModel,
-    truth_flows: dict[FlowKey, FlowSolution],
+    truth_flows: dict[FlowKey, Flow],
     structure: StructuralModel,
     case: Case,
 ) -> None:
@@ -65,11 +66,11 @@ def test_at_a_knot_strain_is_that_of_the_harmonics(
     roll = at.leeward_roll_angle
     exact = FlightCondition(
         mach_number,
-        np.arctan(np.tan(flow.incidence) * np.cos(roll)),
-        -np.arcsin(np.sin(flow.incidence) * np.sin(roll)),
+        np.arctan(np.tan(flow.key[1]) * np.cos(roll)),
+        -np.arcsin(np.sin(flow.key[1]) * np.sin(roll)),
         20e3,
     )
-    assert exact.total_incidence == pytest.approx(flow.incidence, rel=1e-12)
+    assert exact.total_incidence == pytest.approx(flow.key[1], rel=1e-12)
     phase = np.outer(np.arange(11), structure.surface.roll_angle - exact.leeward_roll_angle)
     pressure = exact.ambient_pressure * (harmonics @ np.cos(phase)).ravel()
     expected = case.strain_operator @ (pressure - exact.ambient_pressure)
@@ -162,7 +163,7 @@ def test_quarter_turn_moves_the_strain_to_the_next_row(model: FlightModel) -> No
 
 def test_fixed_internal_pressure(
     vehicle: Vehicle,
-    truth_flows: dict[FlowKey, FlowSolution],
+    truth_flows: dict[FlowKey, Flow],
     structure: StructuralModel,
     model: FlightModel,
     case: Case,
@@ -185,13 +186,13 @@ def test_fixed_internal_pressure(
 
 
 def test_harmonics_are_those_of_the_cells(
-    vehicle: Vehicle, truth_flows: dict[FlowKey, FlowSolution], structure: StructuralModel
+    vehicle: Vehicle, truth_flows: dict[FlowKey, Flow], structure: StructuralModel
 ) -> None:
     """All 16 of 16 cells give the cells' pressure back; without incidence only the mean is left."""
     flow = truth_flows[6.25, round(radians(5.0), 9)]
     harmonics = pressure_harmonics(flow, structure.surface, 15)
-    back = harmonics @ np.cos(np.outer(np.arange(16), flow.roll_angle))
-    np.testing.assert_allclose(back, pressure_at_stations(flow, structure.surface), rtol=1e-12)
+    back = harmonics @ np.cos(np.outer(np.arange(16), flow.arrays["roll_angle"]))
+    np.testing.assert_allclose(back, pressure_at_stations(pieces(flow), structure.surface), rtol=1e-12)
     assert np.all(pressure_harmonics(flow, structure.surface, 20)[:, 16:] == 0.0)
-    level = solve_flow(vehicle.body(), 6.25, 0.0, vehicle.resolution.truth.marching_grid)
+    level = truth_engine(vehicle).solve((6.25, 0.0))
     assert np.abs(pressure_harmonics(level, structure.surface, 8)[:, 1:]).max() < 1e-3

@@ -9,9 +9,9 @@ import pytest
 from inverse_case import Case
 
 from builder.build import build_inverse_map, gauge_noise_std, snapshot_coefficients
-from builder.campaign import Snapshots
 from builder.inversion import LeastSquaresMap, least_squares_map
 from builder.reduction import PressureModes
+from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel
 from builder.vehicle import Vehicle
 from strainfmu.errors import InputError

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.campaign import Snapshots
 from builder.reduction import proper_orthogonal_decomposition
+from builder.snapshots import Snapshots
 from strainfmu.errors import InputError
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from inverse_case import Case
 
-from builder.campaign import Snapshots
 from builder.inversion import least_squares_map
+from builder.snapshots import Snapshots
 from builder.uncertainty import load_covariance
 
 N_MODES = 5

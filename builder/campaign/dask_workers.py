@@ -1,0 +1,167 @@
+"""Flows solved by Dask workers: processes on this machine, or whatever a scheduler elsewhere has."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager, suppress
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+from builder.aero.engine import Engine, FlowKey
+from builder.campaign.worker import SolvedFlow, solve_one
+from strainfmu.errors import InputError, StrainfmuError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+CONNECT_TIMEOUT = 10.0
+"""Time to reach a scheduler [s]."""
+WORKER_TIMEOUT = 60.0
+"""Time that a scheduler may be without any worker [s]."""
+LOOK_INTERVAL = 2.0
+"""Time between looks at the scheduler while no flow comes [s]."""
+MEMORY_LIMIT = "1.8 GiB"
+"""Of one local worker."""
+
+
+def solve_on_dask(
+    engine: Engine, keys: list[FlowKey], address: str | None, workers: int, note: Callable[[str], None]
+) -> Generator[SolvedFlow, None, None]:
+    """Solve flows on ``workers`` local processes, or on the scheduler at ``address``.
+
+    The engine travels with each flow, so that a worker can join at any time. Flows of a worker that dies go to
+    others (Dask's ``allowed-failures``, 3 deaths for one flow).
+
+    Raises
+    ------
+    FlowReachError
+        A flow is outside the engine's reach.
+    InputError
+        ``address`` is none.
+    StrainfmuError
+        Dask is not installed, the scheduler cannot be reached or is lost, it has no worker, or a flow ended its
+        worker too often.
+    """
+    try:
+        import distributed  # noqa: F401
+    except ImportError as error:
+        raise StrainfmuError("campaigns on workers need dask: pip install 'strainfmu[campaign]'") from error
+    with ExitStack() as stack:
+        stack.enter_context(_silence())
+        if address is None:
+            client = stack.enter_context(_local_client(workers))
+            note(f"{workers} local processes")
+        else:
+            client = stack.enter_context(_remote_client(address))
+            note(f"scheduler {address}, {len(client.nthreads())} workers")
+        finished: SimpleQueue[Any] = SimpleQueue()
+        futures = [client.submit(solve_one, engine, key, pure=False) for key in keys]
+        stack.callback(_abandon, client, futures)
+        for future in futures:
+            future.add_done_callback(finished.put)
+        where = address or "local workers"
+        for _ in keys:
+            future = _next(finished, client, where, note)
+            yield _result(future, where)
+            future.release()
+
+
+def _result(future: Any, where: str) -> SolvedFlow:
+    """Return what a worker solved, or say in the user's terms why it did not."""
+    from distributed import KilledWorker
+
+    try:
+        solved: SolvedFlow = future.result()
+    except CancelledError as error:
+        raise StrainfmuError(f"{where}: the scheduler was lost; start again to go on") from error
+    except KilledWorker as error:
+        raise StrainfmuError(
+            f"{where}: {error.allowed_failures + 1} workers died over one flow; out of memory?"
+        ) from error
+    except (ModuleNotFoundError, RuntimeError) as error:
+        # Dask wraps what a scheduler cannot import.
+        cause = error if isinstance(error, ModuleNotFoundError) else error.__cause__
+        if not isinstance(cause, ModuleNotFoundError):
+            raise
+        raise StrainfmuError(
+            f"{where}: '{cause.name}' is not installed there, strainfmu[campaign] must be"
+        ) from error
+    return solved
+
+
+@contextmanager
+def _local_client(workers: int) -> Iterator[Client]:
+    """Start worker processes that listen on loopback only, one thread each, without dashboard."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            memory_limit=MEMORY_LIMIT,
+            silence_logs=logging.CRITICAL,
+            preload=["builder.campaign.worker"],
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _remote_client(address: str) -> Iterator[Client]:
+    from distributed import Client
+
+    if "://" not in address:
+        raise InputError(f"--scheduler: '{address}' found, must be like tcp://host:8786")
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT)
+    except ValueError as error:
+        raise InputError(f"--scheduler: '{address}' found, must be like tcp://host:8786") from error
+    except OSError as error:
+        raise StrainfmuError(f"{address}: no Dask scheduler answers there") from error
+    with client:
+        yield client
+
+
+def _next(finished: SimpleQueue[Any], client: Client, where: str, note: Callable[[str], None]) -> Any:
+    """Return the next finished future, while the scheduler is there and has workers."""
+    without_worker = 0.0
+    while True:
+        try:
+            return finished.get(timeout=LOOK_INTERVAL)
+        except Empty:
+            if client.status not in ("running", "connecting"):
+                raise StrainfmuError(f"{where}: the scheduler was lost; start again to go on") from None
+            if client.status == "running" and client.nthreads():
+                without_worker = 0.0
+                continue
+            if not without_worker:
+                note(f"{where}: no worker at present, waiting for one")
+            without_worker += LOOK_INTERVAL
+            if without_worker > WORKER_TIMEOUT:
+                raise StrainfmuError(f"{where}: no worker for {WORKER_TIMEOUT:.0f} s") from None
+
+
+def _abandon(client: Client, futures: list[Any]) -> None:
+    """Take back what has not been solved, as far as the scheduler still listens."""
+    with suppress(Exception):
+        client.cancel(futures, force=True)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep Dask's loggers quiet meanwhile: what matters is raised as an error."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in ("distributed", "tornado")]
+    levels = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)

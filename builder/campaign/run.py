@@ -1,0 +1,227 @@
+"""A campaign from its conditions to ``snapshots.h5``: reuse what is known, solve the rest, keep it as it comes.
+
+One process, this one, writes. A finished flow goes to the journal at once; when all are there the result is
+written whole, flows included, and the journal removed. The result depends on conditions and engine alone: not on
+what was reused, on the order in which flows came, or on who solved them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.engine import Engine, Flow, FlowKey
+from builder.aero.loads import ReferenceQuantities
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.campaign.journal import Journal
+from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.geometry import SurfaceGrid
+from builder.reporting import Reporter
+from builder.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import fingerprint
+from strainfmu.flight_condition import FlightCondition
+
+FloatArray = NDArray[np.float64]
+
+
+class CampaignInterrupted(StrainfmuError):
+    """The user stopped a campaign; what it had finished is kept."""
+
+    exit_code = 130
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is wanted.
+
+    Attributes
+    ----------
+    vehicle : its name.
+    engine : the source of pressure.
+    conditions : N flight conditions; some may be equal.
+    internal_pressure : (N,) pressure inside the body [Pa].
+    reference : what coefficients are referred to.
+    grid : the vehicle's own surface nodes, stored as such where the engine's surface is made of them.
+    settings : further entries for the file's ``settings``.
+    """
+
+    vehicle: str
+    engine: Engine
+    conditions: tuple[FlightCondition, ...]
+    internal_pressure: FloatArray
+    reference: ReferenceQuantities
+    grid: SurfaceGrid | None
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How the flows came about.
+
+    Attributes
+    ----------
+    solved, reused : flows solved by this run, and known from earlier ones.
+    seconds : wall time of solving [s].
+    seconds_per_flow : mean time that one worker took for one flow [s]; NaN if none was solved.
+    """
+
+    solved: int
+    reused: int
+    seconds: float
+    seconds_per_flow: float
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """What a run left behind; ``up_to_date`` if the file was there already, the same in every entry."""
+
+    snapshots: Snapshots
+    tally: Tally
+    up_to_date: bool
+
+
+def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporter: Reporter) -> CampaignResult:
+    """Make ``path`` hold the snapshots of ``campaign``.
+
+    Flows are taken from ``path`` as it is and from its journal where key and engine inputs are the same.
+
+    Raises
+    ------
+    FlowReachError
+        A condition is outside the engine's reach; the flows finished before are kept.
+    CampaignInterrupted
+        Ctrl-C; the same.
+    StrainfmuError
+        Another campaign is writing ``path``, a file cannot be written, or the scheduler is lost.
+    """
+    engine = campaign.engine
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, a file is wanted")
+    with Journal(path) as journal:
+        known = _flows_of_file(path, fingerprint(engine.inputs()))
+        keys = map(engine.flow_key, campaign.conditions)
+        flows, tally = complete_flows(engine, keys, journal, known, scheduling, reporter, "Flow: snapshots")
+        snapshots = take_snapshots(campaign, flows)
+        kept = KeptFlows(fingerprint(engine.inputs()), tuple(flows[key] for key in sorted(flows)))
+        up_to_date = _holds(path, snapshots, kept)
+        if not up_to_date:
+            save_snapshots(snapshots, path, kept)
+        journal.remove()
+    return CampaignResult(snapshots, tally, up_to_date)
+
+
+def complete_flows(
+    engine: Engine,
+    keys: Iterable[FlowKey],
+    journal: Journal,
+    known: Mapping[FlowKey, Flow],
+    scheduling: Scheduling,
+    reporter: Reporter,
+    title: str,
+) -> tuple[dict[FlowKey, Flow], Tally]:
+    """Return the flow of every key: from ``known``, from the journal, or solved and added to the journal.
+
+    Raises
+    ------
+    FlowReachError, CampaignInterrupted, StrainfmuError
+        As :func:`run_campaign`.
+    """
+    of = fingerprint(engine.inputs())
+    wanted = set(keys)
+    at_hand = {**known, **journal.flows(of)}
+    flows = {key: at_hand[key] for key in wanted & at_hand.keys()}
+    reused = len(flows)
+    start, times = perf_counter(), []
+    missing = wanted - flows.keys()
+    if missing:
+        try:
+            with (
+                reporter.stage(title) as progress,
+                closing(solve_flows(engine, missing, scheduling, reporter.note)) as solving,
+            ):
+                progress(reused, len(wanted))
+                for one in solving:
+                    journal.append(of, one.flow)
+                    flows[one.flow.key] = one.flow
+                    times.append(one.seconds)
+                    progress(len(flows), len(wanted))
+        except KeyboardInterrupt as error:
+            journal.reread()
+            kept = wanted & {**known, **journal.flows(of)}.keys()
+            where = f"are kept in {journal.path}" if kept else "are finished"
+            raise CampaignInterrupted(f"interrupted; {len(kept)} of {len(wanted)} flows {where}") from error
+    mean = float(np.mean(times)) if times else float("nan")
+    return flows, Tally(len(times), reused, perf_counter() - start, mean)
+
+
+def take_snapshots(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Snapshots:
+    """Return the pressures, each condition's flow turned to its wind; its first condition counts as solved."""
+    engine, conditions = campaign.engine, campaign.conditions
+    keys = [engine.flow_key(condition) for condition in conditions]
+    first: dict[FlowKey, int] = {}
+    for number, key in enumerate(keys):
+        first.setdefault(key, number)
+    origin = np.array([first[key] for key in keys], dtype=np.int64)
+    surface, grid = engine.surface, campaign.grid
+    if grid is not None and not np.array_equal(surface.point, mesh_of_grid(grid).point):
+        grid = None
+    pressure = np.empty((len(conditions), surface.n_nodes))
+    for i, (condition, key) in enumerate(zip(conditions, keys, strict=True)):
+        pressure[i] = condition.ambient_pressure * engine.pressure_ratio(flows[key], condition)
+    reference = campaign.reference
+    return Snapshots(
+        vehicle=campaign.vehicle,
+        engine=engine.name,
+        settings={**campaign.settings, "inputs": dict(engine.inputs())},
+        condition=np.array([condition.as_tuple() for condition in conditions]),
+        pressure=pressure,
+        internal_pressure=campaign.internal_pressure,
+        reference=np.array([reference.area, reference.length, reference.moment_station]),
+        point=surface.point,
+        triangle=surface.triangle,
+        station=None if grid is None else grid.x,
+        radius=None if grid is None else grid.radius,
+        meridian_angle=None if grid is None else grid.angle,
+        solved=origin == np.arange(len(conditions)),
+        flow=origin,
+        momentum_error=np.array([flows[key].momentum_error for key in keys]),
+        repairs=np.array([flows[key].repairs for key in keys], dtype=np.int64),
+    )
+
+
+def _flows_of_file(path: Path, of: str) -> dict[FlowKey, Flow]:
+    """Return the flows in a finished file that are still valid; none in one that cannot be read."""
+    try:
+        kept = load_flows(path)
+    except InputError:
+        return {}
+    return {flow.key: flow for flow in kept.flows} if kept.fingerprint == of else {}
+
+
+def _holds(path: Path, snapshots: Snapshots, kept: KeptFlows) -> bool:
+    """Return whether the file at ``path`` already holds just this."""
+    try:
+        return _equal(load_snapshots(path), snapshots) and _equal(load_flows(path), kept)
+    except InputError:
+        return False
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Return whether two values are the same in every entry, NaN equal to NaN."""
+    if is_dataclass(a):
+        return all(_equal(getattr(a, entry.name), getattr(b, entry.name)) for entry in fields(a))
+    if isinstance(a, Mapping):
+        return a.keys() == b.keys() and all(_equal(a[key], b[key]) for key in a)
+    if isinstance(a, tuple | list):
+        return len(a) == len(b) and all(map(_equal, a, b))
+    if isinstance(a, np.ndarray):
+        return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
+    return bool(a == b or (a != a and b != b))

@@ -1,0 +1,101 @@
+"""Where flows are solved: threads of this process, local processes, or the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from builder.aero.engine import Engine, FlowKey
+from builder.aero.engines import ENGINES
+from builder.campaign.dask_workers import solve_on_dask
+from builder.campaign.worker import SolvedFlow, solve_one
+from strainfmu.errors import StrainfmuError
+from strainfmu.files import fingerprint
+
+FEW_FLOWS = 32
+"""Fewer flows than this are solved in threads: starting local processes takes longer than they save."""
+
+Note = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Scheduling:
+    """Who solves the flows.
+
+    Attributes
+    ----------
+    address : a Dask scheduler (``tcp://host:port``), or None for this machine.
+    workers : local processes; 0 for threads of this process; None for as many as there are cores: processes, or
+        threads where flows are few or cheap.
+    """
+
+    address: str | None = None
+    workers: int | None = None
+
+
+def solve_flows(
+    engine: Engine, keys: Iterable[FlowKey], scheduling: Scheduling | None = None, note: Note | None = None
+) -> Generator[SolvedFlow, None, None]:
+    """Solve each flow once and hand it over as soon as it is solved, in any order.
+
+    The one place where flows are computed. Local processes are spawned: a script that calls this needs the usual
+    ``if __name__ == "__main__":``.
+
+    Parameters
+    ----------
+    note : told in one line where the flows are solved.
+
+    Raises
+    ------
+    FlowReachError
+        A flow is outside the engine's reach; the others are abandoned.
+    StrainfmuError
+        The scheduler cannot be reached or is lost, or a worker has another version of the solver.
+    """
+    wanted = sorted(set(keys))
+    if not wanted:
+        return
+    scheduling = scheduling or Scheduling()
+    tell = note or (lambda text: None)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if scheduling.address is None and _in_this_process(engine, len(wanted), scheduling):
+        solved = _solve_in_threads(engine, wanted, cores, tell)
+    else:
+        workers = min(scheduling.workers or cores, len(wanted))
+        solved = solve_on_dask(engine, wanted, scheduling.address, workers, tell)
+    expected = fingerprint(engine.inputs())
+    with closing(solved):
+        for one in solved:
+            if one.fingerprint != expected:
+                where = scheduling.address or "this machine"
+                raise StrainfmuError(
+                    f"{where}: a worker has another version of the {engine.name} engine; install this "
+                    "strainfmu on every worker"
+                )
+            yield one
+
+
+def _in_this_process(engine: Engine, n_flows: int, scheduling: Scheduling) -> bool:
+    if scheduling.workers is not None:
+        return scheduling.workers == 0
+    kind = ENGINES.get(engine.name)
+    cheap = kind is not None and not kind.long_work
+    return cheap or n_flows < FEW_FLOWS or find_spec("distributed") is None
+
+
+def _solve_in_threads(
+    engine: Engine, keys: list[FlowKey], n_threads: int, note: Note
+) -> Generator[SolvedFlow, None, None]:
+    """Solve in threads: the compiled solver releases the interpreter lock, so they run side by side."""
+    note(f"{min(n_threads, len(keys))} threads of this process")
+    with ThreadPoolExecutor(max_workers=n_threads) as pool:
+        futures = [pool.submit(solve_one, engine, key) for key in keys]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)

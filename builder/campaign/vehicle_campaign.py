@@ -1,0 +1,35 @@
+"""What a vehicle file asks of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from builder.aero.engine import Engine
+from builder.aero.engines import own_surface
+from builder.campaign.run import Campaign
+from builder.flight_conditions import ConditionSet
+from builder.vehicle import Vehicle
+from strainfmu import __version__
+
+
+def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionSet] = ()) -> Campaign:
+    """Return the campaign of ``engine`` over ``sets`` one after the other, or over the vehicle file's conditions.
+
+    A condition of several sets stands in the file once for each; its flow is solved once.
+    """
+    chosen = list(sets) or [ConditionSet("vehicle file", tuple(vehicle.flight_conditions()))]
+    conditions = tuple(condition for one in chosen for condition in one.conditions)
+    return Campaign(
+        vehicle=vehicle.name,
+        engine=engine,
+        conditions=conditions,
+        internal_pressure=np.array([vehicle.internal_pressure(condition) for condition in conditions]),
+        reference=vehicle.reference_quantities(),
+        grid=own_surface(vehicle, vehicle.resolution.map),
+        settings={
+            "strainfmu_version": __version__,
+            "sets": [{"name": one.name, "conditions": len(one.conditions)} for one in chosen],
+        },
+    )

@@ -1,0 +1,78 @@
+"""Sets of flight conditions: the published ones, and CSV files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from builder.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
+from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
+
+Run = Callable[..., tuple[int, str, str]]
+
+HEADER = "mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km"
+OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
+
+
+def test_published_sets() -> None:
+    """90 and 243 conditions; a_T is symmetric in alpha, beta and their signs, so P2 has 3 x 15 flows."""
+    first, second = condition_set("P1").conditions, condition_set("P2").conditions
+    assert (len(first), len(second)) == (90, 243)
+    assert len(set(map(flow_key, first))) == 85
+    assert len(set(map(flow_key, second))) == 45
+    assert {condition.altitude for condition in first + second} == {20e3}
+    # M 5, 6, 7 at alpha 0 .. 8, beta 0 stand in both.
+    assert count_repeated(first + second) == 15
+    assert first[0] == FlightCondition(5.0, 0.0, 0.0, 20e3)
+    assert second[1] == FlightCondition(5.0, radians(-8.0), radians(-6.0), 20e3)
+
+
+def test_csv_file(tmp_path: Path) -> None:
+    path = tmp_path / "set.csv"
+    path.write_text(f"\ufeff{HEADER}\r\n5, 2.5,-1,20\r\n\r\n7,0,0,0\r\n", encoding="utf-8")
+    assert read_conditions(path) == [
+        FlightCondition(5.0, radians(2.5), radians(-1.0), 20e3),
+        FlightCondition(7.0, 0.0, 0.0, 0.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "line 1: header '' found"),
+        ("5,0,0,20\n", "line 1: header '5,0,0,20' found"),
+        (HEADER.replace("deg", "rad") + "\n", "line 1: header 'mach_number,angle_of_attack_rad"),
+        (HEADER + "\n", "no conditions found"),
+        (HEADER + "\n5,0,0,20\n5,0,0\n", "line 3: 3 values found, 4 wanted"),
+        (HEADER + "\n\n5,0,zero,20\n", "line 3, column sideslip_angle_deg: 'zero' found, a number between"),
+        (HEADER + "\n5,nan,0,20\n", "line 2, column angle_of_attack_deg: 'nan' found"),
+        (HEADER + "\n5,60,0,20\n", "line 2, column angle_of_attack_deg: '60' found, a number between -60 and 60"),
+        (HEADER + "\n0.8,0,0,20\n", "line 2, column mach_number: '0.8' found, a number greater than 1 wanted"),
+        (HEADER + "\ninf,0,0,20\n", "line 2, column mach_number: 'inf' found"),
+        (HEADER + "\n5,0,0,20000\n", "line 2, column altitude_km: '20000' found, a number from 0 to 71 wanted"),
+        (HEADER + "\n5,0,0,\n", "line 2, column altitude_km: '' found"),
+    ],
+)
+def test_wrong_csv_file_is_one_line(text: str, message: str, tmp_path: Path, run: Run) -> None:
+    path = tmp_path / "set.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_conditions(path)
+    assert str(caught.value).startswith(f"{path}: {message}")
+    code, _, printed = run("snapshots", OGIVE, "--set", path, "-o", tmp_path / "snapshots.h5")
+    assert code == 2
+    assert printed.count("\n") == 1
+    assert not (tmp_path / "snapshots.h5").exists()
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", None])
+def test_unreadable_csv_file(content: bytes | None, tmp_path: Path) -> None:
+    path = tmp_path / "set.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match="cannot be read as CSV text" if content else "P1, P2 or a CSV file"):
+        condition_set(str(path))
