@@ -1,0 +1,1 @@
+"""Flows by OpenFOAM to compare with: see docs/openfoam.md."""

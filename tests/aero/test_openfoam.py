@@ -1,0 +1,55 @@
+"""The marching solver against another program: OpenFOAM's rhoCentralFoam on a cone at incidence."""
+
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+import pytest
+from openfoam.body_case import SOLVER, BodyCase, is_available, solve_case, spread_stations
+
+from builder.aero.euler.solver import solve_flow
+from builder.geometry import chain_segments
+
+MACH_NUMBER, INCIDENCE = 5.0, radians(10.0)
+LARGEST_RMS = 0.03
+"""rms difference of p/p_inf round the body over the mean of p/p_inf round the body."""
+CONICAL_FROM = 0.5
+"""Share of the length aft of which the cut-off tip, at 3 %, is forgotten."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not is_available(), reason=f"{SOLVER} is not installed: see docs/openfoam.md")
+def test_cone_at_incidence_agrees_with_openfoam(tmp_path: Path) -> None:
+    """10 deg cone, M 5, a_T 10 deg: every plane of the conical part within 3 % rms of the marching solver."""
+    body = chain_segments([(1.0, radians(10.0), radians(10.0))])
+    case = BodyCase(
+        body=body,
+        mach_number=MACH_NUMBER,
+        incidence=INCIDENCE,
+        stations=spread_stations(body, first=0.03, growth=0.05, largest=1.0),
+        n_circumferential=36,
+        n_radial=32,
+        clustering=1.5,
+        outer_angles=(radians(24.2), radians(17.8), radians(15.2)),
+    )
+    assert case.n_cells >= 60_000
+    theirs = solve_case(case, tmp_path)
+
+    solve_flow(body, MACH_NUMBER, INCIDENCE)  # compiles
+    start = process_time()
+    ours = solve_flow(body, MACH_NUMBER, INCIDENCE)
+    our_seconds = process_time() - start
+
+    expected = np.interp(case.roll_angle, ours.roll_angle, ours.pieces[0][1][-1])
+    found = theirs.pressure[theirs.x > CONICAL_FROM * body.length]
+    rms = np.sqrt(np.mean((found - expected) ** 2, axis=1)) / np.mean(expected)
+    print(f"\n{case.n_cells} cells, rms difference of p/p_inf: last plane {rms[-1]:.2%}, largest {rms.max():.2%}")
+    print(f"largest change over the last fifth of the iterations {theirs.unrest:.2%}")
+    print(
+        f"CPU time per flow: {SOLVER} {theirs.cpu_seconds:.0f} s, ours {our_seconds:.2f} s, "
+        f"ratio {theirs.cpu_seconds / our_seconds:.0f}"
+    )
+    assert rms.max() < LARGEST_RMS
