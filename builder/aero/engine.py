@@ -2,7 +2,7 @@
 
 Engines: :class:`builder.aero.euler_engine.EulerEngine` (the marching solver),
 :class:`builder.aero.newtonian.NewtonianEngine` (any closed surface), :class:`builder.aero.cfd.table.TableEngine`
-(results of another solver, imported). Adding one means writing these four members; campaigns, the command line
+(results of another solver, imported). Adding one means writing these members; campaigns, the command line
 and reports need no change.
 """
 
@@ -60,6 +60,10 @@ class Engine(Protocol):
         A stored flow is valid as long as this and its key are unchanged. What only :meth:`pressure_ratio`
         depends on does not belong here.
         """
+        ...
+
+    def conditions(self) -> list[FlightCondition] | None:
+        """Return the only conditions there are results for, or None where any can be asked for."""
         ...
 
     def flow_key(self, condition: FlightCondition) -> FlowKey:

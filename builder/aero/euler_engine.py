@@ -21,7 +21,7 @@ from strainfmu.flight_condition import FlightCondition
 
 FloatArray = NDArray[np.float64]
 
-METHOD_VERSION = 1
+METHOD_VERSION = 2
 """Raised whenever the solver's results change, so that stored flows of an older one are solved again."""
 
 
@@ -59,6 +59,9 @@ class EulerEngine:
             "profile": [asdict(segment) for segment in self.body.segments],
             "marching_grid": asdict(self.marching_grid),
         }
+
+    def conditions(self) -> None:
+        return None
 
     def flow_key(self, condition: FlightCondition) -> FlowKey:
         return flow_key(condition)

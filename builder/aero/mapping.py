@@ -163,8 +163,8 @@ class PressureMap:
 def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | None = None) -> PressureMap:
     """Return the transfer of nodal pressure from ``source`` to ``target``.
 
-    Where the target's nodes are those of ``grid``, its loads are that grid's (:func:`builder.aero.loads.load_operator`),
-    not those of the chords between its nodes.
+    Where the target's nodes are those of ``grid``, its loads are :func:`builder.aero.loads.load_operator`'s, not
+    those of the chords between its nodes.
 
     The conservative correction A^-1 L^T (L A^-1 L^T)^-1, with nodal areas A and the target's load operator L,
     minimises sum_i A_i (q_i - p_i)^2 under L q = the source's loads.

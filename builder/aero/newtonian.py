@@ -83,6 +83,9 @@ class NewtonianEngine:
             "leeward": self.leeward,
         }
 
+    def conditions(self) -> None:
+        return None
+
     def flow_key(self, condition: FlightCondition) -> FlowKey:
         """Return (M, alpha, beta), angles in radians, rounded; altitude does not change p/p_inf."""
         values = condition.mach_number, condition.angle_of_attack, condition.sideslip_angle

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA
-from builder.aero.euler.grid import norm
-from builder.aero.euler.reconstruction import limited
+from builder.aero.euler.grid import Rays, norm
+from builder.aero.euler.reconstruction import Stream, limited
 
 FloatArray = NDArray[np.float64]
 
@@ -40,29 +40,32 @@ def outer_boundary_growth(
     vertex: FloatArray,
     outer: FloatArray,
     wave: FloatArray,
-    mach_number: float,
-    incidence: float,
+    rays: Rays,
+    stream: Stream,
     growth: FloatArray,
 ) -> None:
-    """Fill growth (n_rays + 1,) with d(outer)/dx: the outer boundary is the bow shock and moves with it.
+    """Fill growth (n_phi + 1,) with d(outer)/dx: the outer boundary is the bow shock and moves with it.
 
     Each face takes the slope of the shock that the pressure behind it needs; free stream crosses it. A ray
     takes the mean of its two faces, and a little smoothing keeps neighbouring rays from parting.
     """
-    n_rays = outer.size - 1
+    n_phi = outer.size - 1
     n_r = wave.shape[2]
-    at_face = np.empty(n_rays)
-    for j in range(n_rays):
-        phi = (j + 0.5) * math.pi / n_rays
+    at_face = np.empty(n_phi)
+    for j in range(n_phi):
         ty = vertex[0, j + 1, n_r] - vertex[0, j, n_r]
         tz = vertex[1, j + 1, n_r] - vertex[1, j, n_r]
         length = norm(ty, tz)
         ny, nz = -tz / length, ty / length
         row = wave[0, j + 1]
         pressure = row[n_r - 1] + 0.5 * limited(row[n_r - 1] - row[n_r - 2], row[n_r - 2] - row[n_r - 3])
-        slope = shock_slope(pressure, mach_number * math.cos(incidence), mach_number * math.sin(incidence) * nz)
-        at_face[j] = slope / (ny * math.sin(phi) + nz * math.cos(phi))
-    for j in range(n_rays + 1):
-        below, above = max(j - 1, 0), min(j, n_rays - 1)
-        left, right = outer[1 if j == 0 else j - 1], outer[n_rays - 1 if j == n_rays else j + 1]
-        growth[j] = 0.5 * (at_face[below] + at_face[above]) + SMOOTHING * (left - 2.0 * outer[j] + right) / x
+        slope = shock_slope(pressure, stream.u, stream.v * ny + stream.w * nz)
+        at_face[j] = slope / (ny * rays.cell_sine[j] + nz * rays.cell_cosine[j])
+    for j in range(n_phi + 1):
+        behind, ahead, left, right = j - 1, j, j - 1, j + 1
+        if j == 0:
+            behind, left = (n_phi - 1, n_phi - 1) if rays.closed else (0, 1)
+        if j == n_phi:
+            ahead, right = (0, 1) if rays.closed else (n_phi - 1, n_phi - 1)
+        unevenness = outer[left] - 2.0 * outer[j] + outer[right]
+        growth[j] = 0.5 * (at_face[behind] + at_face[ahead]) + SMOOTHING * unevenness / x

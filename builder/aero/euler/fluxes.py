@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import hll
-from builder.aero.euler.gas import GAMMA, total_enthalpy, wall_pressure
-from builder.aero.euler.grid import face_area, norm
-from builder.aero.euler.reconstruction import State, face_state, limited, reconstruct
+from builder.aero.euler.gas import GAMMA, wall_pressure
+from builder.aero.euler.grid import Rays, face_area, norm
+from builder.aero.euler.reconstruction import (
+    State,
+    Stream,
+    circumferential_slopes,
+    limited,
+    radial_slopes,
+    reconstruct,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
 @compiled
-def _flow_through(
-    left: State,
-    right: State,
-    sx: float,
-    sy: float,
-    sz: float,
-    flux: FloatArray,
-) -> None:
+def _flow_through(left: State, right: State, sx: float, sy: float, sz: float, flux: FloatArray) -> None:
     """Fill flux (4,) with the flow through the vector area (sx, sy, sz) from left to right."""
     length = norm(sy, sz)
     ny, nz = sy / length, sz / length
@@ -42,76 +42,79 @@ def _flow_through(
 
 
 @compiled
+def _turned_pressure(cell: FloatArray, j: int, i: int, sx: float, sy: float, sz: float) -> float:
+    """Return the pressure of cell (j, i) once its flow is turned parallel to the wall of normal (sx, sy, sz)."""
+    p, rho, u, v, w = cell[0, j, i], cell[1, j, i], cell[2, j, i], cell[3, j, i], cell[4, j, i]
+    speed = math.sqrt(u * u + v * v + w * w)
+    outflow = math.asin((u * sx + v * sy + w * sz) / (speed * math.sqrt(sx * sx + sy * sy + sz * sz)))
+    return wall_pressure(p, rho, speed, outflow)
+
+
+@compiled
+def add_wall_fluxes(
+    before: FloatArray,
+    after: FloatArray,
+    dx: float,
+    cell: FloatArray,
+    change: FloatArray,
+    pressure_at_wall: FloatArray,
+    repairs: IntArray,
+) -> bool:
+    """Add to change (4, n_phi, n_r) the wall's pressure, left in pressure_at_wall (n_phi,).
+
+    Turned parallel to the wall, the flow of a cell has the pressure that its waves towards the wall bring there.
+    Those of the first three cells are extrapolated to the wall: behind a corner they are equal, whatever the
+    fan looks like on the grid. False if a wall shock detaches.
+    """
+    for j in range(pressure_at_wall.size):
+        sx, sy, sz = face_area(before, after, dx, j + 1, 0, j, 0)
+        p = _turned_pressure(cell, j, 0, sx, sy, sz)
+        if not p > 0.0:
+            return False
+        p1, p2 = _turned_pressure(cell, j, 1, sx, sy, sz), _turned_pressure(cell, j, 2, sx, sy, sz)
+        extrapolated = p - 0.5 * limited(p1 - p, p2 - p1)
+        if p1 > 0.0 and p2 > 0.0 and extrapolated > 0.0:
+            p = extrapolated
+        else:
+            repairs[0] += 1
+        pressure_at_wall[j] = p
+        change[1, j, 0] += p * sx
+        change[2, j, 0] += p * sy
+        change[3, j, 0] += p * sz
+    return True
+
+
+@compiled
 def add_radial_fluxes(
     before: FloatArray,
     after: FloatArray,
     dx: float,
     wave: FloatArray,
-    mach_number: float,
-    incidence: float,
+    rays: Rays,
+    stream: Stream,
     change: FloatArray,
-    pressure_at_wall: FloatArray,
     repairs: IntArray,
-) -> bool:
-    """Add to change (4, n_phi, n_r) the flow through the faces parallel to the wall.
-
-    The wall itself takes the pressure that turns the flow parallel to it, left in pressure_at_wall (n_phi,); the
-    outer boundary takes free stream. False if a wall shock detaches.
-    """
-    enthalpy = total_enthalpy(mach_number)
-    cross_flow = mach_number * math.sin(incidence)
+) -> None:
+    """Add to change (4, n_phi, n_r) the flow through the faces beyond the wall; the outermost take free stream."""
     n_phi, n_r = change.shape[1], change.shape[2]
-    half = np.empty((n_r, 4))
-    flat = np.zeros(4)  # a one-sided slope towards the next cell would make the first cell oscillate
+    half = np.empty(change.shape)
+    radial_slopes(wave, half)
     flux = np.empty(4)
-    free_stream = face_state(1.0 / GAMMA, 1.0, 0.0, 0.0, 0.0, 1.0, cross_flow, enthalpy)
+    free_stream = (1.0 / GAMMA, 1.0, stream.u, stream.v, stream.w)
     for j in range(n_phi):
-        phi = (j + 0.5) * math.pi / n_phi
-        sine, cosine = math.sin(phi), math.cos(phi)
-        for k in range(4):
-            row = wave[k, j + 1]
-            half[0, k] = 0.5 * limited(row[1] - row[0], row[2] - row[1])
-            for i in range(1, n_r - 1):
-                half[i, k] = 0.5 * limited(row[i] - row[i - 1], row[i + 1] - row[i])
-            half[n_r - 1, k] = 0.0
-        for i in range(n_r + 1):
+        sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
+        for i in range(1, n_r + 1):
             sx, sy, sz = face_area(before, after, dx, j + 1, i, j, i)
-            if i > 0:
-                left = reconstruct(
-                    wave,
-                    j + 1,
-                    i - 1,
-                    half[i - 1] if i > 1 else flat,
-                    1.0,
-                    sine,
-                    cosine,
-                    cross_flow,
-                    enthalpy,
-                    repairs,
-                )
             if i < n_r:
-                right = reconstruct(wave, j + 1, i, half[i], -1.0, sine, cosine, cross_flow, enthalpy, repairs)
-            if i == 0:
-                p, rho, u, v, w = right
-                speed = math.sqrt(u * u + v * v + w * w)
-                outflow = math.asin((u * sx + v * sy + w * sz) / (speed * math.sqrt(sx * sx + sy * sy + sz * sz)))
-                p = wall_pressure(p, rho, speed, outflow)
-                if not p > 0.0:
-                    return False
-                pressure_at_wall[j] = p
-                change[1, j, 0] += p * sx
-                change[2, j, 0] += p * sy
-                change[3, j, 0] += p * sz
-                continue
-            if i == n_r:
-                right = free_stream
-                left = free_stream
+                left = reconstruct(wave, half, j, i - 1, 1.0, sine, cosine, stream, repairs)
+                right = reconstruct(wave, half, j, i, -1.0, sine, cosine, stream, repairs)
+            else:
+                left = right = free_stream
             _flow_through(left, right, sx, sy, sz, flux)
             for k in range(4):
                 change[k, j, i - 1] -= flux[k]
                 if i < n_r:
                     change[k, j, i] += flux[k]
-    return True
 
 
 @compiled
@@ -120,38 +123,35 @@ def add_circumferential_fluxes(
     after: FloatArray,
     dx: float,
     wave: FloatArray,
-    mach_number: float,
-    incidence: float,
+    rays: Rays,
+    stream: Stream,
     change: FloatArray,
     repairs: IntArray,
 ) -> None:
     """Add to change (4, n_phi, n_r) the flow through the faces between rays."""
-    enthalpy = total_enthalpy(mach_number)
-    cross_flow = mach_number * math.sin(incidence)
     n_phi, n_r = change.shape[1], change.shape[2]
+    half = np.empty(change.shape)
+    circumferential_slopes(wave, rays.step, half)
     flux = np.empty(4)
-    half_left = np.empty(4)
-    half_right = np.empty(4)
-    for j in range(n_phi + 1):
-        sine, cosine = math.sin(j * math.pi / n_phi), math.cos(j * math.pi / n_phi)
+    for j in range(n_phi if rays.closed else n_phi + 1):
+        sine, cosine = rays.sine[j], rays.cosine[j]
+        behind, ahead = j - 1, j
+        if rays.closed and j == 0:
+            behind = n_phi - 1
         for i in range(n_r):
             sx, sy, sz = face_area(before, after, dx, j, i, j, i + 1)
-            for k in range(4):
-                step = wave[k, j + 1, i] - wave[k, j, i]
-                half_left[k] = 0.5 * limited(wave[k, j, i] - wave[k, j - 1, i], step) if j > 0 else 0.0
-                half_right[k] = 0.5 * limited(step, wave[k, j + 2, i] - wave[k, j + 1, i]) if j < n_phi else 0.0
-            if j > 0:
-                left = reconstruct(wave, j, i, half_left, 1.0, sine, cosine, cross_flow, enthalpy, repairs)
-            if j < n_phi:
-                right = reconstruct(wave, j + 1, i, half_right, -1.0, sine, cosine, cross_flow, enthalpy, repairs)
             # Across the symmetry plane (y = 0) lies the mirror image.
-            if j == 0:
-                left = (right[0], right[1], right[2], -right[3], right[4])
-            if j == n_phi:
+            if behind >= 0:
+                left = reconstruct(wave, half, behind, i, 1.0, sine, cosine, stream, repairs)
+            if ahead < n_phi:
+                right = reconstruct(wave, half, ahead, i, -1.0, sine, cosine, stream, repairs)
+            else:
                 right = (left[0], left[1], left[2], -left[3], left[4])
+            if behind < 0:
+                left = (right[0], right[1], right[2], -right[3], right[4])
             _flow_through(left, right, sx, sy, sz, flux)
             for k in range(4):
-                if j > 0:
-                    change[k, j - 1, i] -= flux[k]
-                if j < n_phi:
-                    change[k, j, i] += flux[k]
+                if behind >= 0:
+                    change[k, behind, i] -= flux[k]
+                if ahead < n_phi:
+                    change[k, ahead, i] += flux[k]

@@ -1,14 +1,16 @@
 """The moving body-fitted grid (compiled).
 
-A cross-plane of the half body y >= 0 has rays j = 0 .. n_phi at roll angle pi j / n_phi from +z (leeward); on
-each ray, vertices i = 0 .. n_r lie between body and outer boundary. Cells are (j, i), i from the wall outward.
-The side faces of a step are the quadrilaterals between two planes, with their exact vector areas, so that
-cells close and a uniform stream stays uniform to round-off.
+A cross-plane has rays j = 0 .. n_phi, evenly spaced in roll angle from +z: over the half body y >= 0, where the
+first and last lie in the symmetry plane, or all round, where the last is the first again. On each ray, vertices
+i = 0 .. n_r lie between body and outer boundary. Cells are (j, i), i from the wall outward. The side faces of
+a step are the quadrilaterals between two planes, with their exact vector areas, so that cells close and a
+uniform stream stays uniform to round-off.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +20,74 @@ from builder.aero.euler.compiled import compiled
 FloatArray = NDArray[np.float64]
 
 
+class Rays(NamedTuple):
+    """Directions of a cross-plane's rays and cells.
+
+    Attributes
+    ----------
+    sine, cosine : (n_phi + 1,) of the rays' roll angles.
+    cell_sine, cell_cosine : (n_phi,) of the roll angles half-way between rays.
+    step : roll angle between rays [rad].
+    closed : whether the rays go all round; otherwise they end in a plane of symmetry.
+    """
+
+    sine: FloatArray
+    cosine: FloatArray
+    cell_sine: FloatArray
+    cell_cosine: FloatArray
+    step: float
+    closed: bool
+
+
+def half_body_rays(n_circumferential: int) -> Rays:
+    """Return rays over roll angles 0 .. pi with that many cells between them."""
+    return _rays(n_circumferential, math.pi / n_circumferential, closed=False)
+
+
+def full_body_rays(n_circumferential: int) -> Rays:
+    """Return rays all round the body with that many cells per half turn."""
+    return _rays(2 * n_circumferential, math.pi / n_circumferential, closed=True)
+
+
+def _rays(n_cells: int, step: float, closed: bool) -> Rays:
+    angle = step * np.arange(n_cells + 1)
+    middle = step * (np.arange(n_cells) + 0.5)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    sine[0] = sine[-1] = 0.0  # exactly on the symmetry plane, or on each other
+    cosine[-1] = 1.0 if closed else -1.0
+    return Rays(sine, cosine, np.sin(middle), np.cos(middle), step, closed)
+
+
+class Wall(NamedTuple):
+    """One smooth piece of the body's surface: cubic Hermite tables r(x) along each ray.
+
+    Attributes
+    ----------
+    x : (n_knots,) stations [m], increasing.
+    radius, slope : (n_knots, n_phi + 1) r [m] and dr/dx on the rays.
+    """
+
+    x: FloatArray
+    radius: FloatArray
+    slope: FloatArray
+
+
 @compiled
-def body_radius(x: float, segment: FloatArray) -> float:
-    """Return r(x) of a segment (start_x, start_radius, start_angle, end_angle, end_x)."""
-    rise = x - segment[0]
-    if segment[2] == segment[3]:
-        return segment[1] + rise * math.tan(segment[2])
-    arc_radius = (segment[4] - segment[0]) / (math.sin(segment[2]) - math.sin(segment[3]))
-    angle = math.asin(math.sin(segment[2]) - rise / arc_radius)
-    return segment[1] + arc_radius * (math.cos(angle) - math.cos(segment[2]))
+def find_wall(x: float, wall: Wall, radius: FloatArray, slope: FloatArray) -> None:
+    """Fill radius and slope (n_phi + 1,) with r [m] and dr/dx of the wall at station ``x``."""
+    k = 0
+    while k < wall.x.size - 2 and x > wall.x[k + 1]:
+        k += 1
+    length = wall.x[k + 1] - wall.x[k]
+    t = (x - wall.x[k]) / length
+    s = 1.0 - t
+    for j in range(radius.size):
+        r0, r1 = wall.radius[k, j], wall.radius[k + 1, j]
+        d0, d1 = wall.slope[k, j], wall.slope[k + 1, j]
+        near = (1.0 + 2.0 * t) * r0 + t * length * d0
+        far = (1.0 + 2.0 * s) * r1 - s * length * d1
+        radius[j] = s * s * near + t * t * far
+        slope[j] = 6.0 * s * t * (r1 - r0) / length + s * (1.0 - 3.0 * t) * d0 + t * (1.0 - 3.0 * s) * d1
 
 
 @compiled
@@ -36,22 +97,19 @@ def norm(y: float, z: float) -> float:
 
 
 @compiled
-def place_vertices(radius: float, outer: FloatArray, spacing: FloatArray, vertex: FloatArray) -> None:
-    """Fill vertex (2, n_phi + 1, n_r + 1) with y, z of the grid in one plane.
+def place_vertices(
+    radius: FloatArray, outer: FloatArray, spacing: FloatArray, rays: Rays, vertex: FloatArray
+) -> None:
+    """Fill vertex (2, n_phi + 1, n_r + 1) with y, z of the grid between radius and outer (n_phi + 1,).
 
     Radii carry the factor that gives a chord polygon the area of its circle.
     """
-    n_rays, n_r = outer.size - 1, spacing.size - 1
-    step = math.pi / n_rays
-    swell = math.sqrt(step / math.sin(step))
-    for j in range(n_rays + 1):
-        sine, cosine = math.sin(j * step), math.cos(j * step)
-        if j == 0 or j == n_rays:
-            sine = 0.0  # exactly on the symmetry plane
-        for i in range(n_r + 1):
-            r = swell * (radius + (outer[j] - radius) * spacing[i])
-            vertex[0, j, i] = r * sine
-            vertex[1, j, i] = r * cosine
+    swell = math.sqrt(rays.step / math.sin(rays.step))
+    for j in range(outer.size):
+        for i in range(spacing.size):
+            r = swell * (radius[j] + (outer[j] - radius[j]) * spacing[i])
+            vertex[0, j, i] = r * rays.sine[j]
+            vertex[1, j, i] = r * rays.cosine[j]
 
 
 @compiled

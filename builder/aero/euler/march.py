@@ -7,17 +7,16 @@ and the mean of both over the same faces.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.euler.bow_shock import outer_boundary_growth
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import characteristic_slopes
-from builder.aero.euler.fluxes import add_circumferential_fluxes, add_radial_fluxes
-from builder.aero.euler.gas import GAMMA, primitive, total_enthalpy
-from builder.aero.euler.grid import body_radius, cell_areas, face_area, norm, place_vertices
+from builder.aero.euler.fluxes import add_circumferential_fluxes, add_radial_fluxes, add_wall_fluxes
+from builder.aero.euler.gas import GAMMA, primitive
+from builder.aero.euler.grid import Rays, Wall, cell_areas, face_area, find_wall, norm, place_vertices
+from builder.aero.euler.reconstruction import Stream
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -31,24 +30,19 @@ LEAST_AXIAL_MACH_NUMBER = 1.00005
 
 
 @compiled
-def decode(
-    conserved: FloatArray, mach_number: float, incidence: float, cell: FloatArray, wave: FloatArray
-) -> bool:
+def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, wave: FloatArray) -> bool:
     """Fill ``cell`` and ``wave`` from ``conserved``; False if a cell is not axially supersonic.
 
     wave (4, n_phi + 2, n_r): what slopes are taken of: p, rho, and the cross-flow velocity less the free
-    stream's in the radial and circumferential directions of the cell. Its first and last rows are mirror images
-    across the symmetry plane.
+    stream's in the radial and circumferential directions of the cell. Its first and last rows are what lies
+    beyond the first and last ray: mirror images across the symmetry plane, or the cells at the other end.
     """
-    enthalpy = total_enthalpy(mach_number)
-    cross_flow = mach_number * math.sin(incidence)
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
     for j in range(n_phi):
-        phi = (j + 0.5) * math.pi / n_phi
-        sine, cosine = math.sin(phi), math.cos(phi)
+        sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
         for i in range(n_r):
             p, rho, u, v, w = primitive(
-                conserved[0, j, i], conserved[1, j, i], conserved[2, j, i], conserved[3, j, i], enthalpy
+                conserved[0, j, i], conserved[1, j, i], conserved[2, j, i], conserved[3, j, i], stream.enthalpy
             )
             if not p > 0.0 or not u * u > LEAST_AXIAL_MACH_NUMBER**2 * GAMMA * p / rho:
                 return False
@@ -59,29 +53,35 @@ def decode(
             cell[4, j, i] = w
             wave[0, j + 1, i] = p
             wave[1, j + 1, i] = rho
-            wave[2, j + 1, i] = v * sine + (w - cross_flow) * cosine
-            wave[3, j + 1, i] = v * cosine - (w - cross_flow) * sine
+            wave[2, j + 1, i] = (v - stream.v) * sine + (w - stream.w) * cosine
+            wave[3, j + 1, i] = (v - stream.v) * cosine - (w - stream.w) * sine
     for k in range(4):
-        sign = -1.0 if k == 3 else 1.0
+        sign = -1.0 if k == 3 and not rays.closed else 1.0
         for i in range(n_r):
-            wave[k, 0, i] = sign * wave[k, 1, i]
-            wave[k, n_phi + 1, i] = sign * wave[k, n_phi, i]
+            wave[k, 0, i] = sign * wave[k, n_phi if rays.closed else 1, i]
+            wave[k, n_phi + 1, i] = sign * wave[k, 1 if rays.closed else n_phi, i]
     return True
 
 
 @compiled
 def marching_step(
-    vertex: FloatArray, cell: FloatArray, spacing: FloatArray, wall_slope: float, growth: FloatArray
+    vertex: FloatArray,
+    cell: FloatArray,
+    spacing: FloatArray,
+    rays: Rays,
+    wall_slope: FloatArray,
+    growth: FloatArray,
 ) -> float:
     """Return the largest dx for which no acoustic wave crosses a cell (Courant number 1, both directions).
 
-    ``wall_slope`` dr/dx and growth (n_phi + 1,) d(outer)/dx are the motion of the grid's ends.
+    wall_slope dr/dx and growth d(outer)/dx (n_phi + 1,) are the motion of the grid's ends.
     """
     n_phi, n_r = cell.shape[1], cell.shape[2]
     fastest = 0.0
     for j in range(n_phi):
-        phi = (j + 0.5) * math.pi / n_phi
-        sine, cosine = math.sin(phi), math.cos(phi)
+        sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
+        inner = 0.5 * (wall_slope[j] + wall_slope[j + 1])
+        outer = 0.5 * (growth[j] + growth[j + 1])
         for i in range(n_r):
             p, rho, u = cell[0, j, i], cell[1, j, i], cell[2, j, i]
             v, w = cell[3, j, i], cell[4, j, i]
@@ -93,8 +93,7 @@ def marching_step(
             )
             width = norm(vertex[0, j + 1, i] - vertex[0, j, i], vertex[1, j + 1, i] - vertex[1, j, i])
             low, high = characteristic_slopes(p, rho, u, v * sine + w * cosine)
-            share = 0.5 * (spacing[i] + spacing[i + 1])
-            slope = wall_slope + share * (0.5 * (growth[j] + growth[j + 1]) - wall_slope)
+            slope = inner + 0.5 * (spacing[i] + spacing[i + 1]) * (outer - inner)
             radial = max(high - slope, slope - low) / height
             low, high = characteristic_slopes(p, rho, u, v * cosine - w * sine)
             fastest = max(fastest, radial + max(high, -low) / width)
@@ -105,15 +104,13 @@ def marching_step(
 def add_wall_force(
     before: FloatArray, after: FloatArray, dx: float, pressure: FloatArray, force: FloatArray
 ) -> None:
-    """Add to force (2,) the axial and normal force of one step's wall pressure (n_phi,), over p_inf.
-
-    Both halves of the body count.
-    """
+    """Add to force (3,) that of p - p_inf on the wall of one step, over p_inf, from pressure (n_phi,)."""
     for j in range(pressure.size):
-        sx, _, sz = face_area(before, after, dx, j + 1, 0, j, 0)
+        sx, sy, sz = face_area(before, after, dx, j + 1, 0, j, 0)
         excess = GAMMA * pressure[j] - 1.0
-        force[0] -= 2.0 * excess * sx
-        force[1] -= 2.0 * excess * sz
+        force[0] -= excess * sx
+        force[1] -= excess * sy
+        force[2] -= excess * sz
 
 
 @compiled
@@ -121,18 +118,20 @@ def find_fluxes(
     before: FloatArray,
     after: FloatArray,
     dx: float,
+    cell: FloatArray,
     wave: FloatArray,
-    mach_number: float,
-    incidence: float,
+    rays: Rays,
+    stream: Stream,
     change: FloatArray,
-    wall: FloatArray,
+    wall_pressure: FloatArray,
     repairs: IntArray,
 ) -> bool:
     """Fill change (4, n_phi, n_r) with what flows into each cell in a step; False if a wall shock detaches."""
     change[:] = 0.0
-    if not add_radial_fluxes(before, after, dx, wave, mach_number, incidence, change, wall, repairs):
+    if not add_wall_fluxes(before, after, dx, cell, change, wall_pressure, repairs):
         return False
-    add_circumferential_fluxes(before, after, dx, wave, mach_number, incidence, change, repairs)
+    add_radial_fluxes(before, after, dx, wave, rays, stream, change, repairs)
+    add_circumferential_fluxes(before, after, dx, wave, rays, stream, change, repairs)
     return True
 
 
@@ -158,27 +157,26 @@ def march(
     conserved: FloatArray,
     outer: FloatArray,
     spacing: FloatArray,
-    segment: FloatArray,
+    rays: Rays,
+    wall: Wall,
     x_start: float,
     x_end: float,
-    mach_number: float,
-    incidence: float,
+    stream: Stream,
     courant: float,
     stations: FloatArray,
     pressures: FloatArray,
     force: FloatArray,
     repairs: IntArray,
 ) -> tuple[int, int, float]:
-    """March from x_start to x_end along one segment of the meridian.
+    """March from x_start to x_end along one smooth piece of the body.
 
     Parameters
     ----------
     conserved, outer : (4, n_phi, n_r), (n_phi + 1,) state and outer boundary at x_start; updated.
     spacing : (n_r + 1,) vertex positions from 0 (wall) to 1 (outer boundary).
-    segment : the meridian, as :func:`~builder.aero.euler.grid.body_radius` takes it.
     stations : (max_steps,) filled with the middle of each step.
     pressures : (max_steps, n_phi) filled with the wall pressure there.
-    force : (2,) axial and normal force of p - p_inf on the whole body, over p_inf [m2]; added to.
+    force : (3,) force of p - p_inf on the part of the body between the rays, over p_inf [m2]; added to.
     repairs : (1,) number of face states that had to fall back to their cell's; added to.
 
     Returns
@@ -191,29 +189,34 @@ def march(
     area_before, area_after = np.empty((n_phi, n_r)), np.empty((n_phi, n_r))
     first, second, guess = np.empty_like(conserved), np.empty_like(conserved), np.empty_like(conserved)
     wall_first, wall_second = np.empty(n_phi), np.empty(n_phi)
-    growth = np.empty(n_phi + 1)
-    x = x_start
-    place_vertices(body_radius(x, segment), outer, spacing, before)
+    growth, last_growth, radius, slope = np.empty((4, n_phi + 1))
+    x, last_dx = x_start, 0.0
+    find_wall(x, wall, radius, slope)
+    place_vertices(radius, outer, spacing, rays, before)
     cell_areas(before, area_before)
     for step in range(stations.size):
-        if not decode(conserved, mach_number, incidence, cell, wave):
+        if not decode(conserved, rays, stream, cell, wave):
             return AXIAL_SONIC, step, x
-        outer_boundary_growth(x, before, outer, wave, mach_number, incidence, growth)
-        nudge = 1e-6 * x
-        wall_slope = (body_radius(x + nudge, segment) - body_radius(x, segment)) / nudge
-        dx = courant * marching_step(before, cell, spacing, wall_slope, growth)
+        outer_boundary_growth(x, before, outer, wave, rays, stream, growth)
+        dx = courant * marching_step(before, cell, spacing, rays, slope, growth)
         last = x + dx >= x_end * (1.0 - 1e-12)
         if last:
             dx = x_end - x
-        outer += dx * growth
-        place_vertices(body_radius(x + dx, segment), outer, spacing, after)
+        # The shock moves as it would half a step ahead (second-order Adams-Bashforth).
+        ahead = 0.5 * dx / last_dx if step > 0 else 0.0
+        for j in range(n_phi + 1):
+            outer[j] += dx * (growth[j] + ahead * (growth[j] - last_growth[j] if step > 0 else 0.0))
+            last_growth[j] = growth[j]
+        last_dx = dx
+        find_wall(x + dx, wall, radius, slope)
+        place_vertices(radius, outer, spacing, rays, after)
         cell_areas(after, area_after)
-        if not find_fluxes(before, after, dx, wave, mach_number, incidence, first, wall_first, repairs):
+        if not find_fluxes(before, after, dx, cell, wave, rays, stream, first, wall_first, repairs):
             return WALL_DETACHED, step, x
         advance_cells(conserved, area_before, first, first, area_after, guess)
-        if not decode(guess, mach_number, incidence, cell, wave):
+        if not decode(guess, rays, stream, cell, wave):
             return AXIAL_SONIC, step, x
-        if not find_fluxes(before, after, dx, wave, mach_number, incidence, second, wall_second, repairs):
+        if not find_fluxes(before, after, dx, cell, wave, rays, stream, second, wall_second, repairs):
             return WALL_DETACHED, step, x
         advance_cells(conserved, area_before, first, second, area_after, conserved)
         pressures[step] = 0.5 * (wall_first + wall_second)

@@ -1,0 +1,192 @@
+"""From tip to base: conical start, then marching along the surface.
+
+The flow over the tip is conical, so marching over ever larger cones until nothing changes gives it: first
+on half the grid, then on the whole. A body that begins with a cone is done up to that cone's end; the rest
+is marched piece by piece, so that slope breaks are met exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.euler import march
+from builder.aero.euler.gas import GAMMA
+from builder.aero.euler.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
+from builder.aero.euler.marching_grid import MarchingGrid
+from builder.aero.euler.plane import Plane, cone_force, free_stream, momentum_balance, refine
+from builder.aero.euler.reconstruction import Stream
+from builder.aero.euler.surface_function import cone_wall
+from strainfmu.errors import FlowReachError
+
+FloatArray = NDArray[np.float64]
+
+COURANT = 0.9
+MAX_STEPS = 20_000
+LEG = 1.5
+"""Growth of x over one leg of the conical start."""
+MAX_LEGS = 40
+LARGEST_MASS_DEFECT = 1e-5
+"""Imbalance of mass, over the free stream through the base, that a settled conical start may have."""
+LARGEST_UNREST = 0.02
+"""Change over a leg above which a conical start that has not settled is refused."""
+OGIVE_START = 0.01
+"""Share of the first piece's length that is taken as a cone where that piece is curved."""
+
+
+@dataclass(frozen=True)
+class Marched:
+    """What a march over a body gives; see :class:`~builder.aero.euler.solver.FlowSolution`.
+
+    Forces (3,) along x, y, z are those on the body between the rays, over p_inf [m2].
+    """
+
+    pieces: tuple[tuple[FloatArray, FloatArray], ...]
+    force: FloatArray
+    force_from_momentum: FloatArray
+    mass_defect: float
+    conical_change: float
+    n_steps: int
+    n_repairs: int
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What the march needs to know of a flow: its free stream, and its name in messages."""
+
+    mach_number: float
+    stream: Stream
+    name: str
+
+    def refusal(self, reason: str) -> FlowReachError:
+        return FlowReachError(f"euler: {reason} for {self.name}: outside the solver's reach")
+
+
+def march_body(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingGrid) -> Marched:
+    """March from tip to base over the walls of a body's smooth ``pieces``.
+
+    Raises
+    ------
+    FlowReachError
+        The axial Mach number falls to 1, the wall shock detaches or the conical start does not settle.
+    """
+    start = _end_of_cone(pieces[0][0])
+    plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
+    solved = []
+    for number, piece in enumerate(pieces):
+        stations = [np.array([0.0, start])] if number == 0 else []
+        pressures = [np.stack([cone_pressure, cone_pressure])] if number == 0 else []
+        for wall in piece:
+            if wall.x[-1] > plane.x:
+                x, pressure = advance(plane, wall, float(wall.x[-1]), flow, grid)
+                stations.append(x)
+                pressures.append(pressure)
+        solved.append((np.concatenate(stations), np.concatenate(pressures)))
+    momentum, mass_defect = momentum_balance(plane, pieces[-1][-1].radius[-1], flow.stream, grid)
+    return Marched(tuple(solved), plane.force, momentum, mass_defect, change, plane.n_steps, int(plane.repairs[0]))
+
+
+def _end_of_cone(wall: Wall) -> float:
+    """Return the station up to which a body is taken as a cone: the end of its first wall if that is one."""
+    ratio = wall.radius[1:] / wall.x[1:, None]
+    is_cone = np.allclose(ratio, ratio[-1], rtol=1e-9, atol=0.0)
+    return float(wall.x[-1] if is_cone else OGIVE_START * wall.x[-1])
+
+
+def _conical_start(
+    wall: Wall, x: float, rays: Rays, flow: Flow, grid: MarchingGrid
+) -> tuple[Plane, FloatArray, float]:
+    """Return the plane at ``x`` of the flow over the tip, its p/p_inf (n_phi,) and the last change."""
+    n_half, n_r = grid.n_circumferential, grid.n_radial
+    n_coarse = max(n_half // 2, 8)
+    coarse_rays = full_body_rays(n_coarse) if rays.closed else half_body_rays(n_coarse)
+    coarse_r = max(n_r // 2, 8)
+    radius, unused = np.empty((2, rays.sine.size))
+    find_wall(x, wall, radius, unused)
+    slope = radius / x
+    # On the coarse rays the tip's slope is interpolated: this start only has to be near.
+    fine_index, coarse_index = np.linspace(0.0, 1.0, slope.size), np.linspace(0.0, 1.0, coarse_rays.sine.size)
+    coarse_slope = np.interp(coarse_index, fine_index, slope)
+    lean = atan(float(np.hypot(flow.stream.v, flow.stream.w)) / flow.stream.u)
+    mach_angle = np.arcsin(1.0 / flow.mach_number)
+    reach = 1.3 * np.tan(min(mach_angle + max(atan(float(slope.max())), lean), 1.3))
+    n_phi = coarse_rays.cell_sine.size
+    plane = Plane(1.0, coarse_rays, free_stream(flow.stream, n_phi, coarse_r), np.full(n_phi + 1, reach))
+    _settle(plane, coarse_slope, flow, grid)
+    plane = refine(plane, rays, n_r)
+    pressure, change = _settle(plane, slope, flow, grid)
+    plane.x, plane.outer = x, plane.outer * x
+    plane.n_steps, plane.repairs[:] = 0, 0  # what the impulsive start needed says nothing of the flow
+    vertex = np.empty((2, radius.size, 2))
+    place_vertices(radius, plane.outer, np.array([0.0, 1.0]), rays, vertex)
+    plane.force = cone_force(x, vertex[:, :, 0], pressure)
+    return plane, pressure, change
+
+
+def _settle(plane: Plane, slope: FloatArray, flow: Flow, grid: MarchingGrid) -> tuple[FloatArray, float]:
+    """March a cone leg by leg, shrinking the plane back to x = 1, until it changes no more and balances.
+
+    Returns p/p_inf (n_phi,) and the change of it over the last leg, relative to its mean, or of the shock's radius
+    if that is larger. Raises FlowReachError where that is still large after all legs.
+    """
+    wall = cone_wall(slope, LEG)
+    vertex = np.empty((2, slope.size, 2))
+    place_vertices(slope, 2.0 * slope, np.array([0.0, 1.0]), plane.rays, vertex)
+    pressure, change = np.ones(plane.rays.cell_sine.size), np.inf
+    for _ in range(MAX_LEGS):
+        before, shock = pressure, plane.outer.copy()
+        _, pressures = advance(plane, wall, LEG, flow, grid, tip=True)
+        plane.outer /= LEG
+        plane.x = 1.0
+        pressure = pressures[-1]
+        moved = np.max(np.abs(plane.outer / shock - 1.0))
+        change = float(max(np.max(np.abs(pressure - before)) / np.mean(pressure), moved))
+        momentum, mass_defect = momentum_balance(plane, slope, flow.stream, grid)
+        force = cone_force(1.0, vertex[:, :, 0], pressure)
+        # On half a body the force across the symmetry plane is in the momentum along y, and no part of the wall's.
+        along = [0, 1, 2] if plane.rays.closed else [0, 2]
+        imbalance = float(np.linalg.norm((momentum - force)[along]) / np.linalg.norm(force[along]))
+        if max(change, imbalance) < grid.conical_tolerance and abs(mass_defect) < LARGEST_MASS_DEFECT:
+            break
+    if change > LARGEST_UNREST:
+        raise FlowReachError(
+            f"euler: the flow over the tip does not settle for {flow.name}: "
+            f"it still changes by {change:.1%} over a leg"
+        )
+    return pressure, change
+
+
+def advance(
+    plane: Plane, wall: Wall, x_end: float, flow: Flow, grid: MarchingGrid, *, tip: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """March ``plane`` to ``x_end`` and return stations (n,) and p/p_inf (n, n_phi)."""
+    n_phi, n_r = plane.conserved.shape[1:]
+    stations, pressures = np.empty(MAX_STEPS), np.empty((MAX_STEPS, n_phi))
+    status, n_steps, x = march.march(
+        plane.conserved,
+        plane.outer,
+        grid.spacing(n_r),
+        plane.rays,
+        wall,
+        float(plane.x),
+        float(x_end),
+        flow.stream,
+        COURANT,
+        stations,
+        pressures,
+        plane.force,
+        plane.repairs,
+    )
+    if status != march.REACHED_END:
+        reasons = {
+            march.AXIAL_SONIC: "the axial Mach number falls to 1",
+            march.WALL_DETACHED: "the axial Mach number falls to 1, the shock at the wall detaches,",
+            march.OUT_OF_STEPS: f"more than {MAX_STEPS} marching steps are needed",
+        }
+        raise flow.refusal(f"{reasons[status]} at x = {0.0 if tip else x:.4g} m{' (tip)' if tip else ''}")
+    plane.x = x_end
+    plane.n_steps += n_steps
+    return stations[:n_steps].copy(), GAMMA * pressures[:n_steps]

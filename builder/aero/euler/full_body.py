@@ -1,0 +1,88 @@
+"""The flow over a pointed body of any star-shaped section, at angle of attack and sideslip, all round the body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.euler.body_march import Flow, march_body
+from builder.aero.euler.grid import full_body_rays
+from builder.aero.euler.marching_grid import MarchingGrid
+from builder.aero.euler.solver import free_stream_of
+from builder.aero.euler.surface_function import SurfaceFunction, body_walls, surface_walls
+from builder.geometry import BodyOfRevolution
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FullFlowSolution:
+    """Wall pressure of one flow all round a body, and how well it was computed.
+
+    Attributes
+    ----------
+    mach_number, angle_of_attack, sideslip_angle : M [1], a, b [rad].
+    roll_angle : (n_phi,) cell centres from +z towards +y [rad], 0..2 pi.
+    pieces : per smooth piece of the surface (stations (n,) [m], p/p_inf (n, n_phi)).
+    force : (3,) force of p - p_inf along x, y, z from the wall fluxes, over p_inf [m2].
+    force_from_momentum : (3,) the same from the momentum deficit of the exit plane [m2].
+    mass_defect, conical_change, n_steps, n_repairs : as in :class:`~builder.aero.euler.solver.FlowSolution`.
+    """
+
+    mach_number: float
+    angle_of_attack: float
+    sideslip_angle: float
+    roll_angle: FloatArray
+    pieces: tuple[tuple[FloatArray, FloatArray], ...]
+    force: FloatArray
+    force_from_momentum: FloatArray
+    mass_defect: float
+    conical_change: float
+    n_steps: int
+    n_repairs: int
+
+
+def solve_full_flow(
+    surface: SurfaceFunction | BodyOfRevolution,
+    mach_number: float,
+    angle_of_attack: float,
+    sideslip_angle: float,
+    grid: MarchingGrid | None = None,
+) -> FullFlowSolution:
+    """Solve the inviscid flow over ``surface`` in a stream along (cos a cos b, -sin b, sin a cos b).
+
+    ``grid`` counts circumferential cells over half a turn, as for half a body: twice as many go all round.
+
+    Raises
+    ------
+    InputError
+        The surface's radius is not positive and finite aft of the tip.
+    FlowReachError
+        The axial Mach number falls to 1, the wall shock detaches or the flow over the tip does not settle; the
+        message names the station and the condition.
+    """
+    grid = grid or MarchingGrid()
+    stream = free_stream_of(mach_number, angle_of_attack, sideslip_angle)
+    rays = full_body_rays(grid.n_circumferential)
+    walls = body_walls(surface, rays) if isinstance(surface, BodyOfRevolution) else surface_walls(surface, rays)
+    name = (
+        f"M {mach_number:g}, angle of attack {degrees(angle_of_attack):.4g} deg, "
+        f"sideslip {degrees(sideslip_angle):.4g} deg"
+    )
+    marched = march_body(walls, rays, Flow(float(mach_number), stream, name), grid)
+    return FullFlowSolution(
+        mach_number=float(mach_number),
+        angle_of_attack=float(angle_of_attack),
+        sideslip_angle=float(sideslip_angle),
+        roll_angle=rays.step * (np.arange(rays.cell_sine.size, dtype=np.float64) + 0.5),
+        pieces=marched.pieces,
+        force=marched.force,
+        force_from_momentum=marched.force_from_momentum,
+        mass_defect=marched.mass_defect,
+        conical_change=marched.conical_change,
+        n_steps=marched.n_steps,
+        n_repairs=marched.n_repairs,
+    )

@@ -1,0 +1,95 @@
+"""A cross-plane of the march: what it holds, and the balance of mass and momentum up to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.euler.gas import GAMMA
+from builder.aero.euler.grid import Rays, cell_areas, place_vertices
+from builder.aero.euler.marching_grid import MarchingGrid
+from builder.aero.euler.reconstruction import Stream
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass
+class Plane:
+    """State of the march at one station, and what has been summed so far.
+
+    Attributes
+    ----------
+    x : station [m].
+    rays : where its cells lie.
+    conserved : (4, n_phi, n_r) E per unit area.
+    outer : (n_phi + 1,) radius of the outer boundary on the rays [m].
+    force : (3,) force of p - p_inf along x, y, z on the body between the rays, over p_inf [m2].
+    """
+
+    x: float
+    rays: Rays
+    conserved: FloatArray
+    outer: FloatArray
+    force: FloatArray = field(default_factory=lambda: np.zeros(3))
+    n_steps: int = 0
+    repairs: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+
+
+def free_stream(stream: Stream, n_phi: int, n_r: int) -> FloatArray:
+    """Return E (4, n_phi, n_r) of the undisturbed stream."""
+    u = stream.u
+    state = np.array([u, u * u + 1.0 / GAMMA, u * stream.v, u * stream.w])
+    return np.tile(state[:, None, None], (1, n_phi, n_r))
+
+
+def refine(plane: Plane, rays: Rays, n_r: int) -> Plane:
+    """Put a plane on a finer grid by linear interpolation in the index."""
+    period = 1.0 if rays.closed else None
+
+    def between_centres(n_fine: int, n_known: int, period: float | None) -> FloatArray:
+        """Return (n_fine, n_known): values at fine cell centres from those at known ones."""
+        centre, known = (np.arange(n_fine) + 0.5) / n_fine, (np.arange(n_known) + 0.5) / n_known
+        return np.stack([np.interp(centre, known, unit, period=period) for unit in np.eye(n_known)], axis=1)
+
+    around = between_centres(rays.cell_sine.size, plane.rays.cell_sine.size, period)
+    outward = between_centres(n_r, plane.conserved.shape[2], None)
+    conserved = np.ascontiguousarray(np.einsum("jb,kbc,ic->kji", around, plane.conserved, outward))
+    known_angle = np.linspace(0.0, 1.0, plane.outer.size)
+    outer = np.interp(np.linspace(0.0, 1.0, rays.sine.size), known_angle, plane.outer)
+    return Plane(plane.x, rays, conserved, outer)
+
+
+def momentum_balance(
+    plane: Plane, radius: FloatArray, stream: Stream, grid: MarchingGrid
+) -> tuple[FloatArray, float]:
+    """Return the force (3,) [m2] from the momentum of the exit plane, between the rays, and the mass defect.
+
+    ``radius`` (n_phi + 1,) is the body's on the rays. Control volume: free stream on the outer boundary, body,
+    exit plane. With E the flux through planes of x, the force of p - p_inf is the free stream's flux through the
+    whole exit section less the flow's through its annulus, less p_inf times the base area.
+    """
+    n_phi, n_r = plane.conserved.shape[1:]
+    vertex, area = np.empty((2, n_phi + 1, n_r + 1)), np.empty((n_phi, n_r))
+    place_vertices(radius, plane.outer, grid.spacing(n_r), plane.rays, vertex)
+    cell_areas(vertex, area)
+    undisturbed = free_stream(stream, n_phi, n_r)
+    base_area = section_area(vertex[:, :, 0])
+    deficit = np.sum((undisturbed - plane.conserved) * area, axis=(1, 2)) + undisturbed[:, 0, 0] * base_area
+    force = GAMMA * (deficit[1:] - np.array([base_area / GAMMA, 0.0, 0.0]))
+    return force, float(deficit[0] / (undisturbed[0, 0, 0] * base_area))
+
+
+def section_area(corner: FloatArray) -> float:
+    """Return the area [m2] between the rays of a section with corners (2, n_phi + 1)."""
+    y, z = corner
+    return float(0.5 * np.sum(y[1:] * z[:-1] - z[1:] * y[:-1]))
+
+
+def cone_force(x: float, corner: FloatArray, pressure: FloatArray) -> FloatArray:
+    """Return the force (3,) [m2] of p/p_inf (n_phi,) on the cone from tip to corners (2, n_phi + 1) at ``x``."""
+    y, z = corner
+    sx = -0.5 * (y[1:] * z[:-1] - z[1:] * y[:-1])
+    sy, sz = -0.5 * x * np.diff(z), 0.5 * x * np.diff(y)
+    return -np.array([np.sum((pressure - 1.0) * s) for s in (sx, sy, sz)])
