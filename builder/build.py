@@ -16,6 +16,7 @@ from builder.structural_model import StructuralModel
 from builder.uncertainty import load_covariance
 from builder.vehicle import Vehicle
 from strainfmu import __version__
+from strainfmu.errors import InputError
 from strainfmu.inverse_map import InverseMap
 
 FloatArray = NDArray[np.float64]
@@ -35,8 +36,20 @@ def gauge_noise_std(vehicle: Vehicle, snapshots: Snapshots, structure: Structura
 
 
 def internal_pressure(vehicle: Vehicle, snapshots: Snapshots) -> float:
-    """Return p_internal [Pa]; all snapshots are at one altitude, so it is one number."""
-    return vehicle.internal_pressure(snapshots.conditions()[0])
+    """Return p_internal [Pa] of all snapshots.
+
+    Raises
+    ------
+    InputError
+        The snapshots' altitudes differ and so does the pressure inside.
+    """
+    inside = [vehicle.internal_pressure(condition) for condition in snapshots.conditions()]
+    if min(inside) != max(inside):
+        raise InputError(
+            f"snapshots: internal pressures {min(inside):.6g} to {max(inside):.6g} Pa found, one is needed: give "
+            "one altitude, or structure.internal_pressure_Pa as a number"
+        )
+    return inside[0]
 
 
 def build_inverse_map(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:

@@ -6,7 +6,6 @@ file, the entry, what was found and what is allowed. ``vehicles/ic3x.toml`` is t
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from math import pi, radians
 from pathlib import Path
@@ -29,31 +28,12 @@ from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
 from builder.flight_conditions import condition_grid
 from builder.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle_faults import first_fault
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 VEHICLES = Path(__file__).parent / "vehicles"
 IC3X = VEHICLES / "ic3x.toml"
-
-_UNITS = (
-    "m",
-    "mm",
-    "cm",
-    "km",
-    "in",
-    "ft",
-    "deg",
-    "rad",
-    "Pa",
-    "kPa",
-    "MPa",
-    "GPa",
-    "psi",
-    "bar",
-    "s",
-    "m2",
-    "um",
-)
 
 
 def one_line(text: str) -> str:
@@ -353,68 +333,7 @@ def load_vehicle(path: Path) -> Vehicle:
         vehicle._folder = path.parent
         vehicle.body()
     except ValidationError as error:
-        raise InputError(f"{path}: {_first_fault(error)}") from error
+        raise InputError(f"{path}: {first_fault(error, Vehicle)}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return vehicle
-
-
-def _first_fault(error: ValidationError) -> str:
-    """Say the first fault in one line, and how many more there are."""
-    # A misspelt key also leaves its right name missing: the unknown one says more.
-    faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
-    fault = faults[0]
-    where = ".".join(
-        str(part + 1) if isinstance(part, int) else part for part in fault["loc"] if part not in ("cone", "arc")
-    )
-    if fault["type"] == "extra_forbidden":
-        text = f"{where}: unknown entry{_hint(fault['loc'])}"
-    elif fault["type"] == "missing":
-        text = f"{where}: entry is missing"
-    elif fault["type"] == "value_error":
-        text = f"{where}: {fault['ctx']['error']}" if where else str(fault["ctx"]["error"])
-    elif fault["type"] == "union_tag_not_found":
-        text = f"{where}.kind: entry is missing, must be 'cone' or 'arc'"
-    elif fault["type"] == "union_tag_invalid":
-        text = f"{where}.kind: {fault['ctx']['tag']!r} found, must be 'cone' or 'arc'"
-    elif fault["type"] in ("too_short", "string_too_short"):
-        text = f"{where}: {fault['input']!r} found, must hold at least {fault['ctx']['min_length']}"
-    else:
-        what = fault["msg"].removeprefix("Input should be ")
-        text = f"{where}: {fault['input']!r} found, must be {what}"
-    more = len(faults) - 1
-    return text + (f" (and {more} more)" if more else "")
-
-
-def _hint(location: tuple[Any, ...]) -> str:
-    """Name what was probably meant by an unknown key: the same quantity in the unit that is allowed."""
-    key = str(location[-1])
-    allowed = _keys_beside(location)
-    stem = _without_unit(key)
-    for candidate in allowed:
-        if _without_unit(candidate) == stem and candidate != key:
-            return f" (wrong unit?), allowed is {candidate}"
-    close = difflib.get_close_matches(key, allowed, n=1)
-    return f", did you mean {close[0]}?" if close else f"; allowed: {', '.join(allowed)}"
-
-
-def _without_unit(key: str) -> str:
-    stem, _, unit = key.rpartition("_")
-    return stem if stem and unit in _UNITS else key
-
-
-def _keys_beside(location: tuple[Any, ...]) -> list[str]:
-    """Return the keys allowed in the section that ``location`` points into."""
-    model: Any = Vehicle
-    for part in location[:-1]:
-        if part == "cone":
-            model = Cone
-        elif part == "arc":
-            model = Arc
-        elif isinstance(part, str) and isinstance(model, type) and issubclass(model, BaseModel):
-            annotation = model.model_fields[part].annotation if part in model.model_fields else model
-            model = _SECTIONS_IN_COLLECTIONS.get(part, annotation)
-    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
-
-
-_SECTIONS_IN_COLLECTIONS: dict[str, type[BaseModel]] = {"layouts": GaugeLayoutEntry, "rows": GaugeRow}

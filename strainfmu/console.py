@@ -36,7 +36,7 @@ class ConsoleReporter:
         with Progress(*columns, console=self.console, transient=True) as bars:
             task = bars.add_task(title, total=None)
             yield lambda done, of: bars.update(task, completed=done, total=of)
-        self.console.print(f"{title:<40} {perf_counter() - start:6.1f} s", highlight=False)
+        self.console.print(f"{title:<40} {perf_counter() - start:6.1f} s", highlight=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
-        self.console.print(f"  {text}", style="dim", highlight=False)
+        self.console.print(f"  {text}", style="dim", highlight=False, soft_wrap=True)

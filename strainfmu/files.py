@@ -156,6 +156,18 @@ def schema_of(path: Path) -> str:
     return words[1]
 
 
+def content_hash_of(path: Path, schema: str, schema_version: int) -> str:
+    """Return the content hash that identifies the artefact at ``path``.
+
+    Raises
+    ------
+    InputError
+        As :func:`open_hdf5`.
+    """
+    with open_hdf5(path, schema, schema_version) as file:
+        return str(file.attrs[HASH_ATTRIBUTE])
+
+
 def fingerprint(inputs: Mapping[str, Any]) -> str:
     """Return a short hash of the inputs of a computation, to tell whether its result is up to date."""
     text = json.dumps(inputs, sort_keys=True, default=_plain)

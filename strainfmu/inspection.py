@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from math import degrees
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from strainfmu import inverse_map as inverse_map_file
+from strainfmu import inverse_map as map_file
 from strainfmu.errors import InputError
-from strainfmu.files import schema_of
-from strainfmu.inverse_map import COEFFICIENT_NAMES, content_hash_of, load_inverse_map
+from strainfmu.files import content_hash_of, schema_of
+from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 
-SNAPSHOTS_SCHEMA = "strainfmu.snapshots"
+if TYPE_CHECKING:
+    from builder.snapshots import Snapshots
 
 
 def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None:
@@ -25,10 +27,12 @@ def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None
     InputError
         The file is missing, damaged, or of a kind that is not shown.
     """
+    from builder import snapshots as snapshots_file
+
     schema = schema_of(path)
-    if schema == inverse_map_file.SCHEMA:
+    if schema == map_file.SCHEMA:
         _inspect_map(path, console)
-    elif schema == SNAPSHOTS_SCHEMA:
+    elif schema == snapshots_file.SCHEMA:
         _inspect_snapshots(path, figures or path.with_name(f"{path.stem}_figures"), console)
     else:
         raise InputError(f"{path}: schema '{schema}' found, an inverse map or snapshots can be inspected")
@@ -40,7 +44,7 @@ def _inspect_map(path: Path, console: Console) -> None:
     reference = loaded.reference_area * np.array([1, 1, 1, loaded.reference_length, loaded.reference_length])
     sigma = np.sqrt(np.diag(loaded.load_covariance)) / (q * reference)
     summary = Table(title=f"{path}: {loaded.vehicle}", show_header=False)
-    summary.add_row("content hash", content_hash_of(path))
+    summary.add_row("content hash", content_hash_of(path, map_file.SCHEMA, map_file.SCHEMA_VERSION))
     summary.add_row("gauges, states", f"{loaded.n_gauges}, {len(loaded.state_offset)}")
     summary.add_row("gauge noise sigma", f"{1e6 * loaded.noise_std.mean():.4g} um/m")
     summary.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
@@ -57,12 +61,13 @@ def _inspect_map(path: Path, console: Console) -> None:
 
 def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder import snapshot_figures
+    from builder import snapshots as snapshots_file
     from builder.figures import save
     from builder.snapshots import load_snapshots
 
     snapshots = load_snapshots(path)
     summary = Table(title=f"{path}: {snapshots.vehicle}", show_header=False)
-    summary.add_row("content hash", content_hash_of(path))
+    summary.add_row("content hash", content_hash_of(path, snapshots_file.SCHEMA, snapshots_file.SCHEMA_VERSION))
     solved = int(snapshots.solved.sum())
     count = len(snapshots.condition)
     summary.add_row("engine", snapshots.engine)
@@ -81,15 +86,13 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     with console.status("Figures"):
         for name in ("surface_maps", "centre_lines", "force_curves"):
             save(getattr(snapshot_figures, name)(snapshots), folder / f"{name}.png")
-            console.print(f"{folder / f'{name}.png'}: written", highlight=False)
+            console.print(f"{folder / f'{name}.png'}: written", highlight=False, soft_wrap=True)
 
 
-def _table_of_conditions(snapshots: object) -> Table:
+def _table_of_conditions(snapshots: Snapshots) -> Table:
     """Return one row per condition: what it is, its coefficients, and how sound its flow is."""
     from builder.snapshot_figures import in_plane_forces
-    from builder.snapshots import Snapshots
 
-    assert isinstance(snapshots, Snapshots)
     table = Table(title="Conditions; coefficients [1] of fore-body pressure less internal pressure")
     for heading in ("no.", "M", "alpha", "beta", "a_T [deg]", "H [km]", *COEFFICIENT_NAMES, "x_cp [m]"):
         table.add_column(heading, justify="right")

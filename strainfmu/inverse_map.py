@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.errors import InputError
-from strainfmu.files import open_hdf5
 from strainfmu.records import load_record, save_record
 
 FloatArray = NDArray[np.float64]
@@ -156,9 +155,3 @@ def load_inverse_map(path: Path) -> InverseMap:
         The file is missing, damaged, altered, or of another schema version.
     """
     return load_record(InverseMap, path, SCHEMA, SCHEMA_VERSION)
-
-
-def content_hash_of(path: Path) -> str:
-    """Return the content hash that identifies the map at ``path`` (checked on reading)."""
-    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
-        return str(file.attrs["content_hash"])

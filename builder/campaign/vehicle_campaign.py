@@ -15,11 +15,13 @@ from strainfmu import __version__
 
 
 def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionSet] = ()) -> Campaign:
-    """Return the campaign of ``engine`` over ``sets`` one after the other, or over the vehicle file's conditions.
+    """Return the campaign of ``engine`` over ``sets`` one after the other.
+
+    Without sets, over the engine's own conditions if it has only those, else over the vehicle file's.
 
     A condition of several sets stands in the file once for each; its flow is solved once.
     """
-    chosen = list(sets) or [ConditionSet("vehicle file", tuple(vehicle.flight_conditions()))]
+    chosen = list(sets) or [_default_set(vehicle, engine)]
     conditions = tuple(condition for one in chosen for condition in one.conditions)
     return Campaign(
         vehicle=vehicle.name,
@@ -33,3 +35,10 @@ def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionS
             "sets": [{"name": one.name, "conditions": len(one.conditions)} for one in chosen],
         },
     )
+
+
+def _default_set(vehicle: Vehicle, engine: Engine) -> ConditionSet:
+    own = engine.conditions()
+    if own is not None:
+        return ConditionSet(f"{engine.name} engine", tuple(own))
+    return ConditionSet("vehicle file", tuple(vehicle.flight_conditions()))

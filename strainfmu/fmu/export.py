@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
-from strainfmu.files import open_hdf5
+from strainfmu.files import content_hash_of
 from strainfmu.fmu.documentation import documentation_files, estimator_sections, plant_sections
 from strainfmu.fmu.model_description import FmuDescription
 from strainfmu.fmu.package import CAPABILITIES, check_fmu_path, slave_code, write_fmu
 from strainfmu.interface import estimator_interface, plant_interface
-from strainfmu.inverse_map import content_hash_of, load_inverse_map
+from strainfmu.inverse_map import SCHEMA, SCHEMA_VERSION, load_inverse_map
 
 # Run-time modules that each slave imports, itself or through others.
 _ESTIMATOR_MODULES = (
@@ -54,7 +55,7 @@ def export_estimator(map_path: Path, fmu_path: Path, model_name: str = "StrainLo
     """
     check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
-    content_hash = content_hash_of(map_path)
+    content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     code = slave_code("estimator_slave", _ESTIMATOR_MODULES)
     description = FmuDescription(
         model_name,
@@ -85,8 +86,7 @@ def export_plant(
     model = load_flight_model(flight_model_path)
     trajectory = load_trajectory(trajectory_path)
     check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
-    with open_hdf5(flight_model_path, "strainfmu.flight_model", 1) as file:
-        content_hash = str(file.attrs["content_hash"])
+    content_hash = content_hash_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
     table = trajectory_path.read_bytes()
     code = slave_code("plant_slave", _PLANT_MODULES)
     description = FmuDescription(

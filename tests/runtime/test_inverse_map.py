@@ -12,11 +12,11 @@ from runtime_map import N_GAUGES, random_map
 
 from strainfmu import files
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import content_hash_of
 from strainfmu.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
     InverseMap,
-    content_hash_of,
     load_inverse_map,
     save_inverse_map,
 )
@@ -39,7 +39,7 @@ def test_round_trip(tmp_path: Path) -> None:
         else:
             assert found == wanted
     assert loaded.n_gauges == N_GAUGES
-    assert content_hash_of(tmp_path / "deep" / "map.h5") == digest
+    assert content_hash_of(tmp_path / "deep" / "map.h5", SCHEMA, SCHEMA_VERSION) == digest
 
 
 def test_every_number_has_its_unit(saved: Path) -> None:

@@ -1,0 +1,110 @@
+"""A vehicle file from one end to the other: ``strainfmu demo`` and ``strainfmu check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from strainfmu.console import ConsoleReporter
+from strainfmu.inverse_map import COEFFICIENT_NAMES
+
+if TYPE_CHECKING:
+    from builder.demo import DemoResult
+
+VehicleArgument = Annotated[
+    Path | None,
+    typer.Option("--vehicle", help="Vehicle file (TOML). Default: the IC3X surrogate that is shipped."),
+]
+
+
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path("demo"),
+    vehicle: VehicleArgument = None,
+) -> None:
+    """From a vehicle file to an FMU flying in a system simulation.
+
+    Solves the flow, builds the inverse map, packages it as an FMU, and flies it against an independent, finer
+    model of the vehicle. A second run reuses what is up to date.
+
+    Examples:
+
+        strainfmu demo
+
+        strainfmu demo -o results --vehicle my_vehicle.toml
+    """
+    from builder.demo import run_demo
+    from builder.vehicle import IC3X
+
+    console = Console()
+    start = perf_counter()
+    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console))
+    _show_result(console, result)
+    console.print(f"{perf_counter() - start:.1f} s in all", highlight=False, soft_wrap=True)
+
+
+def _show_result(console: Console, result: DemoResult) -> None:
+    score = result.score
+    table = Table(title=f"{result.vehicle}: the FMU's estimate against truth, independent finer model")
+    for heading in ("coefficient [1]", "rms error", "of its range", "mean sigma", "truth within 3 sigma"):
+        table.add_column(heading, justify="left" if heading.startswith("coefficient") else "right")
+    for i, name in enumerate(COEFFICIENT_NAMES):
+        table.add_row(
+            name,
+            f"{score.rms_error[i]:.2e}",
+            f"{score.rms_error_of_range[i]:.2%}" if score.rms_error_of_range[i] >= 0.0 else "-",
+            f"{score.mean_sigma[i]:.2e}",
+            f"{100.0 * score.coverage[i]:.2f} %",
+        )
+    console.print(table)
+    times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in score.step_time.items())
+    console.print(
+        f"Time per step (median, through fmpy): {times}. Health OK in {score.healthy:.2%} of the samples.",
+        highlight=False,
+        soft_wrap=True,
+    )
+    files = Table(title=f"Files in {result.folder}", show_header=False, box=None)
+    for name, holds in result.files.items():
+        files.add_row(name, holds, "reused" if name in result.reused else "new")
+    console.print(files)
+
+
+def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]) -> None:
+    """Check a vehicle file, its gauges and its manoeuvre without solving anything.
+
+    Example:
+
+        strainfmu check my_vehicle.toml
+    """
+    from math import degrees
+
+    from builder.aero.engines import make_engine
+    from builder.flight_tables import truth_knots
+    from builder.structural_model import check_gauges, check_map_size
+    from builder.vehicle import load_vehicle
+    from strainfmu.cosim.flight_model import check_envelope
+    from strainfmu.cosim.trajectory import load_trajectory
+
+    loaded = load_vehicle(vehicle)
+    body = loaded.body()
+    gauges = check_gauges(loaded)
+    check_map_size(loaded, gauges[loaded.gauges.layout])
+    manoeuvre = loaded.beside(loaded.truth.manoeuvre)
+    trajectory = load_trajectory(manoeuvre)
+    check_envelope(*truth_knots(loaded), trajectory, manoeuvre)
+    table = Table(title=f"{vehicle}: {loaded.name}", show_header=False)
+    table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
+    table.add_row("tip half-angle", f"{degrees(body.tip_angle):.4g} deg")
+    table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
+    for name, count in gauges.items():
+        table.add_row(f"layout {name}{' (in use)' if name == loaded.gauges.layout else ''}", f"{count} gauges")
+    engine = make_engine(loaded, None, loaded.resolution.map)
+    conditions = engine.conditions() or loaded.flight_conditions()
+    flows = len({engine.flow_key(condition) for condition in conditions})
+    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
+    table.add_row("manoeuvre", f"{trajectory.stop_time:.4g} s")
+    Console().print(table)
