@@ -1,0 +1,202 @@
+"""How time and memory grow with the size of the structural model: from a vehicle to Z_p, mesh by mesh.
+
+Each case runs in a process of its own, so that its peak of memory is its own. Run as a module, this file is that
+process.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from builder.gauge_layout import gauge_layout
+from builder.structural_model import wall_of
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.cyclic_operator import CyclicProblem, cyclic_problem
+from builder.structure.solid.gauge_rows import Gauges, gauges_at
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
+from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
+from builder.structure.solid.solvers.problem import SolveStatistics
+from builder.structure.solid.solvers.solver import CYCLIC, choose_solver
+from builder.structure.solid.strain_operator import held_problem, strain_operator
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_load import pressure_load
+from builder.structure.solid.swept_mesh import (
+    REGION,
+    RESOLUTIONS,
+    SweptResolution,
+    SweptSector,
+    full_mesh,
+    swept_wall,
+)
+from builder.vehicle import Vehicle, load_vehicle
+from strainfmu.errors import InputError, StrainfmuError
+
+SIZES = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000)
+"""Least numbers of displacement components of the table."""
+
+DIRECT_LIMIT = 500_000
+"""Size beyond which the table leaves direct solvers of the full mesh out: their memory grows faster."""
+
+ROUND_UP = 4  # sectors come in fours, so that gauges a quarter turn apart are alike
+FINER = 1.02  # step of resolution until a size is reached
+
+
+@dataclass(frozen=True)
+class GrowthRow:
+    """One line of the table.
+
+    Attributes
+    ----------
+    solver : its name.
+    n_dof : displacement components.
+    n_gauges : gauges, the number of rows of Z_p.
+    n_pressures : pressure nodes, the number of columns.
+    seconds : from reading the vehicle to Z_p [s].
+    peak_memory : of the process [byte].
+    relative_residual, probe_residual : of the gauge rows and of loads that move the whole body, as in
+        :class:`~builder.structure.solid.solvers.problem.SolveStatistics`.
+    """
+
+    solver: str
+    n_dof: int
+    n_gauges: int
+    n_pressures: int
+    seconds: float
+    peak_memory: int
+    relative_residual: float
+    probe_residual: float
+
+
+def sector_of_size(vehicle: Vehicle, n_dof: int) -> SweptSector:
+    """Return the swept mesh of a vehicle's wall with at least ``n_dof`` displacement components.
+
+    Element lengths along and round the wall are scaled alike from the resolution ``paper``, in one layer.
+
+    Raises
+    ------
+    InputError
+        The size is not positive, or the wall does not fit the body.
+    """
+    if n_dof < 1:
+        raise InputError(f"size {n_dof} must be at least 1")
+    body, wall, base = vehicle.body(), wall_of(vehicle), RESOLUTIONS["paper"]
+    paper = swept_wall(body, wall, base)
+    scale = float(np.sqrt(n_dof / (paper.n_sectors * paper.n_dof)))
+    while True:
+        n_sectors = ROUND_UP * max(2, round(base.n_sectors * scale / ROUND_UP))
+        sector = swept_wall(body, wall, SweptResolution(base.element_length / scale, 1, n_sectors))
+        if n_sectors * sector.n_dof >= n_dof:
+            return sector
+        scale *= FINER
+
+
+def layout_gauges(vehicle: Vehicle) -> Gauges:
+    """Return the gauges of the layout in use, points on the inner surface.
+
+    Raises
+    ------
+    InputError
+        A gauge is not on the inner surface.
+    """
+    mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
+    layout = gauge_layout(vehicle, vehicle.gauges.layout, mesh)
+    return gauges_at(layout.position, layout.direction, layout.names)
+
+
+def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
+    """Go from a vehicle file to Z_p of its gauge layout in this process, and tell what it took.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As in the steps on the way.
+    """
+    start = time.perf_counter()
+    vehicle = load_vehicle(path)
+    sector = sector_of_size(vehicle, n_dof)
+    materials, supports = {REGION: wall_of(vehicle).material}, [Clamped(SUPPORT)]
+    rows = cyclic_gauge_rows(sector, layout_gauges(vehicle))
+    statistics: SolveStatistics
+    if solver_name == CYCLIC:
+        problem: CyclicProblem = cyclic_problem(sector, materials, supports)
+        cyclic = CyclicSolver(problem)
+        z = cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL))
+        statistics = cyclic.statistics
+    else:
+        mesh = full_mesh(sector)
+        direct = choose_solver(held_problem(mesh, materials, supports), solver_name)
+        z = strain_operator(rows, direct, pressure_load(mesh, EXTERNAL))
+        statistics = direct.statistics
+    seconds = time.perf_counter() - start
+    return GrowthRow(
+        solver=solver_name,
+        n_dof=statistics.n_dof,
+        n_gauges=z.shape[0],
+        n_pressures=z.shape[1],
+        seconds=seconds,
+        peak_memory=statistics.peak_memory,
+        relative_residual=statistics.relative_residual,
+        probe_residual=statistics.probe_residual,
+    )
+
+
+def growth_rows(path: Path, solver_names: Sequence[str], sizes: Sequence[int] = SIZES) -> Iterator[GrowthRow]:
+    """Yield the rows of the table, each measured in a process of its own.
+
+    Solvers of the full mesh are left out above :data:`DIRECT_LIMIT`.
+
+    Raises
+    ------
+    StrainfmuError
+        A process fails; the message ends with what it said.
+    """
+    for size in sizes:
+        for name in solver_names:
+            if name == CYCLIC or size <= DIRECT_LIMIT:
+                yield _measured_apart(path, size, name)
+
+
+def _measured_apart(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
+    command = [sys.executable, "-m", __name__, str(path), str(n_dof), solver_name]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}, out of memory?"]
+        raise StrainfmuError(f"growth, {solver_name} at {n_dof} dofs: {said[-1]}")
+    return GrowthRow(**json.loads(done.stdout))
+
+
+def growth_table(rows: Sequence[GrowthRow]) -> str:
+    """Return the rows as text, one line each."""
+    names = f"{'solver':<10}{'dofs':>10}{'pressures':>11}{'gauges':>8}"
+    head = f"{names}{'seconds':>9}{'peak GiB':>10}{'residual':>10}{'probes':>8}"
+    lines = [
+        f"{row.solver:<10}{row.n_dof:>10}{row.n_pressures:>11}{row.n_gauges:>8}{row.seconds:>9.1f}"
+        f"{row.peak_memory / 2**30:>10.2f}{row.relative_residual:>10.0e}{row.probe_residual:>8.0e}"
+        for row in rows
+    ]
+    return "\n".join([head, *lines])
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure one case (vehicle file, size, solver) and print its row as JSON."""
+    path, n_dof, solver_name = arguments
+    try:
+        row = measure(Path(path), int(n_dof), solver_name)
+    except StrainfmuError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+    print(json.dumps(asdict(row)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

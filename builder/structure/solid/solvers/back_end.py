@@ -1,0 +1,45 @@
+"""What a back end is: a name, a licence, how to get it, and a function that factorises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from builder.structure.solid.solvers.problem import FloatArray, SparseProblem
+from strainfmu.errors import InputError
+
+Factor = Callable[[FloatArray], FloatArray]
+"""(n_free, k) loads [N] to displacements [m]; the prepared matrix is kept inside."""
+
+
+@dataclass(frozen=True)
+class BackEnd:
+    """One way to solve a sparse problem.
+
+    Attributes
+    ----------
+    name : the name a user asks for.
+    licence : of the binding over that of the library.
+    install : the command that installs it.
+    installed : tells whether it is there.
+    factor : prepares a problem; imports the library when called.
+    """
+
+    name: str
+    licence: str
+    install: str
+    installed: Callable[[], bool]
+    factor: Callable[[SparseProblem], Factor]
+
+    def missing(self) -> InputError:
+        """Return the error for a wanted back end that is not there."""
+        return InputError(f"solver '{self.name}' is not installed: {self.install} (licence: {self.licence})")
+
+
+def importable(module: str) -> bool:
+    """Return whether a module is there; only packages above it are imported."""
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:  # the package above it
+        return False

@@ -1,0 +1,181 @@
+"""One interface to all solvers, and the choice among them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array, issparse
+
+from builder.structure.solid.cyclic_operator import CyclicProblem
+from builder.structure.solid.solvers.back_end import BackEnd
+from builder.structure.solid.solvers.cholmod import CHOLMOD, CVXOPT
+from builder.structure.solid.solvers.cyclic import CyclicSolver
+from builder.structure.solid.solvers.iterative import ITERATIVE
+from builder.structure.solid.solvers.mumps import MUMPS
+from builder.structure.solid.solvers.pardiso import PARDISO
+from builder.structure.solid.solvers.petsc import petsc_back_end
+from builder.structure.solid.solvers.problem import (
+    FloatArray,
+    SolveStatistics,
+    SparseProblem,
+    checked_loads,
+    checked_residual,
+    peak_memory,
+    probe_loads,
+    refuse_indefinite,
+)
+from builder.structure.solid.solvers.superlu import SUPERLU
+from strainfmu.errors import InputError
+
+BLOCK = 64
+"""Right-hand sides solved at once."""
+
+BACK_ENDS = (SUPERLU, MUMPS, CHOLMOD, CVXOPT, PARDISO, ITERATIVE, petsc_back_end())
+AUTOMATIC = (MUMPS, SUPERLU)
+"""Back ends chosen without being asked for, fastest first: their licences bind no program that calls them.
+
+GPL and Intel's licence are a user's decision; petsc starts other processes; iterative may not converge.
+"""
+CYCLIC = "cyclic"
+
+
+class Solver(Protocol):
+    """A prepared problem.
+
+    Attributes
+    ----------
+    name, licence : what solves, and on what terms.
+    statistics : what has been used so far.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def licence(self) -> str: ...
+
+    @property
+    def statistics(self) -> SolveStatistics: ...
+
+    def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
+        """Return displacements (n_dof, k) [m] under loads (n_dof, k) [N], both along body axes.
+
+        Raises
+        ------
+        SolverError
+            A relative residual is above :data:`~builder.structure.solid.solvers.problem.RESIDUAL_BOUND`.
+        InputError
+            Loads have a wrong shape or are not finite.
+        """
+        ...
+
+
+class SparseSolver:
+    """A problem prepared by a back end.
+
+    Parameters
+    ----------
+    problem : the problem.
+    back_end : what solves it.
+
+    Raises
+    ------
+    InputError
+        The back end is not installed.
+    SolverError
+        The matrix is singular, not positive definite or too large.
+    """
+
+    def __init__(self, problem: SparseProblem, back_end: BackEnd) -> None:
+        if not back_end.installed():
+            raise back_end.missing()
+        self.name, self.licence = back_end.name, back_end.licence
+        self._problem = problem
+        start = time.perf_counter()
+        self._factor = back_end.factor(problem)
+        seconds = time.perf_counter() - start
+        probed = refuse_indefinite(self.name, problem.matrix, self._factor, probe_loads(problem.free))
+        entries = int(problem.matrix.nnz)
+        self._statistics = SolveStatistics(problem.n_dof, entries, seconds, 0.0, peak_memory(), 0.0, probed)
+
+    @property
+    def statistics(self) -> SolveStatistics:
+        return replace(self._statistics, peak_memory=peak_memory())
+
+    def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
+        loads = checked_loads(right_hand_sides, self._problem.n_dof)
+        displacement = np.empty(loads.shape)
+        for first in range(0, loads.shape[1], BLOCK):
+            block = loads[:, first : first + BLOCK]
+            displacement[:, first : first + BLOCK] = self._solve_block(block)
+        return displacement
+
+    def _solve_block(self, loads: FloatArray | csc_array) -> FloatArray:
+        reduced = self._problem.free.T @ loads
+        start = time.perf_counter()
+        dense = reduced.toarray() if issparse(reduced) else reduced
+        answer = self._factor(dense)
+        seconds = time.perf_counter() - start
+        residual = checked_residual(self.name, self._problem.matrix, answer, dense)
+        self._statistics = replace(
+            self._statistics,
+            solve_seconds=self._statistics.solve_seconds + seconds,
+            relative_residual=max(self._statistics.relative_residual, residual),
+        )
+        displacement: FloatArray = self._problem.free @ answer
+        return displacement
+
+
+def choose_solver(
+    problem: SparseProblem | CyclicProblem, wanted: str | None = None
+) -> SparseSolver | CyclicSolver:
+    """Prepare a problem with the wanted solver, or with the best that is there.
+
+    A problem made of sectors goes to ``cyclic``, any other to the fastest installed one of :data:`AUTOMATIC`.
+
+    Raises
+    ------
+    InputError
+        The wanted one does not exist, is not installed (the message says what to install and its licence), or
+        does not fit the problem.
+    SolverError
+        The matrix is singular, not positive definite or too large.
+    """
+    if isinstance(problem, CyclicProblem):
+        if wanted not in (None, CYCLIC):
+            raise InputError(f"solver '{wanted}' found: a problem made of sectors is solved by '{CYCLIC}' alone")
+        return CyclicSolver(problem)
+    if wanted == CYCLIC:
+        raise InputError(f"solver '{CYCLIC}' needs a mesh of equal sectors, such as one swept round the axis")
+    if wanted is None:
+        return SparseSolver(problem, next(back_end for back_end in AUTOMATIC if back_end.installed()))
+    return SparseSolver(problem, named_back_end(wanted))
+
+
+def named_back_end(name: str, back_ends: Sequence[BackEnd] = BACK_ENDS) -> BackEnd:
+    """Return the back end of that name.
+
+    Raises
+    ------
+    InputError
+        There is none; the message lists the names.
+    """
+    for back_end in back_ends:
+        if back_end.name == name:
+            return back_end
+    known = ", ".join((CYCLIC, *(back_end.name for back_end in back_ends)))
+    raise InputError(f"solver '{name}' found, must be one of {known}")
+
+
+def solver_line(solver: Solver) -> str:
+    """Return one line for the output: what solved, on what terms, how large, how long, how well."""
+    used = solver.statistics
+    return (
+        f"solver {solver.name} ({solver.licence}): {used.n_dof} dofs, factor {used.factor_seconds:.1f} s, "
+        f"solve {used.solve_seconds:.1f} s, residual {used.relative_residual:.0e} (probes "
+        f"{used.probe_residual:.0e}), peak {used.peak_memory / 2**30:.1f} GiB"
+    )
