@@ -89,7 +89,9 @@ def centre_lines(snapshots: Snapshots) -> Figure:
         axis.set_title(f"M {mach:g}", fontsize=9, loc="left")
         axis.set_ylabel("$C_p$ [1]")
         axis.grid(alpha=0.3)
-        axis.legend(title="total incidence", fontsize=8, title_fontsize=8, loc="upper right")
+        axis.legend(
+            title="total incidence", fontsize=8, title_fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5)
+        )
     axes[-1].set_xlabel("station x from the nose tip [m]")
     figure.suptitle(f"Centre-line $C_p$, windward (solid) and leeward (dashed): {snapshots.vehicle}")
     return figure

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Mapping
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -79,38 +81,48 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
         )
     repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
     summary.add_row("flows with repaired states", f"{repaired} of {solved}")
-    for key, value in snapshots.settings.items():
-        summary.add_row(key, str(value))
+    for key, value in _flat(snapshots.settings):
+        summary.add_row(key, value)
     console.print(summary)
-    console.print(_table_of_conditions(snapshots))
+    for line in _lines_of_conditions(snapshots):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     with console.status("Figures"):
         for name in ("surface_maps", "centre_lines", "force_curves"):
             save(getattr(snapshot_figures, name)(snapshots), folder / f"{name}.png")
             console.print(f"{folder / f'{name}.png'}: written", highlight=False, soft_wrap=True)
 
 
-def _table_of_conditions(snapshots: Snapshots) -> Table:
-    """Return one row per condition: what it is, its coefficients, and how sound its flow is."""
+def _flat(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the entries of nested settings, each with its path."""
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value if isinstance(value, str) else json.dumps(value)
+
+
+def _lines_of_conditions(snapshots: Snapshots) -> Iterator[str]:
+    """Yield a table: each condition, its coefficients, and how sound its flow is; never narrowed to a terminal."""
     from builder.snapshot_figures import in_plane_forces
 
-    table = Table(title="Conditions; coefficients [1] of fore-body pressure less internal pressure")
-    for heading in ("no.", "M", "alpha", "beta", "a_T [deg]", "H [km]", *COEFFICIENT_NAMES, "x_cp [m]"):
-        table.add_column(heading, justify="right")
-    table.add_column("flow")
-    for heading in ("momentum [%]", "repairs"):
-        table.add_column(heading, justify="right")
-    coefficients, centre = snapshots.coefficients(), in_plane_forces(snapshots)[2]
+    yield "Conditions; angles [deg], H [km], coefficients [1] of fore-body pressure less internal, x_cp [m],"
+    yield "flow: solved, or rolled from that of the condition named; force against momentum [%]; repaired states"
+    yield (
+        f"{'no.':>4} {'M':>5} {'alpha':>7} {'beta':>7} {'a_T':>7} {'H':>5}"
+        + "".join(f" {name:>8}" for name in COEFFICIENT_NAMES)
+        + f" {'x_cp':>7} {'flow':>7} {'momentum':>8} {'repairs':>7}"
+    )
+    coefficients, centre = snapshots.coefficients().round(4) + 0.0, in_plane_forces(snapshots)[2]
     for i, condition in enumerate(snapshots.conditions()):
         angles = condition.angle_of_attack, condition.sideslip_angle, condition.total_incidence
-        table.add_row(
-            str(i + 1),
-            f"{condition.mach_number:g}",
-            *(f"{degrees(angle):.4g}" for angle in angles),
-            f"{1e-3 * condition.altitude:g}",
-            *(f"{value:.4f}" for value in coefficients[i]),
-            f"{centre[i]:.3f}" if np.isfinite(centre[i]) else "-",
-            "solved" if snapshots.solved[i] else f"rolled from {snapshots.flow[i] + 1}",
-            f"{100.0 * snapshots.momentum_error[i]:.3f}" if np.isfinite(snapshots.momentum_error[i]) else "-",
-            str(snapshots.repairs[i]),
+        momentum = snapshots.momentum_error[i]
+        yield (
+            f"{i + 1:>4} {condition.mach_number:>5g}"
+            + "".join(f" {degrees(angle):>7.4g}" for angle in angles)
+            + f" {1e-3 * condition.altitude:>5g}"
+            + "".join(f" {value:>8.4f}" for value in coefficients[i])
+            + (f" {centre[i]:>7.3f}" if np.isfinite(centre[i]) else f" {'-':>7}")
+            + f" {'solved' if snapshots.solved[i] else snapshots.flow[i] + 1:>7}"
+            + (f" {100.0 * momentum:>8.4f}" if np.isfinite(momentum) else f" {'-':>8}")
+            + f" {snapshots.repairs[i]:>7}"
         )
-    return table
