@@ -19,6 +19,9 @@ from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.flight_condition import FlightCondition
 
 FloatArray = NDArray[np.float64]
+ENGINE_NAMES = ("euler", "newtonian", "table")
+"""Names at the user's edge; :data:`builder.aero.engines.ENGINES` makes them."""
+
 FlowKey = tuple[float, ...]
 """What tells one flow from another: conditions with equal keys share one solution."""
 

@@ -54,11 +54,11 @@ def snapshots(
         strainfmu snapshots my_vehicle.toml --set conditions.csv --scheduler tcp://cluster:8786
     """
     from builder.aero.engines import make_engine
+    from builder.campaign.notes import campaign_notes
     from builder.campaign.run import run_campaign
     from builder.campaign.scheduling import Scheduling
     from builder.campaign.vehicle_campaign import vehicle_campaign
     from builder.flight_conditions import condition_set, count_repeated
-    from builder.reporting import campaign_notes
     from builder.vehicle import load_vehicle
 
     start = perf_counter()

@@ -98,13 +98,13 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
         ("altitude_km = 20.0", "altitude_ft = 65617.0", r"conditions.altitude_ft: .*allowed is altitude_km"),
         ("poisson_ratio", "poison_ratio", r"material.poison_ratio: unknown entry, did you mean poisson_ratio\?"),
         (
-            "[map]",
-            '[aerodynamics]\nengine = "eular"\n[map]',
+            'engine = "euler"',
+            'engine = "eular"',
             r"aerodynamics.engine: 'eular' found, must be one of euler, newtonian, table",
         ),
         (
-            "[map]",
-            '[aerodynamics]\nsurfaces = "a.stl"\n[map]',
+            'engine = "euler"',
+            'surfaces = "a.stl"',
             r"aerodynamics.surfaces: unknown entry, did you mean surface\?",
         ),
         ("[map]", "[mapp]", r"mapp: unknown entry, did you mean map\?"),

@@ -1,0 +1,25 @@
+"""What a campaign did, in the lines that a user reads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.campaign.run import CampaignResult
+
+
+def campaign_notes(result: CampaignResult) -> list[str]:
+    """Say in a few lines what a campaign did and how sound its flows are."""
+    snapshots, tally = result.snapshots, result.tally
+    conditions, flows = len(snapshots.condition), int(snapshots.solved.sum())
+    notes = [
+        f"{conditions} conditions: {flows} flows, {conditions - flows} rolled from them; "
+        f"{tally.solved} solved now, {tally.reused} reused"
+    ]
+    if np.isfinite(snapshots.momentum_error).any():
+        notes.append(f"force and momentum agree within {100.0 * np.nanmax(snapshots.momentum_error):.2g} %")
+    repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
+    if repaired:
+        notes.append(f"{repaired} flows needed states repaired, {snapshots.repairs.max()} at most in one")
+    if tally.solved:
+        notes.append(f"{tally.seconds:.1f} s for the flows, {tally.seconds_per_flow:.2g} s for one on one worker")
+    return notes
