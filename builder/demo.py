@@ -20,13 +20,14 @@ from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines import make_engine
 from builder.build import build_inverse_map
 from builder.campaign.journal import Journal
+from builder.campaign.notes import campaign_notes
 from builder.campaign.run import complete_flows, run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.flight_score import FlightScore, score_flight
 from builder.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.geometry import surface_grid
-from builder.reporting import Reporter, campaign_notes
+from builder.reporting import Reporter
 from builder.snapshot_transfer import snapshots_on
 from builder.snapshots import load_snapshots
 from builder.structural_model import check_gauges, check_map_size, structural_model, used_layouts

@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from builder.aero.engines import ENGINES
+from builder.aero.engine import ENGINE_NAMES
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
 from builder.flight_conditions import condition_grid
@@ -179,8 +179,8 @@ class Aerodynamics(_Section):
     @field_validator("engine")
     @classmethod
     def _engine_exists(cls, value: str) -> str:
-        if value not in ENGINES:
-            raise ValueError(f"'{value}' found, must be one of {', '.join(ENGINES)}")
+        if value not in ENGINE_NAMES:
+            raise ValueError(f"'{value}' found, must be one of {', '.join(ENGINE_NAMES)}")
         return value
 
 
