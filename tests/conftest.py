@@ -14,6 +14,18 @@ from strainfmu.cli import main
 OGIVE = Path(__file__).parent / "acceptance" / "ogive" / "ogive.toml"
 
 
+SHARED_FIXTURES = ("acceptance", "campaign", "inverse")
+"""Folders whose files share results that take long to make: each runs in one process."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
+    for item in items:
+        folder = item.path.relative_to(Path(__file__).parent).parts[0]
+        group = folder if folder in SHARED_FIXTURES else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(group))
+
+
 @pytest.fixture
 def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
     """Return a function that runs ``strainfmu`` with arguments: (exit code, standard output, standard error)."""
