@@ -21,7 +21,7 @@ from strainfmu.flight_condition import FlightCondition
 
 FloatArray = NDArray[np.float64]
 
-METHOD_VERSION = 2
+METHOD_VERSION = 3
 """Raised whenever the solver's results change, so that stored flows of an older one are solved again."""
 
 

@@ -157,7 +157,7 @@ def test_pressure_of_a_cone_at_incidence(
 
 
 def test_conical_start_says_how_settled_it_is(cone_flow: ConeFlow) -> None:
-    """The last e-fold changed the pressure by less than the grid's tolerance, and no state was repaired."""
+    """The pressure changes by less than the grid's tolerance while x grows by half, and no state was repaired."""
     flow = cone_flow(10.0, 5.0, 4.0)
     assert 0.0 < flow.conical_change < 5e-4
     assert flow.n_repairs == 0

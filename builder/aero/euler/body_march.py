@@ -1,14 +1,15 @@
 """From tip to base: conical start, then marching along the surface.
 
-The flow over the tip is conical, so marching over ever larger cones until nothing changes gives it: first
-on half the grid, then on the whole. A body that begins with a cone is done up to that cone's end; the rest
-is marched piece by piece, so that slope breaks are met exactly.
+The flow over the tip is conical. It is relaxed, first on half the grid, then on the whole, and then marched over
+ever larger cones until nothing changes, which after the relaxation is seldom more than one leg. A body that
+begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that slope breaks are met
+exactly.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan
+from math import atan, log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,17 @@ from builder.aero.euler import march
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.plane import Plane, cone_force, free_stream, momentum_balance, refine
+from builder.aero.euler.plane import (
+    Plane,
+    change_between,
+    cone_force,
+    cone_imbalance,
+    free_stream,
+    momentum_balance,
+    refine,
+)
 from builder.aero.euler.reconstruction import Stream
+from builder.aero.euler.relaxation import relax_cone
 from builder.aero.euler.surface_function import cone_wall
 from strainfmu.errors import FlowReachError
 
@@ -26,13 +36,15 @@ FloatArray = NDArray[np.float64]
 
 COURANT = 0.9
 MAX_STEPS = 20_000
-LEG = 1.5
+LEG = 1.1
 """Growth of x over one leg of the conical start."""
-MAX_LEGS = 40
-LARGEST_MASS_DEFECT = 1e-5
-"""Imbalance of mass, over the free stream through the base, that a settled conical start may have."""
+MAX_LEGS = 160
 LARGEST_UNREST = 0.02
-"""Change over a leg above which a conical start that has not settled is refused."""
+"""Change, while x grows by half, above which a conical start that has not settled is refused."""
+COARSE_TOLERANCE = 0.01
+"""What suffices of the start on half the grid, from which that on the whole begins."""
+ROUGH_TOLERANCE = 0.3
+"""How far the march takes an impulsive start that the relaxation cannot begin with, before that tries again."""
 OGIVE_START = 0.01
 """Share of the first piece's length that is taken as a cone where that piece is curved."""
 
@@ -115,9 +127,13 @@ def _conical_start(
     reach = 1.3 * np.tan(min(mach_angle + max(atan(float(slope.max())), lean), 1.3))
     n_phi = coarse_rays.cell_sine.size
     plane = Plane(1.0, coarse_rays, free_stream(flow.stream, n_phi, coarse_r), np.full(n_phi + 1, reach))
-    _settle(plane, coarse_slope, flow, grid)
+    for enough in (ROUGH_TOLERANCE, COARSE_TOLERANCE):
+        if relax_cone(plane, coarse_slope, flow.stream, grid, max(COARSE_TOLERANCE, grid.conical_tolerance)):
+            break
+        _settle(plane, coarse_slope, flow, grid, max(enough, grid.conical_tolerance))
     plane = refine(plane, rays, n_r)
-    pressure, change = _settle(plane, slope, flow, grid)
+    relax_cone(plane, slope, flow.stream, grid, grid.conical_tolerance)
+    pressure, change = _settle(plane, slope, flow, grid, grid.conical_tolerance)
     plane.x, plane.outer = x, plane.outer * x
     plane.n_steps, plane.repairs[:] = 0, 0  # what the impulsive start needed says nothing of the flow
     vertex = np.empty((2, radius.size, 2))
@@ -126,31 +142,27 @@ def _conical_start(
     return plane, pressure, change
 
 
-def _settle(plane: Plane, slope: FloatArray, flow: Flow, grid: MarchingGrid) -> tuple[FloatArray, float]:
-    """March a cone leg by leg, shrinking the plane back to x = 1, until it changes no more and balances.
+def _settle(
+    plane: Plane, slope: FloatArray, flow: Flow, grid: MarchingGrid, tolerance: float
+) -> tuple[FloatArray, float]:
+    """March a cone leg by leg, shrinking the plane back to x = 1, until it settles within ``tolerance``.
 
-    Returns p/p_inf (n_phi,) and the change of it over the last leg, relative to its mean, or of the shock's radius
-    if that is larger. Raises FlowReachError where that is still large after all legs.
+    It has settled when it changes no more than that and wall force, momentum and mass are that near to balance.
+    Returns p/p_inf (n_phi,) and the change of it while x grows by half, at the pace of the last leg, relative to
+    its mean, or of the shock's radius if that is larger. Raises FlowReachError where that is still large after all
+    legs.
     """
     wall = cone_wall(slope, LEG)
-    vertex = np.empty((2, slope.size, 2))
-    place_vertices(slope, 2.0 * slope, np.array([0.0, 1.0]), plane.rays, vertex)
     pressure, change = np.ones(plane.rays.cell_sine.size), np.inf
     for _ in range(MAX_LEGS):
-        before, shock = pressure, plane.outer.copy()
+        shock = plane.outer.copy()
         _, pressures = advance(plane, wall, LEG, flow, grid, tip=True)
         plane.outer /= LEG
         plane.x = 1.0
         pressure = pressures[-1]
-        moved = np.max(np.abs(plane.outer / shock - 1.0))
-        change = float(max(np.max(np.abs(pressure - before)) / np.mean(pressure), moved))
-        momentum, mass_defect = momentum_balance(plane, slope, flow.stream, grid)
-        force = cone_force(1.0, vertex[:, :, 0], pressure)
-        # On half a body the force across the symmetry plane is in the momentum along y, and no part of the wall's.
-        along = [0, 1, 2] if plane.rays.closed else [0, 2]
-        imbalance = float(np.linalg.norm((momentum - force)[along]) / np.linalg.norm(force[along]))
-        if max(change, imbalance) < grid.conical_tolerance and abs(mass_defect) < LARGEST_MASS_DEFECT:
-            break
+        change = change_between(pressures[0], pressure, shock, plane.outer) * log(1.5) / log(LEG)
+        if max(change, cone_imbalance(plane, slope, pressure, flow.stream, grid)) < tolerance:
+            return pressure, change
     if change > LARGEST_UNREST:
         raise FlowReachError(
             f"euler: the flow over the tip does not settle for {flow.name}: "

@@ -21,8 +21,8 @@ def characteristic_slopes(
     c2 = GAMMA * pressure / density
     middle = u * normal_velocity
     spread = math.sqrt(c2 * max(u * u + normal_velocity * normal_velocity - c2, 0.0))
-    below = u * u - c2
-    return (middle - spread) / below, (middle + spread) / below
+    inverse = 1.0 / (u * u - c2)
+    return (middle - spread) * inverse, (middle + spread) * inverse
 
 
 @compiled

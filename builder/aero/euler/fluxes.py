@@ -25,20 +25,18 @@ IntArray = NDArray[np.int64]
 
 
 @compiled
-def _flow_through(left: State, right: State, sx: float, sy: float, sz: float, flux: FloatArray) -> None:
-    """Fill flux (4,) with the flow through the vector area (sx, sy, sz) from left to right."""
+def _flow_through(left: State, right: State, sx: float, sy: float, sz: float) -> tuple[float, float, float, float]:
+    """Return the flow through the vector area (sx, sy, sz) from left to right."""
     length = norm(sy, sz)
-    ny, nz = sy / length, sz / length
-    slope = -sx / length
+    shrink = 1.0 / length
+    ny, nz = sy * shrink, sz * shrink
+    slope = -sx * shrink
     pl, rl, ul, vl, wl = left
     pr, rr, ur, vr, wr = right
     nl, tl = vl * ny + wl * nz, wl * ny - vl * nz
     nr, tr = vr * ny + wr * nz, wr * ny - vr * nz
     f0, f1, fn, ft = hll(pl, rl, ul, nl, tl, pr, rr, ur, nr, tr, slope)
-    flux[0] = f0 * length
-    flux[1] = f1 * length
-    flux[2] = (fn * ny - ft * nz) * length
-    flux[3] = (fn * nz + ft * ny) * length
+    return f0 * length, f1 * length, (fn * ny - ft * nz) * length, (fn * nz + ft * ny) * length
 
 
 @compiled
@@ -99,7 +97,6 @@ def add_radial_fluxes(
     n_phi, n_r = change.shape[1], change.shape[2]
     half = np.empty(change.shape)
     radial_slopes(wave, half)
-    flux = np.empty(4)
     free_stream = (1.0 / GAMMA, 1.0, stream.u, stream.v, stream.w)
     for j in range(n_phi):
         sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
@@ -110,7 +107,7 @@ def add_radial_fluxes(
                 right = reconstruct(wave, half, j, i, -1.0, sine, cosine, stream, repairs)
             else:
                 left = right = free_stream
-            _flow_through(left, right, sx, sy, sz, flux)
+            flux = _flow_through(left, right, sx, sy, sz)
             for k in range(4):
                 change[k, j, i - 1] -= flux[k]
                 if i < n_r:
@@ -132,7 +129,6 @@ def add_circumferential_fluxes(
     n_phi, n_r = change.shape[1], change.shape[2]
     half = np.empty(change.shape)
     circumferential_slopes(wave, rays.step, half)
-    flux = np.empty(4)
     for j in range(n_phi if rays.closed else n_phi + 1):
         sine, cosine = rays.sine[j], rays.cosine[j]
         behind, ahead = j - 1, j
@@ -149,7 +145,7 @@ def add_circumferential_fluxes(
                 right = (left[0], left[1], left[2], -left[3], left[4])
             if behind < 0:
                 left = (right[0], right[1], right[2], -right[3], right[4])
-            _flow_through(left, right, sx, sy, sz, flux)
+            flux = _flow_through(left, right, sx, sy, sz)
             for k in range(4):
                 if behind >= 0:
                     change[k, behind, i] -= flux[k]

@@ -64,20 +64,20 @@ def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, 
 
 
 @compiled
-def marching_step(
+def crossing_steps(
     vertex: FloatArray,
     cell: FloatArray,
     spacing: FloatArray,
     rays: Rays,
     wall_slope: FloatArray,
     growth: FloatArray,
-) -> float:
-    """Return the largest dx for which no acoustic wave crosses a cell (Courant number 1, both directions).
+    step: FloatArray,
+) -> None:
+    """Fill step (n_phi, n_r) with the dx in which an acoustic wave crosses a cell (both directions together).
 
     wall_slope dr/dx and growth d(outer)/dx (n_phi + 1,) are the motion of the grid's ends.
     """
     n_phi, n_r = cell.shape[1], cell.shape[2]
-    fastest = 0.0
     for j in range(n_phi):
         sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
         inner = 0.5 * (wall_slope[j] + wall_slope[j + 1])
@@ -96,8 +96,7 @@ def marching_step(
             slope = inner + 0.5 * (spacing[i] + spacing[i + 1]) * (outer - inner)
             radial = max(high - slope, slope - low) / height
             low, high = characteristic_slopes(p, rho, u, v * cosine - w * sine)
-            fastest = max(fastest, radial + max(high, -low) / width)
-    return 1.0 / fastest
+            step[j, i] = 1.0 / (radial + max(high, -low) / width)
 
 
 @compiled
@@ -186,7 +185,7 @@ def march(
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
     cell, wave = np.empty((5, n_phi, n_r)), np.empty((4, n_phi + 2, n_r))
     before, after = np.empty((2, n_phi + 1, n_r + 1)), np.empty((2, n_phi + 1, n_r + 1))
-    area_before, area_after = np.empty((n_phi, n_r)), np.empty((n_phi, n_r))
+    area_before, area_after, crossing = np.empty((3, n_phi, n_r))
     first, second, guess = np.empty_like(conserved), np.empty_like(conserved), np.empty_like(conserved)
     wall_first, wall_second = np.empty(n_phi), np.empty(n_phi)
     growth, last_growth, radius, slope = np.empty((4, n_phi + 1))
@@ -198,7 +197,8 @@ def march(
         if not decode(conserved, rays, stream, cell, wave):
             return AXIAL_SONIC, step, x
         outer_boundary_growth(x, before, outer, wave, rays, stream, growth)
-        dx = courant * marching_step(before, cell, spacing, rays, slope, growth)
+        crossing_steps(before, cell, spacing, rays, slope, growth, crossing)
+        dx = courant * crossing.min()
         last = x + dx >= x_end * (1.0 - 1e-12)
         if last:
             dx = x_end - x

@@ -20,8 +20,8 @@ class MarchingGrid:
     n_circumferential : cells over half a turn: over the half body, leeward to windward.
     clustering : cells grow outward by exp(clustering) from the first to the last: at high incidence the vortical
         layer on the leeward side is thin, and the grid converges cleanly only if it is resolved.
-    conical_tolerance : change of wall pressure (relative to its mean) and shock radius over a leg in which x
-        grows by half, and imbalance of wall force and momentum, that end the conical start.
+    conical_tolerance : change of wall pressure (relative to its mean) and shock radius while x grows by half,
+        imbalance of wall force and momentum, and ten times that of mass, that end the conical start.
     """
 
     n_radial: int = 24
@@ -48,8 +48,8 @@ Errors of C_N and C_A for the shipped vehicle against the value extrapolated fro
 level   M 5, 8.478 deg  M 5, 8.478 deg  M 7, 14.106 deg  M 7, 14.106 deg  CPU s per flow
         C_N             C_A             C_N              C_A              0 .. 14 deg
 ======  ==============  ==============  ===============  ===============  ==============
-coarse  0.2 %           1.0 %           1.0 %            < 0.1 %          0.2 .. 0.8
-medium  0.1 %           0.4 %           0.6 %            < 0.1 %          0.5 .. 2.1
-fine    < 0.1 %         0.2 %           0.4 %            < 0.1 %          1.5 .. 5.3
+coarse  0.2 %           1.0 %           1.0 %            < 0.1 %          0.1 .. 0.2
+medium  0.1 %           0.4 %           0.6 %            < 0.1 %          0.2 .. 0.4
+fine    < 0.1 %         0.2 %           0.4 %            < 0.1 %          0.6 .. 1.2
 ======  ==============  ==============  ===============  ===============  ==============
 """

@@ -14,6 +14,9 @@ from builder.aero.euler.reconstruction import Stream
 
 FloatArray = NDArray[np.float64]
 
+MASS_WEIGHT = 10.0
+"""How much more an imbalance of mass counts than one of force: 1e-5 of it is as bad as 1e-4 of the force."""
+
 
 @dataclass
 class Plane:
@@ -93,3 +96,28 @@ def cone_force(x: float, corner: FloatArray, pressure: FloatArray) -> FloatArray
     sx = -0.5 * (y[1:] * z[:-1] - z[1:] * y[:-1])
     sy, sz = -0.5 * x * np.diff(z), 0.5 * x * np.diff(y)
     return -np.array([np.sum((pressure - 1.0) * s) for s in (sx, sy, sz)])
+
+
+def cone_imbalance(
+    plane: Plane, slope: FloatArray, pressure: FloatArray, stream: Stream, grid: MarchingGrid
+) -> float:
+    """Return the imbalance of wall force and momentum over the cone r = slope x (n_phi + 1,), over the force.
+
+    ``plane`` is at x = 1, ``pressure`` is p/p_inf (n_phi,). The mass defect times MASS_WEIGHT if that is larger.
+    """
+    momentum, mass_defect = momentum_balance(plane, slope, stream, grid)
+    corner = np.empty((2, slope.size, 2))
+    place_vertices(slope, plane.outer, np.array([0.0, 1.0]), plane.rays, corner)
+    force = cone_force(1.0, corner[:, :, 0], pressure)
+    # On half a body the force across the symmetry plane is in the momentum along y, and no part of the wall's.
+    along = [0, 1, 2] if plane.rays.closed else [0, 2]
+    imbalance = float(np.linalg.norm((momentum - force)[along]) / np.linalg.norm(force[along]))
+    return max(imbalance, MASS_WEIGHT * abs(mass_defect))
+
+
+def change_between(
+    pressure_before: FloatArray, pressure: FloatArray, outer_before: FloatArray, outer: FloatArray
+) -> float:
+    """Return the largest change of pressure (n_phi,), over its mean, or of the outer boundary (n_phi + 1,)."""
+    moved = np.max(np.abs(outer / outer_before - 1.0))
+    return float(max(np.max(np.abs(pressure - pressure_before)) / np.mean(pressure), moved))

@@ -32,8 +32,8 @@ class FlowSolution:
     force : (2,) axial and normal force of p - p_inf from the wall fluxes, over p_inf [m2].
     force_from_momentum : (2,) the same from the momentum deficit of the exit plane [m2].
     mass_defect : relative imbalance of mass over the control volume.
-    conical_change : change over the last leg of the conical start, of the wall pressure relative to its mean or
-        of the shock radius.
+    conical_change : change while x grows by half, at the end of the conical start, of the wall pressure relative
+        to its mean or of the shock radius.
     n_steps : marching steps taken after the conical start.
     n_repairs : states that fell back to first order to stay physical, after the conical start.
     """

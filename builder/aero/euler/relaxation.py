@@ -1,0 +1,169 @@
+"""Relaxation of the flow over a cone, every cell with its own step.
+
+On a cone the march has an end: the state that a step leaves as it is but for the growth of x. It is the same for
+steps of any length, because all areas of a step in which the whole plane grows in proportion go with
+(x + dx)^2 - x^2. So each cell may take the longest step that is stable for it, as in pseudo-time, and the
+thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, foremost the layer
+of entropy at the wall, and extrapolation from several rounds of sweeps removes them (Anderson, J. ACM 12, 1965).
+Arrays are those of :mod:`builder.aero.euler.march`; sweeps are compiled.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.euler.bow_shock import outer_boundary_growth
+from builder.aero.euler.compiled import compiled
+from builder.aero.euler.gas import GAMMA
+from builder.aero.euler.grid import Rays, cell_areas, place_vertices
+from builder.aero.euler.march import AXIAL_SONIC, REACHED_END, WALL_DETACHED, crossing_steps, decode, find_fluxes
+from builder.aero.euler.marching_grid import MarchingGrid
+from builder.aero.euler.plane import Plane, change_between, cone_imbalance
+from builder.aero.euler.reconstruction import Stream
+
+FloatArray = NDArray[np.float64]
+
+COURANT = 1.1
+"""Of the second stage; the scheme is unstable from 1.2 to 1.4 on."""
+FIRST_STAGE = 0.42
+"""Share of the step that the first stage takes (van Leer, Tai, Powell, AIAA 89-1933: 0.4242 for this scheme)."""
+PROBE = 1e-3
+"""Length of the step at x = 1 from which the rates of change are taken."""
+ROUND = 20
+"""Sweeps between two looks at the flow."""
+MAX_ROUNDS = 80
+DEPTH = 6
+"""Rounds from which is extrapolated."""
+NEAR = 0.01
+"""Change over a round below which is extrapolated."""
+
+
+@compiled
+def step_cells(
+    start: FloatArray,
+    present: FloatArray,
+    area: FloatArray,
+    area_after: FloatArray,
+    inflow: FloatArray,
+    step: FloatArray,
+    share: float,
+    result: FloatArray,
+) -> None:
+    """Fill ``result`` (4, n_phi, n_r) with E after ``share`` of each cell's own step from ``start``.
+
+    ``inflow`` (4, n_phi, n_r) flows into the cells, and their area grows, over a step of PROBE at the E
+    ``present``; ``step`` (n_phi, n_r) are the cells' own.
+    """
+    for k in range(start.shape[0]):
+        for j in range(start.shape[1]):
+            for i in range(start.shape[2]):
+                probes = share * step[j, i] / PROBE
+                growth = area_after[j, i] - area[j, i]
+                gain = inflow[k, j, i] - present[k, j, i] * growth
+                result[k, j, i] = start[k, j, i] + probes * gain / (area[j, i] + probes * growth)
+
+
+@compiled
+def sweep(
+    conserved: FloatArray,
+    outer: FloatArray,
+    spacing: FloatArray,
+    rays: Rays,
+    slope: FloatArray,
+    stream: Stream,
+    pressure: FloatArray,
+) -> int:
+    """Do one round of sweeps at x = 1 towards the flow over the cone r = slope x; return a status of the march.
+
+    Parameters
+    ----------
+    conserved, outer : (4, n_phi, n_r), (n_phi + 1,) state and outer boundary at x = 1; updated.
+    spacing : (n_r + 1,) vertex positions from 0 (wall) to 1 (outer boundary).
+    slope : (n_phi + 1,) of the cone on the rays.
+    pressure : (n_phi,) filled with the wall pressure of the last sweep.
+    """
+    n_phi, n_r = conserved.shape[1], conserved.shape[2]
+    cell, wave = np.empty((5, n_phi, n_r)), np.empty((4, n_phi + 2, n_r))
+    before, after = np.empty((2, n_phi + 1, n_r + 1)), np.empty((2, n_phi + 1, n_r + 1))
+    area, area_after, step = np.empty((3, n_phi, n_r))
+    present, inflow = conserved.copy(), np.empty_like(conserved)
+    growth, outer_start, outer_step = np.empty((3, n_phi + 1))
+    repairs = np.zeros(1, dtype=np.int64)
+    for _ in range(ROUND):
+        outer_start[:] = outer
+        for stage in range(2):
+            share = FIRST_STAGE if stage == 0 else 1.0
+            if not decode(present, rays, stream, cell, wave):
+                return AXIAL_SONIC
+            place_vertices(slope, outer, spacing, rays, before)
+            cell_areas(before, area)
+            outer_boundary_growth(1.0, before, outer, wave, rays, stream, growth)
+            if stage == 0:
+                crossing_steps(before, cell, spacing, rays, slope, growth, step)
+                step *= COURANT
+                for j in range(n_phi + 1):
+                    behind, ahead = max(j - 1, 0), min(j, n_phi - 1)
+                    if rays.closed and (j == 0 or j == n_phi):
+                        behind, ahead = n_phi - 1, 0
+                    outer_step[j] = min(step[behind, n_r - 1], step[ahead, n_r - 1])
+            place_vertices(slope * (1.0 + PROBE), outer + PROBE * growth, spacing, rays, after)
+            cell_areas(after, area_after)
+            if not find_fluxes(before, after, PROBE, cell, wave, rays, stream, inflow, pressure, repairs):
+                return WALL_DETACHED
+            step_cells(conserved, present, area, area_after, inflow, step, share, present)
+            for j in range(n_phi + 1):
+                outer[j] = outer_start[j] + share * outer_step[j] * (growth[j] - outer[j])
+        conserved[:] = present
+    return REACHED_END
+
+
+def extrapolate(results: list[FloatArray], moves: list[FloatArray]) -> FloatArray:
+    """Return the combination of ``results`` (n,) of rounds whose ``moves`` (m,), combined alike, are smallest."""
+    move_differences = np.diff(np.stack(moves), axis=0)
+    gram = move_differences @ move_differences.T
+    weights = np.linalg.lstsq(gram, move_differences @ moves[-1], rcond=1e-10)[0]
+    return results[-1] - weights @ np.diff(np.stack(results), axis=0)
+
+
+def relax_cone(plane: Plane, slope: FloatArray, stream: Stream, grid: MarchingGrid, tolerance: float) -> bool:
+    """Relax the flow over the cone r = slope x (n_phi + 1,) on ``plane``, which is at x = 1.
+
+    Returns whether it came to change by less than ``tolerance`` over a round and to balance within it. Otherwise
+    the plane is left as it was: where a state on the way is out of reach, the march may yet pass.
+    """
+    shape, spacing = plane.conserved.shape, grid.spacing(plane.conserved.shape[2])
+    # Mass flux, momentum and cross-flow momentum (c_inf = 1) are made comparable with the relative radius.
+    size = np.array([stream.u, stream.u**2, stream.u, stream.u])[:, None, None]
+
+    def packed() -> FloatArray:
+        return np.concatenate([(plane.conserved / size).ravel(), plane.outer])
+
+    def unpack(state: FloatArray) -> None:
+        plane.conserved = state[: plane.conserved.size].reshape(shape) * size
+        plane.outer = state[plane.conserved.size :].copy()
+
+    start, pressure = packed(), np.ones(shape[1])
+    results: list[FloatArray] = []
+    moves: list[FloatArray] = []
+    for _ in range(MAX_ROUNDS):
+        before, pressure_before, outer_before = packed(), pressure.copy(), plane.outer.copy()
+        status = sweep(plane.conserved, plane.outer, spacing, plane.rays, slope, stream, pressure)
+        if status != REACHED_END and not results:
+            break
+        if status != REACHED_END:  # The extrapolation went too far.
+            unpack(results[-1])
+            results, moves = [], []
+            continue
+        change = change_between(pressure_before, pressure, outer_before, plane.outer)
+        if max(change, cone_imbalance(plane, slope, GAMMA * pressure, stream, grid)) < tolerance:
+            return True
+        if change < NEAR:
+            after = packed()
+            # Moves of the cells alone are weighed: half a body and the whole then take the same way.
+            move = (after - before)[: plane.conserved.size]
+            results, moves = [*results[1 - DEPTH :], after], [*moves[1 - DEPTH :], move]
+            if len(results) > 1:
+                unpack(extrapolate(results, moves))
+    unpack(start)
+    return False
