@@ -1,6 +1,6 @@
 """builder: from a vehicle file to an inverse map (off-line package).
 
 The data go one way: :mod:`builder.vehicle` -> :mod:`builder.geometry` -> :mod:`builder.aero` (surface
-pressure) and :mod:`builder.structure` (strain per pressure) -> :mod:`builder.reduction` ->
-:mod:`builder.inversion` -> ``map.h5``, which :mod:`strainfmu` applies.
+pressure) and :mod:`builder.structure` (strain per pressure) -> :mod:`builder.inverse` ->
+``map.h5``, which :mod:`strainfmu` applies.
 """

@@ -2,37 +2,70 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from math import degrees
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.loads import coefficient_scale, load_operator
-from builder.inversion import least_squares_map
-from builder.reduction import proper_orthogonal_decomposition
+from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
+from builder.geometry import SurfaceGrid
+from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
+from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms
+from builder.inverse.noise_model import NoiseTerm, gauge_noise
+from builder.inverse.solution import Problem, Solution, solve
 from builder.snapshot_transfer import snapshots_on
 from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel
-from builder.uncertainty import load_covariance
+from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle import Vehicle
 from strainfmu import __version__
 from strainfmu.errors import InputError
 from strainfmu.inverse_map import InverseMap
 
 FloatArray = NDArray[np.float64]
+AnyStructure = StructuralModel | MappedStructure
 
 
-def gauge_noise_std(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> float:
-    """Return sigma [m/m], one for all gauges.
+def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> FloatArray:
+    """Return the covariance (n_d, n_d) of the noise of the gauges in use [(m/m)^2].
 
-    Absolute, or a share of the median |strain| over the snapshots and the gauges of ``noise.of_layout``.
+    Relative noise is a share of the median |strain| over the snapshots and the gauges of ``noise.of_layout``.
+
+    Raises
+    ------
+    InputError
+        The section [noise] does not fit the gauges.
     """
-    if vehicle.noise.std_um_per_m is not None:
-        return 1e-6 * vehicle.noise.std_um_per_m
-    assert vehicle.noise.percent_of_median_strain is not None
-    layout = vehicle.noise.of_layout or vehicle.gauges.layout
-    strain = (snapshots.pressure - internal_pressure(vehicle, snapshots)) @ structure.strain_operator(layout).T
-    return float(0.01 * vehicle.noise.percent_of_median_strain * np.median(np.abs(strain)))
+    entry = vehicle.noise
+    layout, median = vehicle.gauges.layout, 0.0
+    if entry.percent_of_median_strain is not None:
+        net = snapshots.pressure - internal_pressure(vehicle, snapshots)
+        median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
+    return gauge_covariance(entry, len(structure.layouts[layout].names), median, vehicle.beside(""))
+
+
+def noise_terms(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, strain_operator: FloatArray
+) -> list[NoiseTerm]:
+    """Return the terms of the section [noise] but for the truncated modes.
+
+    Raises
+    ------
+    InputError
+        The section does not fit the gauges, or asks the structure for what it cannot do.
+    """
+    entry = vehicle.noise
+    derivatives: GaugeDerivatives | None = None
+    if (entry.gauge_position_mm or entry.gauge_orientation_deg) and isinstance(structure, StructuralModel):
+        derivatives = fourier_gauge_derivatives(vehicle, structure, vehicle.gauges.layout)
+    net = snapshots.pressure - internal_pressure(vehicle, snapshots)
+    own = gauge_noise(gauge_noise_covariance(vehicle, snapshots, structure))
+    return [own, *gauge_error_terms(entry, net, strain_operator, derivatives)]
 
 
 def internal_pressure(vehicle: Vehicle, snapshots: Snapshots) -> float:
@@ -52,64 +85,107 @@ def internal_pressure(vehicle: Vehicle, snapshots: Snapshots) -> float:
     return inside[0]
 
 
-def build_inverse_map(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
-    """Build the map of Case 1 for the layout in use.
+def build_inverse_map(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, nuisance: Sequence[NoiseTerm] = ()
+) -> InverseMap:
+    """Build the map of the case that the vehicle file asks for, for the layout in use.
+
+    Parameters
+    ----------
+    vehicle : the vehicle file.
+    snapshots : surface pressure at the flight conditions.
+    structure : strain per pressure.
+    nuisance : further noise terms, as of thermal strain.
 
     Raises
     ------
     InputError
         The gauges cannot identify the modes asked for, or the snapshots' surface is not the structure's.
     """
-    snapshots = snapshots_on(snapshots, structure.surface)
-    layout = vehicle.gauges.layout
-    z_p = structure.strain_operator(layout)
-    inside = internal_pressure(vehicle, snapshots)
-    reference = vehicle.reference_quantities()
-    loads = load_operator(structure.surface, reference.moment_station)
-    sigma = gauge_noise_std(vehicle, snapshots, structure)
-    noise_std = np.full(len(z_p), sigma)
-    modes = proper_orthogonal_decomposition(snapshots.pressure)
-    n_modes = vehicle.map.modes
-    solved = least_squares_map(z_p, modes, n_modes, noise_std, inside)
+    if isinstance(structure.surface, SurfaceGrid):
+        snapshots = snapshots_on(snapshots, structure.surface)
+    layout, reference = vehicle.gauges.layout, vehicle.reference_quantities()
+    z_p, inside = structure.strain_operator(layout), internal_pressure(vehicle, snapshots)
+    loads = _load_operator(structure.surface, reference.moment_station)
+    terms = noise_terms(vehicle, snapshots, structure, z_p)
+    entry, mesh = vehicle.map, _mesh(structure.surface)
+    with_truncated = vehicle.noise.with_truncated_modes
+    solution = solve(
+        Problem(snapshots.pressure, inside, z_p, loads, mesh.node_area, (*terms, *nuisance), with_truncated, entry)
+    )
+    solved, load_per_state = solution.solved, loads @ solution.field_modes
     coefficients = snapshot_coefficients(vehicle, snapshots, loads)
     gauges = structure.layouts[layout]
-    conditions = snapshots.conditions()
     return InverseMap(
         vehicle=vehicle.name,
+        case=str(entry.case),
         gauge_names=gauges.names,
         gauge_position=gauges.position,
         gauge_direction=gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True),
-        noise_std=noise_std,
+        noise_std=np.linalg.norm(terms[0].strain, axis=1),
+        state_operator=solved.state_operator,
+        noise_covariance=solved.noise_covariance,
+        regularisation=solved.regularisation,
         strain_gain=solved.strain_gain,
         state_offset=solved.state_offset,
-        load_per_state=loads @ modes.modes[:, :n_modes],
-        load_of_mean=loads @ (modes.mean - inside),
-        load_covariance=load_covariance(solved, modes, loads, noise_std),
+        load_per_state=load_per_state,
+        load_of_mean=loads @ (solution.mean - inside),
+        load_covariance=load_error_covariance(solved, load_per_state, solution.noise),
         mean_strain=solved.mean_strain,
         residual_whitening=solved.residual_whitening,
-        residual_degrees_of_freedom=len(z_p) - n_modes,
+        residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
         strain_range=np.abs((snapshots.pressure - inside) @ z_p.T).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
         reference_area=reference.area,
         reference_length=reference.length,
-        nominal_dynamic_pressure=float(np.mean([c.dynamic_pressure for c in conditions])),
-        provenance={
-            "strainfmu_version": __version__,
-            "layout": layout,
-            "snapshots": len(conditions),
-            "flows_solved": int(snapshots.solved.sum()),
-            "modes": n_modes,
-            "energy_of_modes": float(modes.energy[n_modes - 1]),
-            "condition_number": solved.condition_number,
-            "internal_pressure_Pa": inside,
-            "mach_number": _range([c.mach_number for c in conditions]),
-            "angle_of_attack_deg": _range([degrees(c.angle_of_attack) for c in conditions]),
-            "sideslip_angle_deg": _range([degrees(c.sideslip_angle) for c in conditions]),
-            "altitude_m": conditions[0].altitude,
-            "moment_station_m": reference.moment_station,
-            "resolution": vehicle.resolution.map.model_dump(),
-        },
+        nominal_dynamic_pressure=float(np.mean([c.dynamic_pressure for c in snapshots.conditions()])),
+        strain_load_covariance=solution.noise.strain_load_covariance,
+        provenance=_provenance(vehicle, snapshots, structure, solution, inside),
+        **(_field(solution, mesh) if entry.keep_field else {}),
     )
+
+
+def _provenance(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, solution: Solution, inside: float
+) -> dict[str, Any]:
+    conditions = snapshots.conditions()
+    return {
+        "strainfmu_version": __version__,
+        "layout": vehicle.gauges.layout,
+        "snapshots": len(conditions),
+        "flows_solved": int(snapshots.solved.sum()),
+        **solution.facts,
+        "noise_terms": [asdict(share) for share in solution.noise.shares()],
+        "internal_pressure_Pa": inside,
+        "mach_number": _range([c.mach_number for c in conditions]),
+        "angle_of_attack_deg": _range([degrees(c.angle_of_attack) for c in conditions]),
+        "sideslip_angle_deg": _range([degrees(c.sideslip_angle) for c in conditions]),
+        "altitude_m": conditions[0].altitude,
+        "moment_station_m": vehicle.reference_quantities().moment_station,
+        "resolution": vehicle.resolution.map.model_dump(),
+        "structural_model": structure.description,
+    }
+
+
+def _field(solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
+    """Return what turns states into pressure on the surface, in single precision."""
+    return {
+        "field_mean": solution.mean.astype(np.float32),
+        "field_modes": solution.field_modes.astype(np.float32),
+        "point": mesh.point.astype(np.float32),
+        "triangle": mesh.triangle.astype(np.int32),
+    }
+
+
+def _mesh(surface: SurfaceGrid | SurfaceMesh) -> SurfaceMesh:
+    return mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
+
+
+def _load_operator(surface: SurfaceGrid | SurfaceMesh, moment_station: float) -> FloatArray:
+    """Return (5, n_p) loads per nodal pressure about ``moment_station`` [m]."""
+    if isinstance(surface, SurfaceGrid):
+        return load_operator(surface, moment_station)
+    return mesh_load_operator(surface, moment_station)
 
 
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:

@@ -29,8 +29,21 @@ from builder.flight_tables import flight_model, truth_engine, truth_keys, truth_
 from builder.geometry import surface_grid
 from builder.reporting import Reporter
 from builder.snapshot_transfer import snapshots_on
-from builder.snapshots import load_snapshots
-from builder.structural_model import check_gauges, check_map_size, structural_model, used_layouts
+from builder.snapshots import Snapshots, load_snapshots
+from builder.structural_model import (
+    StructuralModel,
+    check_gauges,
+    check_map_size,
+    refuse_beyond_fourier,
+    solid_case,
+    structural_model,
+    used_layouts,
+)
+from builder.structure import structure_file
+from builder.structure.mapped_structure import MappedStructure, mapped_structure
+from builder.structure.solid.model import update_structure
+from builder.structure.solid.reference_loads import mesh_error_line
+from builder.structure.structure_file import load_structure
 from builder.vehicle import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu import inverse_map as inverse_map_file
@@ -102,10 +115,14 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     vehicle = load_vehicle(vehicle_path)
     # Refused before the long work, not after it.
     check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
+    # The vehicle that flies is played by the Fourier model, whatever the map is built on.
+    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     _note_extrapolation(vehicle, load_trajectory(manoeuvre), reporter)
     chain = _Chain(vehicle, Workspace(folder), reporter)
+    if vehicle.structure.model == "solid":
+        _solid_structure(chain)
     _snapshots(chain)
     _inverse_map(chain)
     _flight_model(chain)
@@ -146,6 +163,8 @@ def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
     vehicle = load_vehicle(vehicle_path)
     check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
     chain = _Chain(vehicle, Workspace(folder), reporter)
+    if vehicle.structure.model == "solid":
+        _solid_structure(chain)
     _snapshots(chain)
     _inverse_map(chain)
     return chain.workspace.path("map.h5")
@@ -183,22 +202,55 @@ def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
         for name, entry in vehicle.gauges.layouts.items()
         if entry.file is not None and vehicle.beside(entry.file).is_file()
     }
+    covariance = vehicle.noise.covariance_file
+    if covariance is not None and vehicle.beside(covariance).is_file():
+        tables["noise.covariance_file"] = vehicle.beside(covariance).read_bytes().hex()
     parts = vehicle.model_dump(include={"name", "structure", "material", "reference", "gauges", "noise", "map"})
     return {**parts, "tables": tables}
+
+
+def _solid_structure(chain: _Chain) -> None:
+    case = solid_case(chain.vehicle, used_layouts(chain.vehicle))
+
+    def make(path: Path) -> None:
+        used = update_structure(path, case, chain.reporter)[0].statistics
+        size, solver = used["degrees_of_freedom"], used["solver"]
+        chain.reporter.note(f"{size} dofs; solver {solver}, licence {used['licence']}")
+
+    inputs = {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
+    chain.link(
+        "structure.h5",
+        "strain per pressure of the three-dimensional structure",
+        inputs,
+        make,
+    )
+
+
+def _structure(chain: _Chain, snapshots: Snapshots) -> StructuralModel | MappedStructure:
+    """Return strain per pressure by the model that the vehicle file asks for."""
+    vehicle = chain.vehicle
+    if vehicle.structure.model == "solid":
+        with chain.reporter.stage("Structure: pressure onto its surface"):
+            return mapped_structure(load_structure(chain.workspace.path("structure.h5")), snapshots)
+    with chain.reporter.stage("Structure: strain per pressure") as progress:
+        return structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle), progress)
 
 
 def _inverse_map(chain: _Chain) -> None:
     vehicle = chain.vehicle
 
     def make(path: Path) -> None:
-        with chain.reporter.stage("Structure: strain per pressure") as progress:
-            structure = structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle), progress)
         snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
+        structure = _structure(chain, snapshots)
         inverse_map = build_inverse_map(vehicle, snapshots, structure)
+        held = inverse_map.provenance
         chain.reporter.note(
             f"{inverse_map.n_gauges} gauges, sigma {1e6 * inverse_map.noise_std[0]:.3g} um/m; "
-            f"{vehicle.map.modes} modes hold {inverse_map.provenance['energy_of_modes']:.2%} of the energy"
+            f"{held['modes']} modes hold {held['energy_of_modes']:.2%} of the energy"
         )
+        if vehicle.structure.model == "solid":
+            solid = load_structure(chain.workspace.path("structure.h5"))
+            chain.reporter.note(mesh_error_line(solid, float(inverse_map.noise_std[0])))
         save_inverse_map(inverse_map, path)
 
     inputs = {
@@ -207,6 +259,8 @@ def _inverse_map(chain: _Chain) -> None:
         "resolution": vehicle.resolution.map.model_dump(),
         **_structural_inputs(vehicle),
     }
+    if vehicle.structure.model == "solid":
+        inputs["structure"] = chain.made_from("structure.h5")
     chain.link("map.h5", "the inverse map: strain to loads, with covariance", inputs, make)
 
 

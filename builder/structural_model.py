@@ -1,4 +1,7 @@
-"""One discretisation of a vehicle's structure: pressure nodes, gauges, and the strain each pressure causes."""
+"""One discretisation of a vehicle's structure: pressure nodes, gauges, and the strain each pressure causes.
+
+:class:`StructuralModel` is semi-analytic; :func:`solid_case` says what the three-dimensional model is made of.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,13 @@ from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.solid.gauge_layouts import solid_gauges
+from builder.structure.solid.mesh_choice import MeshChoice
+from builder.structure.solid.model import SolidCase, check_gauges_on_mesh
+from builder.structure.solid.solid_mesh import SUPPORT
+from builder.structure.solid.supports import Clamped, Foundation, Support
 from builder.structure.wall import Material, Wall
-from builder.vehicle import Resolution, Vehicle
+from builder.vehicle import GaugeLayoutEntry, GaugeRow, Resolution, Vehicle
 from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -38,6 +46,10 @@ class StructuralModel:
     layouts: dict[str, GaugeLayout]
     placed: dict[str, PlacedGauges]
 
+    @property
+    def description(self) -> str:
+        return "fourier"
+
     def strain_operator(self, layout: str) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of a layout."""
         return strain_operator(self.response, self.placed[layout], self.surface)
@@ -57,13 +69,45 @@ def place_layouts(
     Raises
     ------
     InputError
-        A gauge is not on the inner surface; the message names it.
+        A gauge is not on the inner surface, or the model cannot do what is asked for; the message names it.
     """
+    refuse_beyond_fourier(vehicle, layouts)
     found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
     placed = {
         name: place_gauges(mesh, layout.position, layout.direction, layout.names) for name, layout in found.items()
     }
     return found, placed
+
+
+def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
+    """Refuse what the Fourier model cannot do: other supports, gauges outside or of a length.
+
+    Raises
+    ------
+    InputError
+        Names the entry, and the model that can.
+    """
+    cannot = "the Fourier model cannot do that, structure.model = 'solid' and `strainfmu structure` can"
+    support = vehicle.structure.support
+    if support != "clamped_aft":
+        raise InputError(f"structure.support: '{support}' found, {cannot}")
+    for name in layouts:
+        entry = vehicle.gauges.layouts[name]
+        for where, one in _with_surface_and_length(name, entry):
+            if one.surface == "outer":
+                raise InputError(f"{where}.surface: 'outer' found, {cannot}")
+            if one.length_mm:
+                raise InputError(f"{where}.length_mm: {one.length_mm:g} found, {cannot}")
+
+
+def _with_surface_and_length(
+    name: str, entry: GaugeLayoutEntry
+) -> list[tuple[str, GaugeLayoutEntry] | tuple[str, GaugeRow]]:
+    """Return the parts of a layout that say surface and length, each with its place in the file."""
+    where = f"gauges.layouts.{name}"
+    if entry.rows is None:
+        return [(where, entry)]
+    return [(f"{where}.rows.{number}", row) for number, row in enumerate(entry.rows, start=1)]
 
 
 def check_gauges(vehicle: Vehicle) -> dict[str, int]:
@@ -72,14 +116,24 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
     Raises
     ------
     InputError
-        The wall does not fit the body or a gauge is not on the inner surface.
+        The wall does not fit the body, a gauge is not on its surface, or the model cannot do what is asked for.
     """
+    names = list(vehicle.gauges.layouts)
+    mesh = _gauge_mesh(vehicle)
+    if vehicle.structure.model == "solid":
+        gauges = {name: solid_gauges(vehicle, name, mesh) for name in names}
+        check_gauges_on_mesh(vehicle.body(), wall_of(vehicle), gauges)
+        return {name: len(one.name) for name, one in gauges.items()}
+    found, _ = place_layouts(vehicle, mesh, names)
+    return {name: len(layout.names) for name, layout in found.items()}
+
+
+def _gauge_mesh(vehicle: Vehicle) -> MeridianMesh:
+    """Return a coarse meridian mesh, on whose inner surface rows of gauges are laid."""
     try:
-        mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
+        return shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
     except InputError as error:
         raise InputError(f"structure: {error}") from error
-    found, _ = place_layouts(vehicle, mesh, list(vehicle.gauges.layouts))
-    return {name: len(layout.names) for name, layout in found.items()}
 
 
 def check_map_size(vehicle: Vehicle, n_gauges: int) -> None:
@@ -92,7 +146,7 @@ def check_map_size(vehicle: Vehicle, n_gauges: int) -> None:
     """
     conditions = len(vehicle.flight_conditions())
     most = min(n_gauges, conditions) - 1
-    if vehicle.map.modes > most:
+    if vehicle.map.case == 1 and vehicle.map.modes > most:
         raise InputError(
             f"map.modes: {vehicle.map.modes} found, at most {most} allowed with {n_gauges} gauges and "
             f"{conditions} conditions"
@@ -117,6 +171,50 @@ def structural_model(
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     response = harmonic_response(mesh, wall.material, stations, surface.x, resolution.harmonics, progress)
     return StructuralModel(surface, response, found, placed)
+
+
+def support_of(vehicle: Vehicle) -> Support | None:
+    """Return what holds the vehicle, None in free flight."""
+    entry = vehicle.structure
+    if entry.support == "free_flight":
+        return None
+    if entry.support == "clamped_aft":
+        return Clamped(SUPPORT)
+    assert entry.foundation_normal_N_per_m3 is not None
+    assert entry.foundation_tangential_N_per_m3 is not None
+    return Foundation(SUPPORT, entry.foundation_normal_N_per_m3, entry.foundation_tangential_N_per_m3)
+
+
+def solid_case(
+    vehicle: Vehicle,
+    layouts: list[str],
+    mesh: MeshChoice | None = None,
+    solver: str | None = None,
+    allow_locking: bool = False,
+) -> SolidCase:
+    """Return what the three-dimensional model of a vehicle is made of, by default on a swept mesh.
+
+    Raises
+    ------
+    InputError
+        A layout does not exist or is wrong, or the wall does not fit the body.
+    """
+    known = vehicle.gauges.layouts
+    for name in layouts:
+        if name not in known:
+            raise InputError(f"layout '{name}' found, must be one of {', '.join(known)}")
+    rows_on = _gauge_mesh(vehicle)
+    return SolidCase(
+        vehicle=vehicle.name,
+        body=vehicle.body(),
+        wall=wall_of(vehicle),
+        density=vehicle.material.density_kg_per_m3,
+        support=support_of(vehicle),
+        mesh=mesh or MeshChoice(resolution=vehicle.structure.resolution),
+        layouts={name: solid_gauges(vehicle, name, rows_on) for name in dict.fromkeys(layouts)},
+        solver=solver,
+        allow_locking=allow_locking,
+    )
 
 
 def used_layouts(vehicle: Vehicle) -> list[str]:

@@ -28,6 +28,7 @@ from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.loads import ReferenceQuantities
 from builder.flight_conditions import condition_grid
 from builder.geometry import BodyOfRevolution, chain_segments
+from builder.map_options import MapEntry, Noise
 from builder.vehicle_faults import first_fault
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
@@ -65,12 +66,31 @@ class Arc(_Section):
 
 
 class Structure(_Section):
-    """Wall, support and what is inside."""
+    """Wall, support and what is inside; and the model that the map is built on.
+
+    ``resolution`` is the solid model's. The foundation's stiffnesses are those along and across the normal of the
+    aft ring, per area.
+    """
 
     wall_thickness_mm: PositiveFloat
     solid_tip_length_m: PositiveFloat
-    support: Literal["clamped_aft"] = "clamped_aft"
+    model: Literal["fourier", "solid"] = "fourier"
+    resolution: Literal["paper", "medium", "coarse"] = "medium"
+    support: Literal["clamped_aft", "elastic_foundation", "free_flight"] = "clamped_aft"
+    foundation_normal_N_per_m3: PositiveFloat | None = None
+    foundation_tangential_N_per_m3: PositiveFloat | None = None
     internal_pressure_Pa: float | Literal["ambient"] = "ambient"
+
+    @model_validator(mode="after")
+    def _foundation_has_stiffness(self) -> Structure:
+        given = [self.foundation_normal_N_per_m3 is not None, self.foundation_tangential_N_per_m3 is not None]
+        if self.support == "elastic_foundation" and not all(given):
+            raise ValueError(
+                "support 'elastic_foundation' needs foundation_normal_N_per_m3 and foundation_tangential_N_per_m3"
+            )
+        if self.support != "elastic_foundation" and any(given):
+            raise ValueError(f"foundation stiffness found with support '{self.support}', it has no foundation")
+        return self
 
     @field_validator("internal_pressure_Pa", mode="before")
     @classmethod
@@ -86,6 +106,7 @@ class MaterialEntry(_Section):
 
     youngs_modulus_GPa: float = Field(ge=1e-3, le=1e4)
     poisson_ratio: float = Field(ge=0.0, lt=0.5)
+    density_kg_per_m3: float | None = Field(default=None, ge=1.0, le=1e5)
 
 
 class Reference(_Section):
@@ -97,9 +118,11 @@ class Reference(_Section):
 
 
 class GaugeRow(_Section):
-    """Gauges along one meridian of the inner surface, each axial, hoop or both."""
+    """Gauges along one meridian of a surface, axial, hoop or both; of length 0 read strain at a point."""
 
     roll_angle_deg: float
+    surface: Literal["inner", "outer"] = "inner"
+    length_mm: float = Field(default=0.0, ge=0.0)
     directions: list[Literal["axial", "hoop"]] = Field(min_length=1, max_length=2)
     x_m: list[PositiveFloat] | None = Field(default=None, min_length=1)
     first_x_m: PositiveFloat | None = None
@@ -128,15 +151,19 @@ class GaugeRow(_Section):
 
 
 class GaugeLayoutEntry(_Section):
-    """One layout: rows, or a CSV file of positions and directions."""
+    """One layout: rows, or a CSV file of positions and directions; surface and length are of all its gauges."""
 
     rows: list[GaugeRow] | None = Field(default=None, min_length=1)
     file: str | None = None
+    surface: Literal["inner", "outer"] | None = None
+    length_mm: float | None = Field(default=None, ge=0.0)
 
     @model_validator(mode="after")
     def _rows_or_file(self) -> GaugeLayoutEntry:
         if (self.rows is None) == (self.file is None):
             raise ValueError("a layout needs either rows or file")
+        if self.rows is not None and (self.surface is not None or self.length_mm is not None):
+            raise ValueError("surface and length_mm stand in each row; beside rows they have no meaning")
         return self
 
 
@@ -184,20 +211,6 @@ class Aerodynamics(_Section):
         return value
 
 
-class Noise(_Section):
-    """Gauge noise, either relative to the snapshots' strains or absolute; the same for all gauges."""
-
-    percent_of_median_strain: PositiveFloat | None = None
-    of_layout: str | None = None
-    std_um_per_m: PositiveFloat | None = None
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Noise:
-        if (self.percent_of_median_strain is None) == (self.std_um_per_m is None):
-            raise ValueError("give either percent_of_median_strain or std_um_per_m")
-        return self
-
-
 class Resolution(_Section):
     """Numerical resolution of one model of the vehicle."""
 
@@ -218,12 +231,6 @@ class Resolution(_Section):
     @property
     def marching_grid(self) -> MarchingGrid:
         return MarchingGrid(n_radial=self.radial_cells, n_circumferential=self.circumferential_cells)
-
-
-class MapEntry(_Section):
-    """The inverse map."""
-
-    modes: int = Field(ge=1, le=50)
 
 
 class Truth(_Section):
@@ -266,6 +273,12 @@ class Vehicle(_Section):
     truth: Truth
     resolution: Resolutions
     _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _free_flight_has_mass(self) -> Vehicle:
+        if self.structure.support == "free_flight" and self.material.density_kg_per_m3 is None:
+            raise ValueError("structure.support 'free_flight' needs material.density_kg_per_m3")
+        return self
 
     @model_validator(mode="after")
     def _noise_layout_exists(self) -> Vehicle:

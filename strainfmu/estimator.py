@@ -2,33 +2,53 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strainfmu.errors import InputError
-from strainfmu.health import HealthState, chi_square_limit
+from strainfmu.health import HealthState
 from strainfmu.inverse_map import InverseMap
+from strainfmu.isolation import suspected_gauges
+from strainfmu.masked_map import MaskedMap, complete_map, map_parts, masked_map
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 LEAST_DYNAMIC_PRESSURE = 1e-6
 """q_inf [Pa] below which there is no flow to speak of, and no coefficients."""
 
+SENSOR_RANGE = 0.05
+"""|strain| [m/m] that foil gauges stand, 5 %: what reads more is broken. Amplifiers often end far earlier."""
+
+LARGEST_SENSOR_RANGE = 1e100
+"""Strain [m/m] above which its square could overflow."""
+
+CACHED_MASKS = 32
+"""Sets of missing gauges whose matrices are kept, the least recently used dropped first."""
+
 
 @dataclass(frozen=True)
 class LoadEstimate:
-    """What one set of strains says.
+    """What one set of strains says. Of a gauge that is not valid, no number here depends on its strain.
 
     Attributes
     ----------
-    loads : (5,) forces and moments [N, N, N, N m, N m], order of ``LOAD_NAMES``.
+    loads : (5,) forces and moments [N, N, N, N m, N m], order of ``LOAD_NAMES``; NaN where they cannot be known.
     loads_std : (5,) their standard deviations.
     coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1]; NaN where they cannot be computed.
     coefficients_std : (5,) their standard deviations [1].
-    chi_square : |W (d - mean_strain)|^2 of the residual [1].
+    chi_square : |W (d - mean_strain)|^2 of the residual of the valid gauges [1].
     health : state of this estimate.
+    load_covariance : (5, 5) covariance of the loads [(N, N m)^2].
+    chi_square_limit : alarm level for the valid gauges; infinite where nothing checks the estimate.
+    degrees_of_freedom : of chi_square; 0 where nothing checks the estimate.
+    valid : (n_d,) gauges that were used.
+    standardised_residual : (n_d,) z, standard normal where a gauge fits the others; 0 where no other checks it.
+    suspects : gauges, by index, that the largest |z| points to, none below its alarm level; more than one where
+        they cannot be told apart.
     """
 
     loads: FloatArray
@@ -37,10 +57,19 @@ class LoadEstimate:
     coefficients_std: FloatArray
     chi_square: float
     health: HealthState
+    load_covariance: FloatArray
+    chi_square_limit: float
+    degrees_of_freedom: int
+    valid: BoolArray
+    standardised_residual: FloatArray
+    suspects: tuple[int, ...]
 
 
 class Estimator:
-    """An inverse map made ready for the loop: two small matrices and no allocation worth naming.
+    """An inverse map made ready for the loop: a step is three small matrix-vector products.
+
+    A gauge is left out of a step if its strain is not finite or beyond ``sensor_range``, or if the caller says so.
+    The matrices without it are computed in the first step that lacks it, and kept.
 
     Example
     -------
@@ -48,43 +77,135 @@ class Estimator:
     >>> estimator.estimate(strain, dynamic_pressure=95.8e3).coefficients  # doctest: +SKIP
     """
 
-    def __init__(self, inverse_map: InverseMap) -> None:
-        self.inverse_map = inverse_map
-        self._load_gain = inverse_map.load_per_state @ inverse_map.strain_gain
-        self._load_offset = inverse_map.load_of_mean + inverse_map.load_per_state @ inverse_map.state_offset
-        self._loads_std = np.sqrt(np.diag(inverse_map.load_covariance))
-        area, length = inverse_map.reference_area, inverse_map.reference_length
-        self._loads_std.flags.writeable = False  # handed out with every estimate
-        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
-        self.chi_square_limit = chi_square_limit(inverse_map.residual_degrees_of_freedom)
+    def __init__(self, inverse_map: InverseMap, sensor_range: float = SENSOR_RANGE) -> None:
+        """Prepare ``inverse_map``; ``sensor_range`` is the largest |strain| of a working gauge [m/m].
 
-    def estimate(self, strain: ArrayLike, dynamic_pressure: float) -> LoadEstimate:
+        Raises
+        ------
+        InputError
+            ``sensor_range`` is not positive or too large to compute with.
+        """
+        if not 0.0 < sensor_range <= LARGEST_SENSOR_RANGE:
+            raise InputError(
+                f"sensor_range: {sensor_range} found, must be positive and at most {LARGEST_SENSOR_RANGE:g}"
+            )
+        self.inverse_map = inverse_map
+        self.sensor_range = sensor_range
+        area, length = inverse_map.reference_area, inverse_map.reference_length
+        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
+        self._parts = map_parts(inverse_map)
+        self._masked: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
+        self._complete = complete_map(self._parts)
+        self.chi_square_limit = self._complete.chi_square_limit
+
+    def estimate(self, strain: ArrayLike, dynamic_pressure: float, valid: ArrayLike | None = None) -> LoadEstimate:
         """Estimate the loads behind one set of strains.
 
         Parameters
         ----------
         strain : (n_d,) strains [m/m], order of ``inverse_map.gauge_names``.
         dynamic_pressure : q_inf [Pa].
+        valid : (n_d,) of bool, false for gauges to leave out; None for none.
 
         Raises
         ------
         InputError
-            ``strain`` has the wrong length. Values that are not finite are no error: the loads are NaN
-            and the health state says so.
+            ``strain`` or ``valid`` has the wrong length, or ``valid`` is not of bool. Values that are not finite
+            are no error: the estimate goes without the gauge and the health state says so.
         """
         d = np.asarray(strain, dtype=float)
         if d.shape != (self.inverse_map.n_gauges,):
             raise InputError(f"strain: {d.shape} found, {self.inverse_map.n_gauges} values wanted")
-        nothing = np.full(5, np.nan)
-        with np.errstate(over="ignore", invalid="ignore"):
-            loads = self._load_gain @ d + self._load_offset
-            residual = self.inverse_map.residual_whitening @ (d - self.inverse_map.mean_strain)
-            chi_square = float(residual @ residual)
-        # Not finite where a strain is not, or so large that the loads overflow.
-        if not (np.isfinite(chi_square) and np.all(np.isfinite(loads))):
-            return LoadEstimate(nothing, nothing, nothing, nothing, np.nan, HealthState.INVALID)
-        if not LEAST_DYNAMIC_PRESSURE <= dynamic_pressure < np.inf:
-            return LoadEstimate(loads, self._loads_std, nothing, nothing, chi_square, HealthState.NO_COEFFICIENTS)
-        scale = 1.0 / (dynamic_pressure * self._reference)
-        health = HealthState.OK if chi_square <= self.chi_square_limit else HealthState.INCONSISTENT
-        return LoadEstimate(loads, self._loads_std, scale * loads, scale * self._loads_std, chi_square, health)
+        used = np.abs(d) <= self.sensor_range  # false for NaN
+        if valid is not None:
+            used &= self._checked_mask(valid)
+        masked = self._complete if used.all() else self._masked_map(used)
+        if masked is None:
+            return _nothing(used)
+        # Multiplying by the zero columns of the gain would let NaN through.
+        residual = np.where(used, d - self.inverse_map.mean_strain, 0.0)
+        loads = masked.load_gain @ residual + self.inverse_map.load_of_mean
+        whitened = masked.whitening @ residual
+        chi_square = float(whitened @ whitened)
+        z = masked.z_whitening @ whitened
+        suspects = suspected_gauges(z, masked.outlier_threshold, masked.ambiguous_groups)
+        coefficients = coefficients_std = np.full(5, np.nan)
+        if LEAST_DYNAMIC_PRESSURE <= dynamic_pressure < np.inf:
+            scale = 1.0 / (dynamic_pressure * self._reference)
+            coefficients, coefficients_std = scale * loads, scale * masked.loads_std
+            health = _health(chi_square, suspects, masked)
+        else:
+            health = HealthState.NO_COEFFICIENTS
+        return LoadEstimate(
+            loads,
+            masked.loads_std,
+            coefficients,
+            coefficients_std,
+            chi_square,
+            health,
+            masked.load_covariance,
+            masked.chi_square_limit,
+            masked.degrees_of_freedom,
+            masked.valid,
+            z,
+            suspects,
+        )
+
+    def masked_map(self, valid: ArrayLike) -> MaskedMap | None:
+        """Return the map for the gauges of ``valid`` (n_d,) of bool; None if they do not identify the state.
+
+        In Case 2 the prior identifies the state with any gauge; without gauges there is no map.
+
+        Raises
+        ------
+        InputError
+            ``valid`` has the wrong length or is not of bool.
+        """
+        used = self._checked_mask(valid)
+        return self._complete if used.all() else self._masked_map(used)
+
+    def _checked_mask(self, valid: ArrayLike) -> BoolArray:
+        mask = np.asarray(valid)
+        if mask.shape != (self.inverse_map.n_gauges,) or mask.dtype != np.bool_:
+            raise InputError(
+                f"valid: {mask.shape} of {mask.dtype} found, {self.inverse_map.n_gauges} values of bool wanted"
+            )
+        return mask
+
+    def _masked_map(self, used: BoolArray) -> MaskedMap | None:
+        """Return the matrices for the gauges in use, from the cache if they are there."""
+        key = used.tobytes()
+        if key not in self._masked:
+            self._masked[key] = masked_map(self._parts, used.copy())
+            if len(self._masked) > CACHED_MASKS:
+                self._masked.popitem(last=False)
+        self._masked.move_to_end(key)
+        return self._masked[key]
+
+
+def _health(chi_square: float, suspects: tuple[int, ...], masked: MaskedMap) -> HealthState:
+    """Return the state of an estimate that has coefficients."""
+    if chi_square > masked.chi_square_limit:
+        return HealthState.INCONSISTENT
+    if suspects:
+        return HealthState.SUSPECT
+    return HealthState.OK if masked.valid.all() else HealthState.DEGRADED
+
+
+def _nothing(used: BoolArray) -> LoadEstimate:
+    """Return the estimate of gauges that do not identify the state."""
+    nan, health = np.full(5, np.nan), HealthState.UNIDENTIFIED if used.any() else HealthState.INVALID
+    return LoadEstimate(
+        nan,
+        nan,
+        nan,
+        nan,
+        np.nan,
+        health,
+        np.full((5, 5), np.nan),
+        np.nan,
+        0,
+        used,
+        np.full(len(used), np.nan),
+        (),
+    )

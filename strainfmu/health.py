@@ -9,7 +9,7 @@ FALSE_ALARM_PROBABILITY = 1e-4
 
 
 class HealthState(IntEnum):
-    """State of an estimate, worst last."""
+    """State of an estimate. The numbers are an FMU's output and never change; states are added at the end."""
 
     OK = 0
     """Strain and dynamic pressure are valid and the residual is as expected."""
@@ -18,7 +18,13 @@ class HealthState(IntEnum):
     NO_COEFFICIENTS = 2
     """Dynamic pressure is below 1e-6 Pa or not finite: no coefficients; chi-square tells of the loads."""
     INVALID = 3
-    """A strain is not finite, or beyond all bounds: nothing can be computed."""
+    """No gauge gives a valid strain: nothing can be computed."""
+    DEGRADED = 4
+    """Gauges are missing; the others identify the state, fit a known pressure, and sigma has grown accordingly."""
+    UNIDENTIFIED = 5
+    """Gauges are missing and the others do not identify the state: nothing can be computed."""
+    SUSPECT = 6
+    """The chi-square is in order, but one gauge does not fit the others: its z is above its alarm level."""
 
 
 def chi_square_survival(value: float, degrees_of_freedom: int) -> float:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None:
-    """Show ``path``, an inverse map or snapshots; draw figures of snapshots into the folder ``figures``.
+    """Show ``path``: an inverse map, snapshots or a structure; draw figures of the latter two into ``figures``.
 
     Raises
     ------
@@ -30,14 +30,21 @@ def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None
         The file is missing, damaged, or of a kind that is not shown.
     """
     from builder import snapshots as snapshots_file
+    from builder.structure import structure_file
+    from strainfmu.structure_inspection import inspect_structure
 
     schema = schema_of(path)
+    folder = figures or path.with_name(f"{path.stem}_figures")
     if schema == map_file.SCHEMA:
         _inspect_map(path, console)
     elif schema == snapshots_file.SCHEMA:
-        _inspect_snapshots(path, figures or path.with_name(f"{path.stem}_figures"), console)
+        _inspect_snapshots(path, folder, console)
+    elif schema == structure_file.SCHEMA:
+        inspect_structure(path, folder, console)
     else:
-        raise InputError(f"{path}: schema '{schema}' found, an inverse map or snapshots can be inspected")
+        raise InputError(
+            f"{path}: schema '{schema}' found, a structure, an inverse map or snapshots can be inspected"
+        )
 
 
 def _inspect_map(path: Path, console: Console) -> None:

@@ -16,7 +16,8 @@ import numpy as np
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from strainfmu.estimator import Estimator, LoadEstimate
+from strainfmu.estimator import LARGEST_SENSOR_RANGE, Estimator, LoadEstimate
+from strainfmu.health import HealthState
 from strainfmu.interface import estimator_interface, value_references
 from strainfmu.inverse_map import load_inverse_map
 
@@ -34,7 +35,8 @@ class EstimatorSlave(Fmi2Slave):
         resources = Path(self.resources)
         self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
         inverse_map = load_inverse_map(resources / "map.h5")
-        self._estimator = Estimator(inverse_map)
+        # The interface states no range: every finite strain counts.
+        self._estimator = Estimator(inverse_map, LARGEST_SENSOR_RANGE)
         interface = estimator_interface(inverse_map)
         references = value_references(interface)
         self._n_variables = len(interface)
@@ -101,14 +103,23 @@ class EstimatorSlave(Fmi2Slave):
         self._outdated = False
 
     def _outputs(self, estimate: LoadEstimate) -> np.ndarray:
-        """Return the outputs in the order of the interface."""
+        """Return the outputs in the order of the interface.
+
+        The interface has no state for an estimate that goes without a gauge, and none for a single suspect.
+        """
+        limit = self._estimator.chi_square_limit
+        if not estimate.valid.all():
+            nothing = np.full(self._first_strain, np.nan)
+            nothing[[self._health, self._health + 2]] = HealthState.INVALID, limit
+            return nothing
+        health = HealthState.OK if estimate.health is HealthState.SUSPECT else estimate.health
         return np.concatenate(
             (
                 estimate.coefficients,
                 estimate.coefficients_std,
                 estimate.loads,
                 estimate.loads_std,
-                (float(estimate.health), estimate.chi_square, self._estimator.chi_square_limit),
+                (float(health), estimate.chi_square, limit),
             )
         )
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from strainfmu import __version__
-from strainfmu.commands import flows, maps, whole_way
+from strainfmu.commands import flows, maps, structures, whole_way
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -40,6 +40,7 @@ for command in (
     flows.snapshots,
     flows.surface,
     flows.convert,
+    structures.structure,
     maps.build,
     maps.export,
     maps.inspect,

@@ -48,15 +48,17 @@ def export(
 
 
 def inspect(
-    artefact: Annotated[Path, typer.Argument(metavar="FILE", help="Inverse map (map.h5) or snapshots.h5.")],
+    artefact: Annotated[Path, typer.Argument(metavar="FILE", help="map.h5, structure.h5 or snapshots.h5.")],
     figures: Annotated[
         Path | None,
         typer.Option("-o", "--figures", help="Folder for figures. Default: FILE's name with _figures."),
     ] = None,
 ) -> None:
-    """Show what a map or a file of snapshots holds.
+    """Show what a map, a structure or a file of snapshots holds.
 
     Of a map: gauges, validity range, uncertainty, provenance.
+
+    Of a structure: gauges, what each layout can see, strain patterns.
 
     Of snapshots: conditions, coefficients, health of the flows; figures of pressure and forces.
 

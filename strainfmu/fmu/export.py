@@ -22,8 +22,13 @@ _ESTIMATOR_MODULES = (
     "estimator.py",
     "files.py",
     "health.py",
+    "innovation.py",
     "interface.py",
     "inverse_map.py",
+    "isolation.py",
+    "load_errors.py",
+    "masked_map.py",
+    "masks.py",
     "records.py",
 )
 _PLANT_MODULES = (

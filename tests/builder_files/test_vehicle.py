@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import degrees, pi, radians, tan
+from math import cos, degrees, pi, radians, sin, tan
 from pathlib import Path
 
 import pytest
 
-from builder.structural_model import check_gauges, used_layouts, wall_of
+from builder.structural_model import check_gauges, solid_case, support_of, used_layouts, wall_of
+from builder.structure.solid.supports import Clamped, Foundation
 from builder.vehicle import IC3X, Vehicle, load_vehicle
 from strainfmu.errors import InputError
 
@@ -195,7 +196,58 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
             r"noise: give either",
         ),
         ("percent_of_median_strain = 1.0", "", r"noise: give either percent_of_median_strain or std_um_per_m"),
-        ('support = "clamped_aft"', 'support = "free"', r"structure.support: 'free' found, must be 'clamped_aft'"),
+        (
+            'support = "clamped_aft"',
+            'support = "free"',
+            r"support: 'free' found, must be 'clamped_aft', 'elastic_foundation' or 'free_flight'",
+        ),
+        ('support = "clamped_aft"', 'support = "free_flight"', "needs material.density_kg_per_m3"),
+        (
+            'support = "clamped_aft"',
+            'support = "elastic_foundation"\nfoundation_normal_N_per_m3 = 1e9',
+            "structure: support 'elastic_foundation' needs foundation_normal_N_per_m3 and foundation_tang",
+        ),
+        (
+            'support = "clamped_aft"',
+            'support = "elastic_foundation"\nfoundation_normal_N_per_m3 = -1.0',
+            "structure.foundation_normal_N_per_m3: -1.0 found, must be greater than 0",
+        ),
+        (
+            'support = "clamped_aft"',
+            'support = "clamped_aft"\nfoundation_normal_N_per_m3 = 1e9',
+            "structure: foundation stiffness found with support 'clamped_aft', it has no foundation",
+        ),
+        ('model = "fourier"', 'model = "shell"', "structure.model: 'shell' found, must be 'fourier' or 'solid'"),
+        (
+            'resolution = "medium"',
+            'resolution = "fine"',
+            "structure.resolution: 'fine' found, must be 'paper', 'medium' or 'coarse'",
+        ),
+        (
+            "poisson_ratio",
+            "density_g_per_cm3 = 4.43\npoisson_ratio",
+            r"material.density_g_per_cm3: unknown entry.*density_kg_per_m3",
+        ),
+        (
+            "poisson_ratio",
+            "density_kg_per_m3 = 0.0\npoisson_ratio",
+            "material.density_kg_per_m3: 0.0 found, must be greater than or equal to 1",
+        ),
+        (
+            "{ roll_angle_deg = 180.0,",
+            '{ roll_angle_deg = 180.0, surface = "inside",',
+            "rows.1.surface: 'inside' found, must be 'inner' or 'outer'",
+        ),
+        (
+            "{ roll_angle_deg = 180.0,",
+            "{ roll_angle_deg = 180.0, length_mm = -1.0,",
+            "rows.1.length_mm: -1.0 found, must be greater than or equal to 0",
+        ),
+        (
+            "[gauges.layouts.configuration_1]",
+            "[gauges.layouts.configuration_1]\nlength_mm = 3.0",
+            "layouts.configuration_1: surface and length_mm stand in each row",
+        ),
         ("[structure]", "[structure", r"not a TOML file"),
     ],
 )
@@ -254,3 +306,100 @@ def test_lines_that_pydantic_would_make_unreadable(
     for word in words:
         assert word in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def solid(folder: Path, *changes: tuple[str, str]) -> Vehicle:
+    return load_changed(folder, ('model = "fourier"', 'model = "solid"'), *changes)
+
+
+def test_old_files_stay_valid(tmp_path: Path) -> None:
+    """Without the entries of the solid model: the Fourier model, clamped, gauges as points inside."""
+    vehicle = load_changed(
+        tmp_path,
+        ('model = "fourier" ', "#"),
+        ('resolution = "medium" ', "#"),
+        ('support = "clamped_aft" ', "#"),
+    )
+    assert vehicle.structure.model == "fourier"
+    assert support_of(vehicle) == Clamped("support")
+    case = solid_case(vehicle, ["configuration_1"])
+    assert case.mesh.resolution == "medium"
+    assert set(case.layouts["configuration_1"].surface) == {"internal"}
+    assert not case.layouts["configuration_1"].length.any()
+
+
+def test_supports_of_the_solid_model(tmp_path: Path) -> None:
+    springs = "foundation_normal_N_per_m3 = 1e11\nfoundation_tangential_N_per_m3 = 5e10"
+    held = solid(tmp_path, ('support = "clamped_aft"', f'support = "elastic_foundation"\n{springs}'))
+    assert support_of(held) == Foundation("support", 1e11, 5e10)
+    free = solid(
+        tmp_path,
+        ('support = "clamped_aft"', 'support = "free_flight"'),
+        ("poisson_ratio", "density_kg_per_m3 = 4430.0\npoisson_ratio"),
+    )
+    assert support_of(free) is None
+    assert solid_case(free, []).density == 4430.0
+
+
+def test_gauges_outside_and_of_a_length(tmp_path: Path) -> None:
+    """The first row of configuration_1 outside: on the cone's surface, axial ones along its meridian."""
+    row = "{ roll_angle_deg = 180.0,"
+    vehicle = solid(tmp_path, (row, f'{row} surface = "outer", length_mm = 3.0,'))
+    assert check_gauges(vehicle)["configuration_1"] == 27
+    gauges = solid_case(vehicle, ["configuration_1"]).layouts["configuration_1"]
+    i = gauges.name.index("axial_180deg_1_outer")
+    assert gauges.position[i] == pytest.approx([0.35, 0.0, -0.35 * tan(radians(5.0))], abs=1e-12)
+    assert gauges.direction[i] == pytest.approx([cos(radians(5.0)), 0.0, -sin(radians(5.0))], abs=1e-12)
+    i = gauges.name.index("hoop_180deg_1_outer")
+    assert gauges.direction[i] == pytest.approx([0.0, -1.0, 0.0], abs=1e-12)
+    assert (gauges.surface.count("external"), gauges.length.max()) == (18, 3e-3)
+    assert gauges.surface[gauges.name.index("axial_90deg_1")] == "internal"
+
+
+def test_table_outside(tmp_path: Path) -> None:
+    """Beside file, surface and length are those of all its gauges."""
+    radius = 0.5 * tan(radians(5.0))
+    table = f"name,x_m,y_m,z_m,direction_x,direction_y,direction_z\none,0.5,0,{radius},0,1,0\n"
+    (tmp_path / "gauges.csv").write_text(table, encoding="utf-8")
+    entry = '[gauges.layouts.table]\nfile = "gauges.csv"\nsurface = "outer"\nlength_mm = 3.0\n'
+    vehicle = solid(tmp_path, ("# Snapshots: all", f"{entry}\n# Snapshots: all"))
+    assert check_gauges(vehicle)["table"] == 1
+    gauges = solid_case(vehicle, ["table"]).layouts["table"]
+    assert (gauges.name, gauges.surface, gauges.length.tolist()) == (("one",), ("external",), [3e-3])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            (("{ roll_angle_deg = 180.0,", '{ roll_angle_deg = 180.0, surface = "outer",'),),
+            "layouts.configuration_1.rows.1.surface: 'outer' found",
+        ),
+        (
+            (("{ roll_angle_deg = 180.0,", "{ roll_angle_deg = 180.0, length_mm = 3.0,"),),
+            "layouts.configuration_1.rows.1.length_mm: 3 found",
+        ),
+        (
+            (
+                ('support = "clamped_aft"', 'support = "free_flight"'),
+                ("poisson_ratio", "density_kg_per_m3 = 4430.0\npoisson_ratio"),
+            ),
+            "structure.support: 'free_flight' found",
+        ),
+    ],
+)
+def test_what_the_fourier_model_cannot_do(
+    tmp_path: Path, changes: tuple[tuple[str, str], ...], words: str
+) -> None:
+    """Refused with the model that can; that model takes it."""
+    with pytest.raises(InputError, match=f"{words}, the Fourier model cannot do that, structure.model = 'solid'"):
+        check_gauges(load_changed(tmp_path, *changes))
+    assert check_gauges(solid(tmp_path, *changes))["configuration_1"] == 27
+
+
+def test_gauge_off_its_surface_is_refused_by_the_solid_model(tmp_path: Path) -> None:
+    table = "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\none,0.5,0,0.06,0,1,0\n"
+    (tmp_path / "gauges.csv").write_text(table, encoding="utf-8")
+    entry = '[gauges.layouts.table]\nfile = "gauges.csv"\n'
+    with pytest.raises(InputError, match=r"one: position is .* mm off surface 'internal'"):
+        check_gauges(solid(tmp_path, ("# Snapshots: all", f"{entry}\n# Snapshots: all")))

@@ -9,6 +9,7 @@ import numpy as np
 
 from strainfmu.cosim.flight_model import FlightModel, save_flight_model
 from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.innovation import estimate_gain, innovation_whitening
 from strainfmu.inverse_map import InverseMap, save_inverse_map
 
 N_GAUGES = 6
@@ -21,25 +22,35 @@ TRAJECTORY = """time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitu
 
 
 def synthetic_inverse_map(seed: int = 1, n_gauges: int = N_GAUGES) -> InverseMap:
-    """Return a random map of 3 pressure states."""
+    """Return a map of Case 1 with 3 pressure states: random, but for what follows from it."""
     random = np.random.default_rng(seed)
     angle = np.linspace(0.0, 2.0 * np.pi, n_gauges, endpoint=False)
     root = random.normal(size=(5, 5))
+    noise = np.full(n_gauges, 1e-7)
+    state_operator = 1e-9 * random.normal(size=(n_gauges, 3))
+    gain = estimate_gain(state_operator, np.diag(noise**2), 0.0)
+    mean_strain = random.normal(size=n_gauges) * 1e-6
+    load_per_state = random.normal(size=(5, 3))
+    of_noise = load_per_state @ gain * noise
     return InverseMap(
         vehicle=f"synthetic vehicle {seed} <&>",
+        case="1",
         gauge_names=tuple(f"G{i}" for i in range(n_gauges)),
         gauge_position=np.column_stack(
             (np.linspace(0.3, 3.3, n_gauges), 0.1 * np.sin(angle), 0.1 * np.cos(angle))
         ),
         gauge_direction=np.tile([1.0, 0.0, 0.0], (n_gauges, 1)),
-        noise_std=np.full(n_gauges, 1e-7),
-        strain_gain=random.normal(size=(3, n_gauges)) * 1e9,
-        state_offset=random.normal(size=3) * 1e3,
-        load_per_state=random.normal(size=(5, 3)),
+        noise_std=noise,
+        state_operator=state_operator,
+        noise_covariance=np.diag(noise**2),
+        regularisation=0.0,
+        strain_gain=gain,
+        state_offset=-gain @ mean_strain,
+        load_per_state=load_per_state,
         load_of_mean=random.normal(size=5) * 1e3,
-        load_covariance=root @ root.T,
-        mean_strain=random.normal(size=n_gauges) * 1e-6,
-        residual_whitening=random.normal(size=(n_gauges, n_gauges)) * 1e5,
+        load_covariance=of_noise @ of_noise.T + root @ root.T,
+        mean_strain=mean_strain,
+        residual_whitening=innovation_whitening(state_operator, np.diag(noise**2), 0.0),
         residual_degrees_of_freedom=n_gauges - 3,
         strain_range=np.append(np.full(n_gauges - 1, 1e-4), 0.0),
         coefficient_range=np.array([[0.1, 0.2], [-1.0, 1.0], [-1.0, 1.0], [-0.5, 0.5], [0.0, 0.0]]),

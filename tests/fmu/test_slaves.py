@@ -109,6 +109,21 @@ def test_outputs_are_right_at_the_start_and_after_any_set(synthetic: SyntheticFi
     np.testing.assert_array_equal(estimator.get(STRAINS), strain)
 
 
+def test_a_state_that_the_interface_lacks_is_reported_as_one_it_has(
+    synthetic: SyntheticFiles, estimator: Host
+) -> None:
+    """z^2 = 20 of a level of 18.6, chi-square 20 of 21.1: SUSPECT to the estimator, OK to the FMU."""
+    inverse_map = load_inverse_map(synthetic.map_1)
+    strain = inverse_map.mean_strain.copy()
+    strain[0] += np.sqrt(20.0) / np.linalg.norm(inverse_map.residual_whitening[:, 0])
+    reference = Estimator(inverse_map).estimate(strain, 1e5)
+    assert reference.health is HealthState.SUSPECT
+    estimator.initialize()
+    estimator.set([*STRAINS, "dynamic_pressure"], [*strain, 1e5])
+    assert estimator.health() == HealthState.OK
+    np.testing.assert_allclose(estimator.get(COEFFICIENTS), reference.coefficients, rtol=1e-12)
+
+
 def test_inputs_that_are_not_finite_are_a_state_of_health(estimator: Host) -> None:
     estimator.initialize()
     for bad in (np.nan, np.inf):

@@ -11,10 +11,12 @@ from inverse_case import Case, snapshots_at
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
-from builder.build import gauge_noise_std, internal_pressure
+from builder.build import gauge_noise_covariance, internal_pressure
 from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.flight_conditions import condition_grid
 from builder.flight_tables import truth_engine, truth_keys
-from builder.reduction import proper_orthogonal_decomposition
+from builder.inverse.pod import proper_orthogonal_decomposition
+from builder.inverse.prior import LowRankPrior, prior_of_snapshots
 from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel, structural_model
 from builder.vehicle import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
@@ -49,6 +51,31 @@ def snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
 
 
 @pytest.fixture(scope="session")
+def prior_snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
+    """The 243 conditions of the published prior: M {5, 6, 7}, a and b {-8, -6, .. 8} deg at 20 km."""
+    angles = list(np.arange(-8.0, 9.0, 2.0))
+    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    return snapshots_at(engine, vehicle, condition_grid([5.0, 6.0, 7.0], angles, angles, 20e3))
+
+
+@pytest.fixture(scope="session")
+def prior(prior_snapshots: Snapshots) -> LowRankPrior:
+    return prior_of_snapshots(prior_snapshots.pressure)
+
+
+@pytest.fixture(scope="session")
+def held_out_of_prior(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
+    """24 conditions inside the envelope of the prior that are not among its snapshots."""
+    random = np.random.default_rng(12)
+    conditions = [
+        FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
+        for mach, alpha, beta in random.uniform([5.0, -8.0, -8.0], [7.0, 8.0, 8.0], size=(24, 3))
+    ]
+    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    return snapshots_at(engine, vehicle, conditions)
+
+
+@pytest.fixture(scope="session")
 def held_out(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
     """24 conditions inside the envelope that are not among the snapshots."""
     random = np.random.default_rng(11)
@@ -68,7 +95,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
         z_p,
         load_operator(structure.surface, vehicle.reference.moment_station_m),
         proper_orthogonal_decomposition(snapshots.pressure),
-        np.full(len(z_p), gauge_noise_std(vehicle, snapshots, structure)),
+        np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure))),
         internal_pressure(vehicle, snapshots),
     )
 

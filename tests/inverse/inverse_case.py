@@ -12,7 +12,11 @@ from builder.campaign.run import take_snapshots
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.flight_conditions import ConditionSet
-from builder.reduction import PressureModes
+from builder.inverse.case_1 import LeastSquaresMap, least_squares_map
+from builder.inverse.case_2 import GaussianMap, gaussian_map
+from builder.inverse.noise_model import NoiseModel, gauge_noise, truncated_modes
+from builder.inverse.pod import PressureModes
+from builder.inverse.prior import LowRankPrior
 from builder.snapshots import Snapshots
 from builder.vehicle import Vehicle
 from strainfmu.flight_condition import FlightCondition
@@ -27,6 +31,29 @@ class Case:
     modes: PressureModes
     noise_std: np.ndarray
     internal_pressure: float
+
+
+def noise_model(case: Case, n_modes: int, with_truncated: bool = True) -> NoiseModel:
+    """Return gauge noise and, by default, the modes beyond ``n_modes``."""
+    own = gauge_noise(np.diag(case.noise_std**2))
+    if not with_truncated or n_modes == case.modes.modes.shape[1]:
+        return NoiseModel((own,))
+    strain, load = (operator @ case.modes.modes for operator in (case.strain_operator, case.loads))
+    return NoiseModel((own, truncated_modes(strain, load, case.modes, n_modes)))
+
+
+def least_squares(case: Case, n_modes: int) -> LeastSquaresMap:
+    """Return the map of Case 1 with the default noise."""
+    z = case.strain_operator @ case.modes.modes[:, :n_modes]
+    mean_strain = case.strain_operator @ (case.modes.mean - case.internal_pressure)
+    noise = noise_model(case, n_modes)
+    return least_squares_map(z, mean_strain, noise.covariance, case.modes.coefficient_std()[:n_modes])
+
+
+def gaussian(case: Case, prior: LowRankPrior, gamma: float = 1.0) -> GaussianMap:
+    """Return the map of Case 2 with gauge noise alone."""
+    mean_strain = case.strain_operator @ (prior.mean - case.internal_pressure)
+    return gaussian_map(case.strain_operator @ prior.factor, mean_strain, np.diag(case.noise_std**2), gamma)
 
 
 def snapshots_at(engine: Engine, vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Snapshots:

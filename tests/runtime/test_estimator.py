@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from itertools import combinations
+
 import numpy as np
 import pytest
-from runtime_map import N_GAUGES, random_map
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from runtime_map import N_GAUGES, map_of, missing, random_map, random_model
 
 from strainfmu.errors import InputError
-from strainfmu.estimator import Estimator, LoadEstimate
+from strainfmu.estimator import CACHED_MASKS, LARGEST_SENSOR_RANGE, SENSOR_RANGE, Estimator, LoadEstimate
 from strainfmu.health import HealthState
 
 Q = 1.2e5
@@ -40,18 +45,20 @@ def test_strain_of_the_mean_gives_the_loads_of_the_mean() -> None:
 
 
 def test_gauge_that_is_off_raises_the_alarm() -> None:
-    """50 sigma on one gauge is beyond the level; the level itself is still in order."""
+    """100 sigma on one gauge is beyond the level; the level itself is not."""
     inverse_map = random_map()
     estimator = Estimator(inverse_map)
     strain = inverse_map.mean_strain.copy()
-    strain[2] += 50.0 * inverse_map.noise_std[2]
+    strain[2] += 100.0 * inverse_map.noise_std[2]
     off = estimator.estimate(strain, Q)
     assert off.health is HealthState.INCONSISTENT
     assert np.all(np.isfinite(off.coefficients))
     share = estimator.chi_square_limit / off.chi_square
-    for factor, health in ((0.999, HealthState.OK), (1.001, HealthState.INCONSISTENT)):
+    for factor, alarm in ((0.999, False), (1.001, True)):
         step = factor * np.sqrt(share) * (strain - inverse_map.mean_strain)
-        assert estimator.estimate(inverse_map.mean_strain + step, Q).health is health
+        found = estimator.estimate(inverse_map.mean_strain + step, Q)
+        assert (found.health is HealthState.INCONSISTENT) is alarm
+        assert found.health is not HealthState.OK
 
 
 def test_false_alarms_are_as_rare_as_stated() -> None:
@@ -64,15 +71,119 @@ def test_false_alarms_are_as_rare_as_stated() -> None:
     assert chi_square.mean() == pytest.approx(5.0, abs=3.0 * np.sqrt(10.0 / 20_000))
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_strain_that_is_not_finite_is_invalid(bad: float) -> None:
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1.001 * SENSOR_RANGE, -1e308])
+def test_strain_that_cannot_be_goes_without_the_gauge(bad: float) -> None:
     inverse_map = random_map()
+    estimator = Estimator(inverse_map)
     strain = inverse_map.mean_strain.copy()
     strain[3] = bad
-    found = Estimator(inverse_map).estimate(strain, Q)
+    found = estimator.estimate(strain, Q)
+    assert found.health is HealthState.DEGRADED
+    np.testing.assert_array_equal(found.valid, ~missing(N_GAUGES, 3))
+    told = estimator.estimate(inverse_map.mean_strain, Q, valid=~missing(N_GAUGES, 3))
+    assert_same(found, told)
+    assert np.all(found.loads_std > 0.0)
+
+
+def test_range_of_the_sensors_is_the_users() -> None:
+    inverse_map = random_map()
+    strain = inverse_map.mean_strain.copy()
+    strain[3] = 2e-3
+    assert Estimator(inverse_map).estimate(strain, Q).valid.all()
+    narrow = Estimator(inverse_map, sensor_range=1e-3).estimate(strain, Q)
+    np.testing.assert_array_equal(narrow.valid, ~missing(N_GAUGES, 3))
+    strain[3] = 1e100
+    assert Estimator(inverse_map, LARGEST_SENSOR_RANGE).estimate(strain, Q).health is HealthState.INCONSISTENT
+    for wrong in (0.0, -1.0, np.nan, np.inf, 1e101):
+        with pytest.raises(InputError, match=r"sensor_range: .* found, must be positive and at most 1e\+100"):
+            Estimator(inverse_map, sensor_range=wrong)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e308])
+def test_without_any_strain_nothing_can_be_computed(bad: float) -> None:
+    found = Estimator(random_map()).estimate(np.full(N_GAUGES, bad), Q)
     assert found.health is HealthState.INVALID
     for values in (found.loads, found.loads_std, found.coefficients, found.coefficients_std, found.chi_square):
         assert np.all(np.isnan(values))
+    assert not found.valid.any()
+
+
+ESTIMATORS = [Estimator(map_of(random_model(gamma=gamma, n_gauges=N_GAUGES, n_states=3))) for gamma in (0.0, 1.0)]
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    estimator=st.sampled_from(ESTIMATORS),
+    valid=st.lists(st.booleans(), min_size=N_GAUGES, max_size=N_GAUGES),
+    garbage=st.lists(st.floats(width=64), min_size=N_GAUGES, max_size=N_GAUGES),
+)
+def test_strain_of_a_masked_gauge_never_leaks(
+    estimator: Estimator, valid: list[bool], garbage: list[float]
+) -> None:
+    """Any bits in the gauges left out, NaN and infinity included: not one bit of any output changes."""
+    mean = estimator.inverse_map.mean_strain
+    clean = estimator.estimate(mean, Q, valid=np.array(valid))
+    assert_same(estimator.estimate(np.where(valid, mean, garbage), Q, valid=np.array(valid)), clean)
+    np.testing.assert_array_equal(clean.valid, valid)
+
+
+def assert_same(found: LoadEstimate, wanted: LoadEstimate) -> None:
+    """Every field equal, bit by bit; NaN equals NaN."""
+    for entry in fields(LoadEstimate):
+        np.testing.assert_array_equal(getattr(found, entry.name), getattr(wanted, entry.name))
+
+
+@pytest.mark.parametrize(
+    "valid", [np.ones(7, dtype=bool), np.ones(N_GAUGES), [1] * N_GAUGES, np.ones((N_GAUGES, 1), dtype=bool), True]
+)
+def test_mask_of_another_shape_or_type_is_refused(valid: object) -> None:
+    with pytest.raises(InputError, match=r"valid: .* found, 8 values of bool wanted"):
+        Estimator(random_map()).estimate(np.zeros(N_GAUGES), Q, valid=valid)  # type: ignore[arg-type]
+
+
+def test_a_lost_gauge_costs_once() -> None:
+    """The matrices of a mask are kept, the least recently used dropped, and no estimator sees another's."""
+    one, other = Estimator(random_map()), Estimator(random_map())
+    valid = ~missing(N_GAUGES, 2)
+    kept = one.masked_map(valid)
+    assert one.masked_map(valid) is kept
+    assert other.masked_map(valid) is not kept
+    masks = [~missing(N_GAUGES, *pair) for pair in combinations(range(N_GAUGES), 2)]
+    masks += [~missing(N_GAUGES, *triple) for triple in combinations(range(N_GAUGES), 3)]
+    assert len(masks) > 2 * CACHED_MASKS
+    for k, mask in enumerate(masks):
+        one.masked_map(mask)
+        if k < CACHED_MASKS:
+            assert one.masked_map(valid) is kept
+    again = one.masked_map(valid)
+    assert again is not kept
+    assert again is not None
+    assert kept is not None
+    np.testing.assert_array_equal(again.load_gain, kept.load_gain)
+
+
+def test_mask_handed_in_may_change_afterwards() -> None:
+    estimator = Estimator(random_map())
+    valid = ~missing(N_GAUGES, 2)
+    first = estimator.estimate(np.zeros(N_GAUGES), Q, valid=valid)
+    valid[:] = True
+    np.testing.assert_array_equal(first.valid, ~missing(N_GAUGES, 2))
+    other = ~missing(N_GAUGES, 3)
+    kept = estimator.masked_map(other)
+    other[:] = True
+    assert kept is not None
+    np.testing.assert_array_equal(kept.valid, ~missing(N_GAUGES, 3))
+
+
+def test_masked_gauges_and_other_faults_are_told_apart() -> None:
+    """A wrong dynamic pressure and a bad residual are worse than a missing gauge; ``valid`` tells of that."""
+    inverse_map = random_map()
+    estimator, valid = Estimator(inverse_map), ~missing(N_GAUGES, 2)
+    strain = inverse_map.mean_strain.copy()
+    assert estimator.estimate(strain, 0.0, valid).health is HealthState.NO_COEFFICIENTS
+    assert np.all(np.isfinite(estimator.estimate(strain, 0.0, valid).loads))
+    strain[5] += 1e-3
+    assert estimator.estimate(strain, Q, valid).health is HealthState.INCONSISTENT
 
 
 @pytest.mark.parametrize("dynamic_pressure", [0.0, -1.0, np.nan, np.inf])
@@ -113,11 +224,14 @@ def test_repeat_is_bit_identical_and_leaves_the_strain_alone() -> None:
     np.testing.assert_array_equal(strain, before)
 
 
-def test_a_standard_deviation_handed_out_cannot_be_changed() -> None:
+def test_what_is_handed_out_with_every_estimate_cannot_be_changed() -> None:
+    """And the map's own arrays stay as they were."""
     estimator = Estimator(random_map())
     estimate = estimator.estimate(np.zeros(estimator.inverse_map.n_gauges), 9e4)
-    with pytest.raises(ValueError, match="read-only"):
-        estimate.loads_std[0] = 0.0
+    for array in (estimate.loads_std, estimate.load_covariance, estimate.valid):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    assert estimator.inverse_map.load_covariance.flags.writeable
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from runtime_map import N_GAUGES, random_map
+from runtime_map import N_GAUGES, N_STATES, map_of, random_map, random_model
 
 from strainfmu import files
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import content_hash_of
+from strainfmu.innovation import innovation_whitening
 from strainfmu.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
@@ -28,14 +29,35 @@ def saved(tmp_path: Path) -> Path:
     return tmp_path / "map.h5"
 
 
-def test_round_trip(tmp_path: Path) -> None:
-    inverse_map = random_map()
+def with_field(inverse_map: InverseMap) -> InverseMap:
+    """``inverse_map`` with a pressure field on two triangles."""
+    random = np.random.default_rng(3)
+    return replace(
+        inverse_map,
+        field_mean=random.normal(size=4).astype(np.float32),
+        field_modes=random.normal(size=(4, len(inverse_map.state_offset))).astype(np.float32),
+        point=random.normal(size=(4, 3)).astype(np.float32),
+        triangle=np.array([[0, 1, 2], [2, 1, 3]], dtype=np.int32),
+    )
+
+
+def case_2_map() -> InverseMap:
+    return map_of(random_model(gamma=1.0, n_gauges=N_GAUGES, n_states=2 * N_GAUGES))
+
+
+@pytest.mark.parametrize(
+    "inverse_map",
+    [random_map(), case_2_map(), with_field(random_map()), replace(random_map(), strain_load_covariance=None)],
+    ids=["case 1", "case 2", "with field", "without what may be missing"],
+)
+def test_round_trip(inverse_map: InverseMap, tmp_path: Path) -> None:
     digest = save_inverse_map(inverse_map, tmp_path / "deep" / "map.h5")
     loaded = load_inverse_map(tmp_path / "deep" / "map.h5")
     for entry in fields(InverseMap):
         found, wanted = getattr(loaded, entry.name), getattr(inverse_map, entry.name)
         if isinstance(wanted, np.ndarray):
             np.testing.assert_array_equal(found, wanted)
+            assert found.dtype == wanted.dtype
         else:
             assert found == wanted
     assert loaded.n_gauges == N_GAUGES
@@ -45,9 +67,18 @@ def test_round_trip(tmp_path: Path) -> None:
 def test_every_number_has_its_unit(saved: Path) -> None:
     with h5py.File(saved) as file:
         units = {name: file[name].attrs["unit"] for name in file if name != "gauge_names"}
-    assert len(units) == 16
+    assert len(units) == 20
     assert units["strain_gain"] == "Pa/(m/m)"
+    assert units["noise_covariance"] == "(m/m)^2"
     assert units["nominal_dynamic_pressure"] == "Pa"
+
+
+def test_states_of_a_prior_have_no_unit(tmp_path: Path) -> None:
+    save_inverse_map(with_field(case_2_map()), tmp_path / "map.h5")
+    with h5py.File(tmp_path / "map.h5") as file:
+        assert file["strain_gain"].attrs["unit"] == "1/(m/m)"
+        assert file["state_operator"].attrs["unit"] == "(m/m)/1"
+        assert file["field_modes"].attrs["unit"] == "Pa/1"
 
 
 def test_content_hash_is_of_content_alone(tmp_path: Path) -> None:
@@ -77,7 +108,7 @@ def test_flipped_bit_in_any_array_is_refused(saved: Path) -> None:
     with h5py.File(saved) as file:
         # h5py counts from behind the user block where the file has one.
         where = {name: (file[name].id.get_offset(), file[name].id.get_storage_size()) for name in file}
-    assert len(where) == 17
+    assert len(where) == 21
     content = saved.read_bytes()
     for offset, size in where.values():
         damaged = bytearray(content)
@@ -95,10 +126,10 @@ def test_truncated_file_is_refused(share: float, saved: Path) -> None:
         load_inverse_map(saved)
 
 
-@pytest.mark.parametrize("version", [0, 2])
+@pytest.mark.parametrize("version", [1, 3])
 def test_other_schema_version_is_refused(version: int, tmp_path: Path) -> None:
     files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, version, lambda file: None)
-    with pytest.raises(InputError, match=f"schema version {version} found, 1 wanted; build it again"):
+    with pytest.raises(InputError, match=f"schema version {version} found, 2 wanted; build it again"):
         load_inverse_map(tmp_path / "map.h5")
 
 
@@ -118,6 +149,7 @@ def test_edited_file_is_refused(saved: Path) -> None:
 def test_missing_entry_is_named(tmp_path: Path) -> None:
     def fill(file: h5py.File) -> None:
         file.attrs["vehicle"] = "a vehicle"
+        file.attrs["case"] = "1"
 
     files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, SCHEMA_VERSION, fill)
     with pytest.raises(InputError, match=r"damaged, entry .*gauge_names.* is missing"):
@@ -145,12 +177,66 @@ def test_file_that_is_none_is_refused(tmp_path: Path) -> None:
         ({"nominal_dynamic_pressure": np.inf}, "nominal_dynamic_pressure is inf, must be positive"),
         ({"gauge_names": ("a",) * 8}, "at least one name and none twice"),
         ({"noise_std": np.zeros(8)}, "noise_std must be positive"),
-        ({"residual_degrees_of_freedom": 0}, "8 gauges for 3 states found, health needs at least one gauge more"),
+        ({"residual_degrees_of_freedom": 8}, "residual_degrees_of_freedom is 8, must be 5"),
+        ({"state_operator": np.zeros((8, 2))}, r"state_operator has shape \(8, 2\), must be \(8, 3\)"),
+        ({"case": "3"}, "case is '3', must be one of 1, 2"),
+        ({"regularisation": 1.0}, "regularisation is 1.0, must be 0 in Case 1"),
+        ({"case": "2"}, "regularisation is 0.0, must be positive in Case 2"),
+        ({"noise_covariance": np.zeros((8, 8))}, "noise_covariance has variances below noise_std squared"),
+        ({"noise_covariance": np.ones((8, 8))}, "noise_covariance must be symmetric and positive definite"),
+        ({"strain_gain": 1.001 * random_map().strain_gain}, "strain_gain is not that of state_operator"),
+        ({"state_offset": 1.001 * random_map().state_offset}, "state_offset is not -strain_gain mean_strain"),
+        ({"state_operator": 1e6 * random_map().state_operator}, "strain_gain is not that of state_operator"),
+        ({"residual_whitening": 2.0 * random_map().residual_whitening}, "chi-square a mean of 20, must be 5"),
+        ({"residual_whitening": 1e6 * np.eye(8)}, "residual_whitening sees the states"),
+        (
+            {"load_covariance": 1e-6 * random_map().load_covariance},
+            "load_covariance is less than noise_covariance",
+        ),
+        ({"strain_load_covariance": np.zeros((8, 4))}, r"strain_load_covariance has shape \(8, 4\)"),
+        (
+            {"field_mean": np.zeros(4, np.float32)},
+            "field_modes, point, triangle missing, the pressure field needs",
+        ),
+        ({"point": np.zeros((4, 2), np.float32)}, r"point has shape \(4, 2\), must be \(4, 3\)"),
+        ({"triangle": np.array([[0, 1, 4]])}, r"triangle names nodes outside 0 .. 3"),
     ],
 )
 def test_values_that_cannot_be_meant_are_refused(changes: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        replace(random_map(), **changes)
+    whole = random_map() if "field_mean" in changes else with_field(random_map())
+    with pytest.raises(InputError, match=f"inverse map: .*{words}"):
+        replace(whole, **changes)
+
+
+def test_as_many_states_as_gauges_are_refused() -> None:
+    """Least squares needs a gauge more than states; a prior does not."""
+    with pytest.raises(InputError, match="8 gauges for 8 states found, health needs at least one gauge more"):
+        map_of(random_model(gamma=0.0, n_gauges=8, n_states=8))
+    assert map_of(random_model(gamma=1.0, n_gauges=8, n_states=8)).residual_degrees_of_freedom == 8
+
+
+def test_state_that_no_gauge_sees_is_taken_under_a_prior() -> None:
+    """Its gain is round-off, here 1e-14 instead of 0; a state that gauges do see must have its own."""
+    model = random_model(gamma=1.0, n_gauges=N_GAUGES, n_states=N_STATES)
+    model.a[:, 1] = 0.0
+    inverse_map = map_of(model)
+    gain = inverse_map.strain_gain.copy()
+    gain[1] += 1e-14 / inverse_map.noise_std
+    assert replace(inverse_map, strain_gain=gain, state_offset=-gain @ model.m).case == "2"
+    gain[2] += 1e-3 / inverse_map.noise_std
+    with pytest.raises(InputError, match="strain_gain is not that of state_operator"):
+        replace(inverse_map, strain_gain=gain, state_offset=-gain @ model.m)
+
+
+def test_chi_square_of_a_prior_is_that_of_the_model_whatever_gamma() -> None:
+    """Gamma of the estimate, 10, in W instead of 1: refused."""
+    model = random_model(gamma=10.0, n_gauges=N_GAUGES, n_states=N_STATES)
+    inverse_map = map_of(model)
+    wrong = innovation_whitening(model.a, model.noise_covariance, 10.0)
+    with pytest.raises(InputError, match=r"residual_whitening gives chi-square a mean of .*, must be 8"):
+        replace(inverse_map, residual_whitening=wrong)
+    right = innovation_whitening(model.a, model.noise_covariance, 1.0)
+    assert replace(inverse_map, residual_whitening=right).case == "2"
 
 
 def test_file_is_whole_or_as_it_was(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,6 +79,7 @@ def gmsh_model(what: str) -> Iterator[Any]:
     ours = not gmsh.isInitialized()
     if ours:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
+        gmsh.option.restoreDefaults()  # options outlive a session
     before = {option: gmsh.option.getNumber(option) for option in OPTIONS}
     try:
         gmsh.model.add("strainfmu")
@@ -90,12 +91,11 @@ def gmsh_model(what: str) -> Iterator[Any]:
     except Exception as error:  # Gmsh raises nothing more specific
         raise StrainfmuError(f"{what}: Gmsh fails: {' '.join(str(error).split())}") from error
     finally:
+        gmsh.model.remove()
+        for option, value in before.items():
+            gmsh.option.setNumber(option, value)
         if ours:
             gmsh.finalize()
-        else:
-            gmsh.model.remove()
-            for option, value in before.items():
-                gmsh.option.setNumber(option, value)
 
 
 def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> SolidMesh:
@@ -155,8 +155,10 @@ def step_mesh(path: Path, element_length: float) -> SolidMesh:
     with gmsh_model(str(path)) as gmsh:
         unit = gmsh.option.getString("Geometry.OCCTargetUnit")
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")
-        shapes = gmsh.model.occ.importShapes(str(path))
-        gmsh.option.setString("Geometry.OCCTargetUnit", unit)
+        try:
+            shapes = gmsh.model.occ.importShapes(str(path))
+        finally:  # it outlives the session
+            gmsh.option.setString("Geometry.OCCTargetUnit", unit)
         solids = [shape for shape in shapes if shape[0] == 3]
         if not solids:
             raise InputError(f"{path}: no solid found; surfaces alone must be sewn to a solid in the CAD system")

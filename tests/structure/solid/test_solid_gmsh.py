@@ -111,7 +111,8 @@ CUP = {
 
 
 def test_step_file(cup: Any, tmp_path: Path) -> None:
-    """Gmsh writes STEP in millimetres by default; what is written as 1 is 1 mm."""
+    """Written in millimetres: what is drawn as 1 is 1 mm."""
+    cup.option.setString("Geometry.OCCTargetUnit", "MM")
     cup.write(str(tmp_path / "cup.step"))
     text = (tmp_path / "cup.step").read_text()
     assert "MILLI" in text
@@ -230,6 +231,7 @@ def test_step_file_of_two_solids(gmsh: Any, tmp_path: Path) -> None:
         for start, length in ((0, 1), (1, 3)):
             session.model.occ.addBox(start, 0, 0, length, 1, 1)
         session.model.occ.synchronize()
+        session.option.setString("Geometry.OCCTargetUnit", "MM")
         session.write(str(tmp_path / "bars.step"))
     mesh = step_mesh(tmp_path / "bars.step", 0.5e-3)
     check_mesh(mesh, length=4e-3, surfaces=(EXTERNAL, SUPPORT))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.reduction import proper_orthogonal_decomposition
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.inverse.pod import area_weights, proper_orthogonal_decomposition
 from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel
 from strainfmu.errors import InputError
 
 
@@ -75,3 +77,52 @@ def test_too_few_or_equal_snapshots_are_refused() -> None:
         proper_orthogonal_decomposition(np.ones((1, 4)))
     with pytest.raises(InputError, match="all alike"):
         proper_orthogonal_decomposition(np.full((5, 4), 5474.9))
+
+
+@pytest.fixture(scope="module")
+def weights(structure: StructuralModel) -> np.ndarray:
+    return area_weights(mesh_of_grid(structure.surface).node_area)
+
+
+def test_weighted_modes_are_orthonormal_in_area(snapshots: Snapshots, weights: np.ndarray) -> None:
+    """V^T W V = I and all modes reconstruct; the energy is that of |p|^2 over the area."""
+    modes = proper_orthogonal_decomposition(snapshots.pressure, weights)
+    gram = modes.modes.T @ (weights[:, None] * modes.modes)
+    np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-11)
+    np.testing.assert_allclose(
+        modes.mean + modes.coefficients(snapshots.pressure) @ modes.modes.T,
+        snapshots.pressure,
+        rtol=0.0,
+        atol=1e-8 * snapshots.pressure.max(),
+    )
+    energy = np.sum(weights * (snapshots.pressure - modes.mean) ** 2)
+    assert np.sum(modes.singular_values**2) == pytest.approx(energy, rel=1e-10)
+    np.testing.assert_allclose(
+        modes.coefficients(snapshots.pressure).std(axis=0, ddof=1)[:20], modes.coefficient_std()[:20], rtol=1e-7
+    )
+
+
+def test_weighted_modes_are_the_best_in_area(snapshots: Snapshots, weights: np.ndarray) -> None:
+    """Five modes: each inner product is best in its own norm (Eckart-Young), and they differ here."""
+    error = {}
+    for name, one in (("area", weights), ("euclidean", None)):
+        modes = proper_orthogonal_decomposition(snapshots.pressure, one)
+        # The best coefficients in the weighted norm, whatever the modes.
+        root = np.sqrt(weights)[:, None]
+        centred = root * (snapshots.pressure - modes.mean).T
+        fit = np.linalg.lstsq(root * modes.modes[:, :5], centred, rcond=None)[0]
+        error[name] = np.linalg.norm(centred - root * modes.modes[:, :5] @ fit)
+    assert error["area"] < error["euclidean"] * (1.0 - 1e-4)
+
+
+def test_equal_areas_are_the_euclidean_inner_product(snapshots: Snapshots) -> None:
+    plain = proper_orthogonal_decomposition(snapshots.pressure)
+    equal = area_weights(np.full(snapshots.pressure.shape[1], 3e-4))
+    weighted = proper_orthogonal_decomposition(snapshots.pressure, equal)
+    np.testing.assert_allclose(weighted.singular_values[:20], plain.singular_values[:20], rtol=1e-10)
+    np.testing.assert_allclose(weighted.modes[:, :5], plain.modes[:, :5], atol=1e-9)
+
+
+def test_nodes_without_area_are_refused() -> None:
+    with pytest.raises(InputError, match=r"map.inner_product: 'area' found, but 1 of 3 nodes have no area"):
+        area_weights(np.array([1.0, 0.0, 2.0]))

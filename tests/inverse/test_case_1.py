@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from inverse_case import Case
+from inverse_case import Case, least_squares, noise_model
 
-from builder.build import build_inverse_map, gauge_noise_std, snapshot_coefficients
-from builder.inversion import LeastSquaresMap, least_squares_map
-from builder.reduction import PressureModes
+from builder.build import build_inverse_map, gauge_noise_covariance, snapshot_coefficients
+from builder.inverse.baselines import unweighted_gain
+from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
+from builder.inverse.pod import PressureModes
+from builder.map_options import MapEntry, Noise
 from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel
 from builder.vehicle import Vehicle
@@ -23,7 +25,7 @@ N_MODES = 5
 
 @pytest.fixture(scope="module")
 def solved(case: Case) -> LeastSquaresMap:
-    return least_squares_map(case.strain_operator, case.modes, N_MODES, case.noise_std, case.internal_pressure)
+    return least_squares(case, N_MODES)
 
 
 def states(modes: PressureModes, n: int = 8) -> np.ndarray:
@@ -41,7 +43,7 @@ def test_strain_of_modes_gives_the_states_back(case: Case, solved: LeastSquaresM
 
 
 def test_gain_is_a_left_inverse(solved: LeastSquaresMap) -> None:
-    np.testing.assert_allclose(solved.strain_gain @ solved.strain_per_state, np.eye(N_MODES), atol=1e-10)
+    np.testing.assert_allclose(solved.strain_gain @ solved.state_operator, np.eye(N_MODES), atol=1e-10)
 
 
 def test_mean_pressure_is_the_zero_state(case: Case, solved: LeastSquaresMap) -> None:
@@ -53,36 +55,37 @@ def test_mean_pressure_is_the_zero_state(case: Case, solved: LeastSquaresMap) ->
 
 
 def test_gain_is_the_weighted_least_squares_solution(case: Case, solved: LeastSquaresMap) -> None:
-    """Against (Z' C^-1 Z)^-1 Z' C^-1 with C of noise and truncated modes, formed by the book: 1e-6."""
-    weight = np.linalg.inv(np.diag(case.noise_std**2) + solved.strain_of_truncated @ solved.strain_of_truncated.T)
-    z = solved.strain_per_state
+    """Gain and covariance against (Z' C^-1 Z)^-1 Z' C^-1 and (Z' C^-1 Z)^-1, formed by the book: 1e-6."""
+    weight = np.linalg.inv(noise_model(case, N_MODES).covariance)
+    z = solved.state_operator
     expected = np.linalg.solve(z.T @ weight @ z, z.T @ weight)
     np.testing.assert_allclose(solved.strain_gain, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+    covariance = np.linalg.inv(z.T @ weight @ z)
+    size = np.outer(*2 * [np.sqrt(np.diag(covariance))])
+    np.testing.assert_allclose(solved.state_covariance / size, covariance / size, rtol=0.0, atol=1e-6)
 
 
-def test_truncated_modes_have_the_strain_of_their_snapshots(
-    case: Case, solved: LeastSquaresMap, snapshots: Snapshots
-) -> None:
-    """Their covariance is that of the snapshots' strain less what the kept modes explain."""
-    centred = snapshots.pressure - case.modes.mean
-    kept = case.modes.modes[:, :N_MODES]
-    strain = (centred - centred @ kept @ kept.T) @ case.strain_operator.T
-    expected = strain.T @ strain / (len(strain) - 1)
-    found = solved.strain_of_truncated @ solved.strain_of_truncated.T
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+def test_estimate_is_stationary(case: Case, solved: LeastSquaresMap) -> None:
+    """The gradient Z' C^-1 (d - m - Z q) vanishes at the estimate of any strain, to 1e-9 of its terms."""
+    strain = solved.mean_strain + 10.0 * case.noise_std * np.random.default_rng(3).normal(size=len(case.noise_std))
+    state = solved.strain_gain @ strain + solved.state_offset
+    residual = np.linalg.solve(
+        solved.noise_covariance, strain - solved.mean_strain - solved.state_operator @ state
+    )
+    terms = np.abs(solved.state_operator.T) @ np.abs(residual)
+    assert np.all(np.abs(solved.state_operator.T @ residual) < 1e-9 * terms)
 
 
-def test_gauges_in_another_order_and_scale_give_the_same_state(case: Case, solved: LeastSquaresMap) -> None:
+def test_gauges_in_another_order_and_scale_give_the_same_state(solved: LeastSquaresMap, case: Case) -> None:
     """d -> D P d with every gauge's own sensitivity: the gain goes to T (D P)^-1."""
     random = np.random.default_rng(2)
     order = random.permutation(len(case.noise_std))
     scale = random.uniform(0.5, 2.0, len(order))
     changed = least_squares_map(
-        scale[:, None] * case.strain_operator[order],
-        case.modes,
-        N_MODES,
-        scale * case.noise_std[order],
-        case.internal_pressure,
+        scale[:, None] * solved.state_operator[order],
+        scale * solved.mean_strain[order],
+        np.outer(scale, scale) * solved.noise_covariance[np.ix_(order, order)],
+        case.modes.coefficient_std()[:N_MODES],
     )
     expected = solved.strain_gain[:, order] / scale
     np.testing.assert_allclose(changed.strain_gain, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
@@ -91,11 +94,15 @@ def test_gauges_in_another_order_and_scale_give_the_same_state(case: Case, solve
 
 
 def test_rotated_gauges_give_the_same_state(case: Case, solved: LeastSquaresMap) -> None:
-    """d -> R d with R orthogonal leaves equal noise equal: T goes to T R', chi-square stays."""
+    """d -> R d with R orthogonal: T goes to T R', chi-square stays."""
     n = len(case.noise_std)
     rotation = np.linalg.qr(np.random.default_rng(4).normal(size=(n, n)))[0]
+    covariance = rotation @ solved.noise_covariance @ rotation.T
     changed = least_squares_map(
-        rotation @ case.strain_operator, case.modes, N_MODES, case.noise_std, case.internal_pressure
+        rotation @ solved.state_operator,
+        rotation @ solved.mean_strain,
+        0.5 * (covariance + covariance.T),
+        case.modes.coefficient_std()[:N_MODES],
     )
     expected = solved.strain_gain @ rotation.T
     np.testing.assert_allclose(changed.strain_gain, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
@@ -108,27 +115,80 @@ def test_rotated_gauges_give_the_same_state(case: Case, solved: LeastSquaresMap)
 def test_residual_does_not_see_the_kept_modes(case: Case, solved: LeastSquaresMap) -> None:
     """W Z = 0, and W C W' is a projection of rank n_d - r."""
     spread = case.modes.coefficient_std()[:N_MODES]
-    strain = solved.strain_per_state * spread
+    strain = solved.state_operator * spread
     scale = np.abs(solved.residual_whitening).max() * np.abs(strain).max()
     np.testing.assert_allclose(solved.residual_whitening @ strain, 0.0, atol=1e-10 * scale)
-    covariance = np.diag(case.noise_std**2) + solved.strain_of_truncated @ solved.strain_of_truncated.T
-    projection = solved.residual_whitening @ covariance @ solved.residual_whitening.T
+    projection = solved.residual_whitening @ solved.noise_covariance @ solved.residual_whitening.T
     np.testing.assert_allclose(projection @ projection, projection, atol=1e-8)
     assert np.trace(projection) == pytest.approx(len(case.noise_std) - N_MODES, rel=1e-9)
 
 
-def test_more_modes_than_gauges_or_snapshots_are_refused(case: Case) -> None:
+def test_more_modes_than_gauges_or_snapshots_are_refused(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    def build(modes: int, used: Snapshots) -> None:
+        build_inverse_map(vehicle.model_copy(update={"map": MapEntry(modes=modes)}), used, structure)
+
     with pytest.raises(InputError, match=r"map.modes: 55 found, at most 54 with 54 gauges and 90 snapshots"):
-        least_squares_map(case.strain_operator, case.modes, 55, case.noise_std, 0.0)
-    few = replace(case.modes, modes=case.modes.modes[:, :3], singular_values=case.modes.singular_values[:3])
-    with pytest.raises(InputError, match=r"map.modes: 4 found, at most 3"):
-        least_squares_map(case.strain_operator, few, 4, case.noise_std, 0.0)
+        build(55, snapshots)
+    few = {name: getattr(snapshots, name)[:4] for name in ("condition", "pressure", "internal_pressure", "solved")}
+    few |= {name: getattr(snapshots, name)[:4] for name in ("flow", "momentum_error", "repairs")}
+    with pytest.raises(InputError, match=r"map.modes: 4 found, at most 3 with 54 gauges and 4 snapshots"):
+        build(4, replace(snapshots, **few))
 
 
 def test_gauges_that_read_the_same_are_refused(case: Case) -> None:
-    same = np.tile(case.strain_operator[:1], (8, 1))
+    same = np.tile((case.strain_operator @ case.modes.modes[:, :3])[:1], (8, 1))
     with pytest.raises(InputError, match=r"the 8 gauges cannot tell 3 modes apart \(condition number"):
-        least_squares_map(same, case.modes, 3, case.noise_std[:8], 0.0)
+        least_squares_map(same, np.zeros(8), np.eye(8), case.modes.coefficient_std()[:3])
+
+
+def test_relative_condition_number_is_the_published_expression(case: Case) -> None:
+    """kappa(Z) / (nu cos theta), nu = |Z| |q| / |Zq|, cos theta = |Zq| / |d|, equals the short form to 1e-12."""
+    z = case.strain_operator @ case.modes.modes[:, :N_MODES]
+    scale, random = 2.0e5, np.random.default_rng(1)
+    q, d = random.normal(size=N_MODES), 1e-4 * random.normal(size=len(z))
+    scaled = scale * z
+    nu = np.linalg.norm(scaled, 2) * np.linalg.norm(q) / np.linalg.norm(scaled @ q)
+    cosine = np.linalg.norm(scaled @ q) / np.linalg.norm(d)
+    found = relative_condition(z, float(np.linalg.norm(d)), float(np.linalg.norm(q)), scale)
+    assert found.value == pytest.approx(np.linalg.cond(scaled) / (nu * cosine), rel=1e-12)
+    assert found.kappa == pytest.approx(np.linalg.cond(scaled), rel=1e-12)
+    assert f"in units of {scale:.6g} Pa" in found.scaling
+
+
+def test_relative_condition_number_bounds_the_error(case: Case) -> None:
+    """|dq|/|q| <= K |dd|/|d| for ordinary least squares, and the worst perturbation reaches it."""
+    z = case.strain_operator @ case.modes.modes[:, :N_MODES]
+    q = case.modes.coefficient_std()[:N_MODES]
+    d = z @ q
+    k = relative_condition(z, float(np.linalg.norm(d)), float(np.linalg.norm(q)), 1.0).value
+    gain = unweighted_gain(z)
+    worst = np.linalg.svd(z)[0][:, N_MODES - 1]
+    some = np.random.default_rng(2).normal(size=len(d))
+    amplified = [
+        (np.linalg.norm(gain @ one) / np.linalg.norm(q)) / (np.linalg.norm(one) / np.linalg.norm(d))
+        for one in (worst, some)
+    ]
+    assert amplified[0] == pytest.approx(k, rel=1e-9)
+    assert amplified[1] < k
+
+
+def test_relative_condition_number_without_a_scale_is_refused(case: Case) -> None:
+    z = case.strain_operator @ case.modes.modes[:, :N_MODES]
+    with pytest.raises(InputError, match=r"state scale 0.0 found, must be positive"):
+        relative_condition(z, 1e-4, 1.0, 0.0)
+    with pytest.raises(InputError, match="K is infinite"):
+        relative_condition(z[:3], 1e-4, 1.0, 1.0)
+
+
+def test_weights_make_the_states_surer(solved: LeastSquaresMap) -> None:
+    """Gauss-Markov: the ordinary estimate is unbiased too, and no state has a smaller variance under Gamma."""
+    gain = unweighted_gain(solved.state_operator)
+    np.testing.assert_allclose(gain @ solved.state_operator, np.eye(N_MODES), atol=1e-8)
+    ordinary = np.diag(gain @ solved.noise_covariance @ gain.T)
+    assert np.all(np.diag(solved.state_covariance) <= ordinary * (1.0 + 1e-9))
+    assert np.any(np.diag(solved.state_covariance) < 0.5 * ordinary)
 
 
 @pytest.mark.parametrize("layout", ["configuration_1", "configuration_2", "configuration_45"])
@@ -177,12 +237,25 @@ def test_map_holds_what_it_was_built_from(
     assert built.residual_degrees_of_freedom == 49
 
 
+@pytest.mark.parametrize("modes", [1, 12])
+@pytest.mark.parametrize("inner_product", ["euclidean", "area"])
+def test_any_number_of_modes_and_both_inner_products_build(
+    modes: int, inner_product: str, vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    """The mean's strain gives the mean's loads back; K stands in the provenance with its scaling."""
+    entry = MapEntry.model_validate({"modes": modes, "inner_product": inner_product})
+    built = build_inverse_map(vehicle.model_copy(update={"map": entry}), snapshots, structure)
+    estimate = Estimator(built).estimate(built.mean_strain, 1e5)
+    np.testing.assert_allclose(estimate.loads, built.load_of_mean, atol=1e-8 * np.abs(built.load_of_mean).max())
+    assert built.residual_degrees_of_freedom == 54 - modes
+    assert built.provenance["relative_condition_number"] > 1.0
+    assert "um/m" in built.provenance["relative_condition_scaling"]
+    assert sum(term["share"] for term in built.provenance["noise_terms"]) == pytest.approx(1.0, rel=1e-9)
+
+
 def test_absolute_noise_is_taken_as_given(
     vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
-    noise = vehicle.noise.model_copy(
-        update={"percent_of_median_strain": None, "of_layout": None, "std_um_per_m": 0.4}
-    )
-    assert gauge_noise_std(vehicle.model_copy(update={"noise": noise}), snapshots, structure) == pytest.approx(
-        4e-7
-    )
+    changed = vehicle.model_copy(update={"noise": Noise(std_um_per_m=0.4)})
+    covariance = gauge_noise_covariance(changed, snapshots, structure)
+    np.testing.assert_allclose(covariance, np.diag(np.full(54, 0.16e-12)), rtol=1e-12)

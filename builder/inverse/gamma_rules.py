@@ -1,0 +1,8 @@
+"""The names of the rules that find gamma; what they do stands in :mod:`builder.inverse.regularisation`."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+Rule = Literal["morozov", "corrected_discrepancy", "gcv", "evidence"]
+RULES: tuple[Rule, ...] = get_args(Rule)

@@ -1,0 +1,76 @@
+"""How strain changes where gauges sit or point a little differently: differences of the Fourier model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.inverse.noise_model import central_difference
+from builder.structural_model import StructuralModel, wall_of
+from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
+from builder.vehicle import Vehicle
+
+FloatArray = NDArray[np.float64]
+
+STEP = 1e-3
+"""Step of the differences: 1 mm along the surface, 1 mrad of direction."""
+
+
+@dataclass(frozen=True)
+class GaugeDerivatives:
+    """Derivatives of Z_p (n_d, n_p).
+
+    Attributes
+    ----------
+    axial, circumferential : by the gauge's position along the surface [1/(Pa m)].
+    orientation : by the angle of its direction in the surface [1/(Pa rad)].
+    """
+
+    axial: FloatArray
+    circumferential: FloatArray
+    orientation: FloatArray
+
+
+def fourier_gauge_derivatives(vehicle: Vehicle, structure: StructuralModel, layout: str) -> GaugeDerivatives:
+    """Return the derivatives at the gauges of ``layout``, with the mesh and harmonics that the map is built on.
+
+    Raises
+    ------
+    InputError
+        A gauge lies within a step of the end of the inner surface.
+    """
+    resolution, wall = vehicle.resolution.map, wall_of(vehicle)
+    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    surface, placed = structure.surface, structure.placed[layout]
+    at_gauge = inner_surface_points(mesh, placed.x)
+    along_x, around = STEP * at_gauge.tangent[:, 0], STEP / at_gauge.radius
+    stations = np.concatenate([placed.x - along_x, placed.x, placed.x + along_x])
+    response = harmonic_response(mesh, wall.material, stations, surface.x, structure.response.max_harmonic)
+
+    def difference(plus: PlacedGauges, minus: PlacedGauges) -> FloatArray:
+        after, before = (strain_operator(response, gauges, surface) for gauges in (plus, minus))
+        return central_difference(after, before, STEP)
+
+    return GaugeDerivatives(
+        axial=difference(replace(placed, x=placed.x + along_x), replace(placed, x=placed.x - along_x)),
+        circumferential=difference(
+            replace(placed, roll_angle=placed.roll_angle + around),
+            replace(placed, roll_angle=placed.roll_angle - around),
+        ),
+        orientation=difference(_turned(placed, STEP), _turned(placed, -STEP)),
+    )
+
+
+def _turned(placed: PlacedGauges, angle: float) -> PlacedGauges:
+    """Return the gauges with their directions turned by ``angle`` [rad] in the surface."""
+    c, s = np.cos(angle), np.sin(angle)
+    return replace(
+        placed,
+        meridional=c * placed.meridional - s * placed.circumferential,
+        circumferential=s * placed.meridional + c * placed.circumferential,
+    )

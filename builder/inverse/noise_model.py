@@ -1,0 +1,163 @@
+"""Everything in the strain that the pressure states do not explain, term by term, as one covariance Gamma.
+
+Each term is a factor N of its covariance N N^T: strain at one standard deviation, column by column. A quantity
+that is marginalised so is estimated implicitly and dropped (Kaipio & Somersalo, Statistical and Computational
+Inverse Problems, 2005, section 5.8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.inverse.pod import PressureModes
+from strainfmu.errors import InputError
+from strainfmu.innovation import inverse_cholesky
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NoiseTerm:
+    """One cause of strain error, independent of the others and of the states.
+
+    Attributes
+    ----------
+    name : for reports.
+    strain : (n_d, k) columns of strain at one standard deviation [m/m].
+    load : (5, k) loads [N, N m] that the same columns bring and no state holds, or None where they bring none.
+    """
+
+    name: str
+    strain: FloatArray
+    load: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class NoiseShare:
+    """How much of Gamma one term is.
+
+    Attributes
+    ----------
+    name : of the term.
+    share : tr(Gamma^-1 Gamma_term) / n_d [1]: its part of the whitened variance; the shares add up to 1.
+    rms_strain : root of the mean variance over the gauges [m/m].
+    """
+
+    name: str
+    share: float
+    rms_strain: float
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """All terms together."""
+
+    terms: tuple[NoiseTerm, ...]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(n_d, n_d) Gamma, the sum of all terms' covariances [(m/m)^2]."""
+        return np.sum([term.strain @ term.strain.T for term in self.terms], axis=0)
+
+    @cached_property
+    def strain_load_covariance(self) -> FloatArray | None:
+        """(n_d, 5) covariance of strain error and load that no state holds [m/m (N, N m)]; None if no term has."""
+        parts = [term.strain @ term.load.T for term in self.terms if term.load is not None]
+        return np.sum(parts, axis=0) if parts else None
+
+    def shares(self) -> list[NoiseShare]:
+        """Return one row per term.
+
+        Raises
+        ------
+        InputError
+            The covariance is not positive definite.
+        """
+        whitening = inverse_cholesky(self.covariance)
+        n_gauges = len(whitening)
+        return [
+            NoiseShare(
+                term.name,
+                float(np.sum((whitening @ term.strain) ** 2)) / n_gauges,
+                float(np.sqrt(np.sum(term.strain**2) / n_gauges)),
+            )
+            for term in self.terms
+        ]
+
+
+def gauge_noise(covariance: FloatArray) -> NoiseTerm:
+    """Return the gauges' own noise of ``covariance`` (n_d, n_d) [(m/m)^2]: diagonal or full.
+
+    Raises
+    ------
+    InputError
+        The matrix is not symmetric and positive definite.
+    """
+    inverse_cholesky(covariance)  # refuses what is no covariance
+    return NoiseTerm("gauge noise", np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+
+def truncated_modes(
+    strain_of_modes: FloatArray, load_of_modes: FloatArray, modes: PressureModes, kept: int
+) -> NoiseTerm:
+    """Return the strain and load of the POD modes beyond the first ``kept``, at their spread over the snapshots.
+
+    Parameters
+    ----------
+    strain_of_modes : (n_d, k) Z_p V of all modes [1/Pa].
+    load_of_modes : (5, k) G C_map V of all modes [N/Pa, N m/Pa].
+    modes : POD of the snapshots.
+    kept : modes that are states.
+    """
+    std = modes.coefficient_std()[kept:]
+    return NoiseTerm("truncated modes", strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std)
+
+
+def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
+    """Return a term of ``strain`` columns (n_d, k) per unit of quantities with standard deviations ``std`` (k,).
+
+    For thermal strain a column is the apparent strain of one temperature distribution, the gauges' own and that of
+    the structure together.
+
+    Raises
+    ------
+    InputError
+        A value is not finite, or a standard deviation is negative.
+    """
+    if strain.ndim != 2 or std.shape != strain.shape[1:]:
+        raise InputError(
+            f"noise term '{name}': strain {strain.shape}, std {std.shape} found, must be (n_d, k), (k,)"
+        )
+    if not (np.all(np.isfinite(strain)) and np.all(np.isfinite(std)) and np.all(std >= 0.0)):
+        raise InputError(f"noise term '{name}': values must be finite and standard deviations at least 0")
+    return NoiseTerm(name, strain * std)
+
+
+def gauge_errors(name: str, sensitivity: FloatArray, std: float) -> NoiseTerm:
+    """Return the term of an error that each gauge makes on its own, to first order.
+
+    The strain error of gauge i is g_i s_ij in flight j, with g_i of standard deviation ``std``; its variance is
+    averaged over the flights. For gains s is the strain itself; for position and orientation its derivative.
+
+    Parameters
+    ----------
+    name : for reports.
+    sensitivity : (N, n_d) strain error per unit of the gauge's error, over N flights [m/m per unit].
+    std : standard deviation of the gauge's error [unit].
+
+    Raises
+    ------
+    InputError
+        A value is not finite, or the standard deviation is negative.
+    """
+    rms = np.sqrt(np.mean(sensitivity**2, axis=0))
+    return nuisance_modes(name, np.diag(rms), np.full(len(rms), std))
+
+
+def central_difference(plus: FloatArray, minus: FloatArray, step: float) -> FloatArray:
+    """Return (Z(x + step) - Z(x - step)) / (2 step) of strain operators (n_d, n_p), error O(step^2)."""
+    return (plus - minus) / (2.0 * step)

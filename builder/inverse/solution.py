@@ -1,0 +1,147 @@
+"""Both cases from the same arrays: snapshots, strain and loads per pressure, noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.inverse.case_1 import least_squares_map, relative_condition
+from builder.inverse.case_2 import gaussian_map, whitened_spectrum
+from builder.inverse.gamma_rules import Rule
+from builder.inverse.noise_model import NoiseModel, NoiseTerm, truncated_modes
+from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
+from builder.inverse.prior import prior_of_modes, prior_of_snapshots
+from builder.inverse.regularisation import expected_data, select_gamma
+from builder.inverse.state_map import StateMap
+from builder.map_options import MapEntry
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an inverse map is made of.
+
+    Attributes
+    ----------
+    pressure : (N, n_p) absolute pressure of the snapshots [Pa].
+    internal_pressure : [Pa].
+    strain_operator : (n_d, n_p) Z_p [1/Pa].
+    load_operator : (5, n_p) G C_map [m2, m3].
+    node_area : (n_p,) area of the nodes [m2].
+    noise : terms but for the truncated modes.
+    with_truncated_modes : whether these count as noise.
+    entry : section [map] of the vehicle file.
+    """
+
+    pressure: FloatArray
+    internal_pressure: float
+    strain_operator: FloatArray
+    load_operator: FloatArray
+    node_area: FloatArray
+    noise: tuple[NoiseTerm, ...]
+    with_truncated_modes: bool
+    entry: MapEntry
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solved problem: p = mean + field_modes q with q from ``solved``.
+
+    Attributes
+    ----------
+    solved : the state map.
+    noise : all terms that its covariance holds.
+    mean : (n_p,) [Pa].
+    field_modes : (n_p, n_q) V_r [1] or F [Pa].
+    facts : numbers for the map's provenance.
+    """
+
+    solved: StateMap
+    noise: NoiseModel
+    mean: FloatArray
+    field_modes: FloatArray
+    facts: dict[str, Any]
+
+
+def solve(problem: Problem) -> Solution:
+    """Solve the case that ``problem.entry`` asks for.
+
+    Raises
+    ------
+    InputError
+        The gauges or snapshots do not carry it; the message names the entry.
+    """
+    return _solve_case_1(problem) if problem.entry.case == 1 else _solve_case_2(problem)
+
+
+def _solve_case_1(problem: Problem) -> Solution:
+    modes, kept = _modes(problem), problem.entry.modes
+    n_gauges, most = len(problem.strain_operator), modes.modes.shape[1]
+    if kept > min(n_gauges, most):
+        raise InputError(
+            f"map.modes: {kept} found, at most {min(n_gauges, most)} with {n_gauges} gauges "
+            f"and {modes.n_snapshots} snapshots"
+        )
+    strain_of_modes = problem.strain_operator @ modes.modes
+    noise = _with_truncated(problem, modes, kept, strain_of_modes)
+    std, z = modes.coefficient_std()[:kept], strain_of_modes[:, :kept]
+    solved = least_squares_map(z, _mean_strain(problem, modes.mean), noise.covariance, std)
+    # The published scaling: 100 um/m per gauge, states in units of their root mean square norm over the snapshots.
+    relative = relative_condition(z, 1e-4 * np.sqrt(n_gauges), 1.0, float(np.linalg.norm(std)))
+    facts = {
+        "modes": kept,
+        "energy_of_modes": float(modes.energy[kept - 1]),
+        "condition_number": solved.condition_number,
+        "relative_condition_number": relative.value,
+        "relative_condition_scaling": relative.scaling,
+    }
+    return Solution(solved, noise, modes.mean, modes.modes[:, :kept], facts)
+
+
+def _solve_case_2(problem: Problem) -> Solution:
+    entry = problem.entry
+    if entry.prior_modes is None:
+        prior, noise, energy = prior_of_snapshots(problem.pressure), NoiseModel(problem.noise), 1.0
+    else:
+        modes = _modes(problem)
+        prior = prior_of_modes(modes, entry.prior_modes)
+        noise = _with_truncated(problem, modes, entry.prior_modes, problem.strain_operator @ modes.modes)
+        energy = float(modes.energy[entry.prior_modes - 1])
+    state_operator = problem.strain_operator @ prior.factor
+    spectrum = whitened_spectrum(state_operator, noise.covariance)
+    gamma = entry.gamma
+    if isinstance(gamma, str):
+        gamma = select_gamma(cast(Rule, gamma), expected_data(spectrum))
+    mean_strain = _mean_strain(problem, prior.mean)
+    solved = gaussian_map(state_operator, mean_strain, noise.covariance, gamma, spectrum)
+    facts = {
+        "modes": prior.n_states,
+        "energy_of_modes": energy,
+        "gamma": gamma,
+        "gamma_rule": entry.gamma if isinstance(entry.gamma, str) else "fixed",
+        "recoverable_modes": solved.n_recoverable,
+        "hessian_eigenvalues": spectrum.eigenvalues.tolist(),
+    }
+    return Solution(solved, noise, prior.mean, prior.factor, facts)
+
+
+def _modes(problem: Problem) -> PressureModes:
+    weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
+    return proper_orthogonal_decomposition(problem.pressure, weights)
+
+
+def _with_truncated(problem: Problem, modes: PressureModes, kept: int, strain_of_modes: FloatArray) -> NoiseModel:
+    if not problem.with_truncated_modes or kept == modes.modes.shape[1]:
+        return NoiseModel(problem.noise)
+    load_of_modes = problem.load_operator @ modes.modes
+    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept)))
+
+
+def _mean_strain(problem: Problem, mean: FloatArray) -> FloatArray:
+    strain: FloatArray = problem.strain_operator @ (mean - problem.internal_pressure)
+    return strain

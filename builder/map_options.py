@@ -1,0 +1,79 @@
+"""The sections [map] and [noise] of a vehicle file."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator, model_validator
+
+from builder.inverse.gamma_rules import RULES
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class MapEntry(_Section):
+    """The inverse map.
+
+    ``case`` 1 keeps ``modes`` POD modes and solves by least squares; 2 takes the snapshots as a Gaussian prior,
+    all of them or ``prior_modes`` POD modes. ``gamma`` is Case 2's: a number, or the rule that finds it.
+    ``inner_product`` is that of the POD. ``keep_field`` writes the pressure field into the map.
+    """
+
+    modes: int = Field(default=5, ge=1)
+    case: Literal[1, 2] = 1
+    inner_product: Literal["euclidean", "area"] = "euclidean"
+    prior_modes: int | None = Field(default=None, ge=1)
+    gamma: float | str = 1.0
+    keep_field: bool = False
+
+    @field_validator("gamma", mode="before")
+    @classmethod
+    def _number_or_rule(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < float("inf")
+        if value not in RULES and not number:
+            raise ValueError(f"{value!r} found, must be a positive number or one of {', '.join(RULES)}")
+        return value
+
+
+class Noise(_Section):
+    """Strain error: the gauges' own noise, and what is added to its covariance.
+
+    The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,
+    one per gauge, or as the CSV file of a full covariance [(um/m)^2] beside the vehicle file. Nothing is added to
+    it with ``model`` "paper". Gain, position and orientation errors are those of each gauge on its own; apparent
+    strain is the same for all gauges, as of an uncompensated temperature.
+    """
+
+    percent_of_median_strain: PositiveFloat | None = None
+    of_layout: str | None = None
+    std_um_per_m: PositiveFloat | None = None
+    std_of_gauges_um_per_m: list[PositiveFloat] | None = Field(default=None, min_length=1)
+    covariance_file: str | None = None
+    model: Literal["default", "paper"] = "default"
+    truncated_modes: bool = True
+    apparent_strain_um_per_m: float = Field(default=0.0, ge=0.0)
+    gauge_gain_percent: float = Field(default=0.0, ge=0.0)
+    gauge_position_mm: float = Field(default=0.0, ge=0.0)
+    gauge_orientation_deg: float = Field(default=0.0, ge=0.0)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Noise:
+        names = ("percent_of_median_strain", "std_um_per_m", "std_of_gauges_um_per_m", "covariance_file")
+        if sum(getattr(self, name) is not None for name in names) != 1:
+            raise ValueError(f"give either {' or '.join(names)}, and only one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _paper_is_gauge_noise_alone(self) -> Noise:
+        names = ("apparent_strain_um_per_m", "gauge_gain_percent", "gauge_position_mm", "gauge_orientation_deg")
+        added = [name for name in names if getattr(self, name) > 0.0]
+        if self.model == "paper" and added:
+            raise ValueError(f"model 'paper' is gauge noise alone, but {added[0]} is {getattr(self, added[0]):g}")
+        return self
+
+    @property
+    def with_truncated_modes(self) -> bool:
+        """Whether truncated modes count as noise."""
+        return self.truncated_modes and self.model == "default"

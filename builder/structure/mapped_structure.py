@@ -1,0 +1,109 @@
+"""A three-dimensional structure referred to the pressure nodes of snapshots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.mapping import pressure_map
+from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.gauge_layout import GaugeLayout
+from builder.geometry import SurfaceGrid
+from builder.snapshots import Snapshots
+from builder.structure.structure_file import Structure
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+ROLL_REFINEMENT = 4
+CUT_FRONT = 1e-4  # of the length: how far from the foremost node the front of a cut tip may reach
+
+
+@dataclass(frozen=True)
+class MappedStructure:
+    """Strain of a three-dimensional structure per pressure at the nodes of snapshots.
+
+    Attributes
+    ----------
+    surface : the snapshots' nodes.
+    description : the structure's model and resolution.
+    layouts : per layout name, the gauges in body axes.
+    operators : per layout name Z_p H (n_d, n_p) [1/Pa], with H the interpolation from the snapshots' surface.
+    """
+
+    surface: SurfaceGrid | SurfaceMesh
+    description: str
+    layouts: dict[str, GaugeLayout]
+    operators: dict[str, FloatArray]
+
+    def strain_operator(self, layout: str) -> FloatArray:
+        """Return Z_p H (n_d, n_p) [1/Pa] of a layout."""
+        return self.operators[layout]
+
+
+def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStructure:
+    """Refer a three-dimensional structure to the nodes of snapshots.
+
+    Each node of the structure's surface takes the pressure of its closest point on the snapshots' surface
+    (:func:`builder.aero.mapping.consistent_map`). Where their nodes are stations times roll angles, pressure is
+    trigonometric in roll; a refined grid carries it there first, since linear interpolation over an angle h
+    weakens harmonic m by (m h)^2 / 12.
+
+    Raises
+    ------
+    InputError
+        The two surfaces do not lie on each other; the message says how far, and what was probably meant.
+    """
+    grid, target = snapshots.grid, structure.surface
+    ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])[:, None]
+    net = snapshots.pressure - ambient
+    if grid is None:
+        source, carried = snapshots.surface, net
+    else:
+        source = mesh_of_grid(replace(grid, n_roll=ROLL_REFINEMENT * grid.n_roll))
+        carried = (grid.as_map(net) @ _roll_interpolation(grid.n_roll).T).reshape(len(net), -1)
+    transfer = pressure_map(source, target)
+    try:
+        check_mapping(mapping_report(transfer, source, target, carried), _tolerances(target))
+    except InputError as error:
+        raise InputError(f"structure: {error}") from error
+    operator = structure.strain_operator @ transfer.interpolation
+    if grid is not None:
+        by_ring = operator.reshape(len(operator), len(grid.x), -1)
+        operator = (by_ring @ _roll_interpolation(grid.n_roll)).reshape(len(operator), -1)
+    place = {name: structure.gauges_of(name) for name in structure.layouts}
+    return MappedStructure(
+        surface=grid or source,
+        description=f"{structure.model}, {structure.statistics['degrees_of_freedom']} dofs",
+        layouts={
+            name: GaugeLayout(
+                tuple(structure.gauge_names[i] for i in places),
+                structure.gauge_position[places],
+                structure.gauge_direction[places],
+            )
+            for name, places in place.items()
+        },
+        operators={name: operator[places] for name, places in place.items()},
+    )
+
+
+def _roll_interpolation(n_roll: int) -> FloatArray:
+    """Return (ROLL_REFINEMENT * n_roll, n_roll): the trigonometric interpolant at finer roll angles."""
+    spectrum = np.fft.rfft(np.eye(n_roll), axis=0)
+    if n_roll % 2 == 0:
+        spectrum[-1] *= 0.5  # the Nyquist harmonic stands for two in the longer spectrum
+    return np.asarray(ROLL_REFINEMENT * np.fft.irfft(spectrum, n=ROLL_REFINEMENT * n_roll, axis=0))
+
+
+def _tolerances(target: SurfaceMesh) -> MappingTolerances:
+    """Return what the mapping may lose; nodes on the front of a cut tip face ahead, where no source does.
+
+    They take the pressure of the source's tip, on no area to speak of.
+    """
+    x = target.point[:, 0]
+    on_front = float(np.mean(x < x.min() + CUT_FRONT * np.ptp(x)))
+    usual = MappingTolerances()
+    return replace(usual, unfitted_share=usual.unfitted_share + on_front)

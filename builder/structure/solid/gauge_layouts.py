@@ -1,0 +1,75 @@
+"""Gauge layouts with what the three-dimensional model knows beside: outer surface, gauge length."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from builder.gauge_layout import GaugeLayout, gauge_layout
+from builder.geometry import BodyOfRevolution
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.solid.gauge_rows import Gauges, gauges_at
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
+from builder.vehicle import GaugeLayoutEntry, GaugeRow, Vehicle
+from strainfmu.errors import InputError
+
+SURFACE = {"inner": INTERNAL, "outer": EXTERNAL}
+
+
+def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
+    """Return a layout of the vehicle file.
+
+    Rows on the outer surface lie at the stations given, as those on the inner one; their names end in ``_outer``.
+
+    Parameters
+    ----------
+    vehicle, layout : the file and the name of the layout.
+    mesh : a meridian mesh of the wall, whose inner surface rows are laid on.
+
+    Raises
+    ------
+    InputError
+        A station has no hollow behind it, a name is there twice, or the layout's CSV file is missing or wrong.
+    """
+    entry = vehicle.gauges.layouts[layout]
+    if entry.rows is None:
+        found = gauge_layout(vehicle, layout, mesh)
+        surface = SURFACE[entry.surface or "inner"]
+        return gauges_at(found.position, found.direction, found.names, 1e-3 * (entry.length_mm or 0.0), surface)
+    parts = [_row(vehicle, layout, row, mesh) for row in entry.rows]
+    name = tuple(one for part in parts for one in part.name)
+    for one in name:
+        if name.count(one) > 1:
+            raise InputError(f"gauges.layouts.{layout}: gauge name '{one}' is there twice")
+    return Gauges(
+        name,
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.direction for part in parts]),
+        np.concatenate([part.length for part in parts]),
+        tuple(one for part in parts for one in part.surface),
+    )
+
+
+def _row(vehicle: Vehicle, layout: str, row: GaugeRow, mesh: MeridianMesh) -> Gauges:
+    alone = vehicle.gauges.model_copy(update={"layouts": {layout: GaugeLayoutEntry(rows=[row])}})
+    found = gauge_layout(vehicle.model_copy(update={"gauges": alone}), layout, mesh)
+    if row.surface == "outer":
+        found = _on_outer_surface(found, vehicle.body())
+    return gauges_at(found.position, found.direction, found.names, 1e-3 * row.length_mm, SURFACE[row.surface])
+
+
+def _on_outer_surface(found: GaugeLayout, body: BodyOfRevolution) -> GaugeLayout:
+    """Move gauges outwards at their stations; axial ones lie along the outer meridian."""
+    x = found.position[:, 0]
+    roll = np.arctan2(found.position[:, 1], found.position[:, 2])
+    outwards = np.column_stack([0.0 * x, np.sin(roll), np.cos(roll)])
+    angle = body.angle(x)[:, None]
+    along = np.cos(angle) * np.array([1.0, 0.0, 0.0]) + np.sin(angle) * outwards
+    is_hoop = np.array([name.startswith("hoop") for name in found.names])[:, None]
+    return replace(
+        found,
+        names=tuple(f"{name}_outer" for name in found.names),
+        position=x[:, None] * np.array([1.0, 0.0, 0.0]) + body.radius(x)[:, None] * outwards,
+        direction=np.where(is_hoop, found.direction, along),
+    )

@@ -1,0 +1,155 @@
+"""Which mesh a vehicle's structure is computed on: swept, made by Gmsh, or brought along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from builder.geometry import BodyOfRevolution
+from builder.structure.solid.locking import WallElements
+from builder.structure.solid.mesh_report import facet_size
+from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
+from builder.structure.solid.swept_mesh import (
+    HEXAHEDRON,
+    RESOLUTIONS,
+    SweptMesh,
+    SweptResolution,
+    SweptSector,
+    full_mesh,
+    swept_wall,
+)
+from builder.structure.wall import Wall
+from strainfmu.errors import InputError
+
+SWEPT, GMSH = "swept", "gmsh"
+CAD_FORMATS, TRIANGLE_FORMAT = (".step", ".stp"), ".stl"
+TETRAHEDRON_LENGTH = {"coarse": 0.9, "medium": 0.7, "paper": 0.5}
+"""Largest edge over sqrt(R t) at the base, the length in which bending of the wall decays; longer ones lock."""
+
+COARSER = {"paper": "medium", "medium": "coarse"}
+COARSEST = SweptResolution(0.060, 1, 16)
+"""What ``coarse`` is compared with."""
+
+
+@dataclass(frozen=True)
+class MeshChoice:
+    """A mesh and how finely it is made.
+
+    Attributes
+    ----------
+    source : ``"swept"``, ``"gmsh"`` or the path of a file: a mesh, or a STEP or STL file that Gmsh meshes.
+    resolution : key of :data:`RESOLUTIONS`; a mesh that is read has its own.
+    unit : length of the unit of a mesh or STL file [m].
+    by_position : find the surfaces of a mesh that is read by their place, not by names.
+
+    Raises
+    ------
+    InputError
+        The resolution is unknown, or a unit or by_position is given without a file it applies to.
+    """
+
+    source: str = SWEPT
+    resolution: str = "medium"
+    unit: float = 1.0
+    by_position: bool = False
+
+    def __post_init__(self) -> None:
+        if self.resolution not in RESOLUTIONS:
+            raise InputError(f"resolution '{self.resolution}' found, must be one of {', '.join(RESOLUTIONS)}")
+        if self.file is None and (self.unit != 1.0 or self.by_position):
+            raise InputError(
+                f"model '{self.source}' needs no unit and has named surfaces: those options are for files"
+            )
+
+    @property
+    def file(self) -> Path | None:
+        """The file, or None."""
+        return None if self.source in (SWEPT, GMSH) else Path(self.source)
+
+    @property
+    def model(self) -> str:
+        """What :class:`~builder.structure.structure_file.Structure` calls it."""
+        if self.file is None:
+            return "swept_hexahedra" if self.source == SWEPT else "gmsh_tetrahedra"
+        made = self.file.suffix.lower() in (*CAD_FORMATS, TRIANGLE_FORMAT)
+        return "gmsh_tetrahedra" if made else "imported"
+
+    def inputs(self) -> dict[str, Any]:
+        """Return all that the mesh depends on beside body and wall, a file by its bytes.
+
+        Raises
+        ------
+        InputError
+            The file is missing.
+        """
+        given: dict[str, Any] = {"model": self.model, "unit": self.unit, "by_position": self.by_position}
+        if self.file is not None:
+            if not self.file.is_file():
+                raise InputError(f"{self.file}: no such file; a model is '{SWEPT}', '{GMSH}' or a mesh file")
+            given["file"] = sha256(self.file.read_bytes()).hexdigest()
+        if self.model != "imported":
+            given["resolution"] = self.resolution
+        return given
+
+
+def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSector | SolidMesh:
+    """Make or read the mesh; a swept one as its sector.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body, or the file is missing, damaged or of another length than the body.
+    StrainfmuError
+        Gmsh or meshio is needed and not installed, or fails.
+    """
+    if choice.source == SWEPT:
+        return swept_wall(body, wall, choice.resolution)
+    length = TETRAHEDRON_LENGTH[choice.resolution] * float(np.sqrt(body.base_radius * wall.thickness))
+    from builder.structure.solid import gmsh_mesh, mesh_import
+
+    if choice.file is None:
+        return gmsh_mesh.wall_mesh(body, wall, length)
+    ending = choice.file.suffix.lower()
+    if ending in CAD_FORMATS:
+        return gmsh_mesh.step_mesh(choice.file, length)
+    if ending == TRIANGLE_FORMAT:
+        return gmsh_mesh.stl_mesh(choice.file, length, choice.unit)
+    return mesh_import.read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
+
+
+def whole_mesh(mesh: SweptSector | SolidMesh) -> SolidMesh:
+    """Return the mesh itself, or all sectors of a swept one."""
+    return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
+
+
+def coarser_sector(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSector:
+    """Return the swept mesh that a mesh is compared with: the next coarser one, or the same if it is no swept one.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body.
+    """
+    if choice.source != SWEPT:
+        return swept_wall(body, wall, choice.resolution)
+    return swept_wall(body, wall, COARSER.get(choice.resolution, COARSEST))
+
+
+def wall_elements(body: BodyOfRevolution, wall: Wall, mesh: SweptSector | SolidMesh) -> WallElements:
+    """Return how the wall is meshed where its elements are longest: what the locking check is run on.
+
+    Raises
+    ------
+    InputError
+        The mesh has no internal surface.
+    """
+    if isinstance(mesh, SweptSector):
+        round_base = 2.0 * np.pi * body.base_radius / mesh.n_sectors
+        # A support facet spans one element through the wall.
+        return WallElements(HEXAHEDRON, round_base, len(mesh.surface["support"]), SweptMesh.quadrature)
+    size = facet_size(mesh, INTERNAL)
+    return WallElements(mesh.element_type, size, max(1, round(wall.thickness / size)))

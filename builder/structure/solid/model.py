@@ -1,0 +1,264 @@
+"""From a body, its wall and its gauges to Z_p on a three-dimensional mesh, stage by stage.
+
+mesh -> checks and report -> locking check -> gauges -> supports and solution -> mesh error. What the gauges do not
+touch (checks, report, locking) is taken from a file made before on the same mesh.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from builder.geometry import BodyOfRevolution
+from builder.reporting import Progress, Reporter
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.locking import LockingWarning, check_locking
+from builder.structure.solid.mesh_checks import check_mesh
+from builder.structure.solid.mesh_choice import (
+    MeshChoice,
+    coarser_sector,
+    make_mesh,
+    wall_elements,
+    whole_mesh,
+)
+from builder.structure.solid.mesh_report import exact_wall, mesh_report
+from builder.structure.solid.reference_loads import (
+    fourier_can,
+    fourier_reference_strain,
+    largest_amplitude,
+    reference_pressures,
+)
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
+from builder.structure.solid.supports import Clamped, Support
+from builder.structure.solid.surface_load import surface_points
+from builder.structure.solid.surface_triangles import triangulated_surface
+from builder.structure.solid.swept_mesh import SweptSector
+from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
+from builder.structure.wall import Wall
+from strainfmu import __version__
+from strainfmu.files import fingerprint
+
+FloatArray = NDArray[np.float64]
+
+FOURIER_REFERENCE = "the Fourier model"
+
+
+@dataclass(frozen=True)
+class SolidCase:
+    """All that Z_p depends on.
+
+    Attributes
+    ----------
+    vehicle : name.
+    body, wall : outer shape; thickness, solid tip, material.
+    density : of the material [kg/m3], or None where nothing needs it.
+    support : what holds the body; None in free flight.
+    mesh : which mesh.
+    layouts : gauges by name of layout.
+    solver : wanted solver, or None for the best that is there.
+    allow_locking : go on with elements that lose more than a tenth of the wall's bending.
+    """
+
+    vehicle: str
+    body: BodyOfRevolution
+    wall: Wall
+    density: float | None
+    support: Support | None
+    mesh: MeshChoice
+    layouts: Mapping[str, Gauges]
+    solver: str | None = None
+    allow_locking: bool = False
+
+    def made_from(self) -> dict[str, str]:
+        """Return fingerprints of what the mesh and its solution depend on, and of the gauges.
+
+        Raises
+        ------
+        InputError
+            A mesh file is missing.
+        """
+        mesh = {
+            "strainfmu_version": __version__,
+            "schema_version": SCHEMA_VERSION,
+            "vehicle": self.vehicle,
+            "body": asdict(self.body),
+            "wall": asdict(self.wall),
+            "density": self.density,
+            "support": _support_entries(self.support),
+            "mesh": self.mesh.inputs(),
+            "solver": self.solver,
+            "allow_locking": self.allow_locking,
+        }
+        gauges = {name: asdict(gauges) for name, gauges in self.layouts.items()}
+        return {"mesh": fingerprint(mesh), "gauges": fingerprint(gauges)}
+
+
+def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[Structure, bool]:
+    """Make ``structure.h5`` unless it is up to date; return it, and whether it was.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`solve_structure`; or ``path`` holds an artefact of another kind or cannot be written.
+    """
+    before, made_from = structure_to_reuse(path), case.made_from()
+    if before is not None and before.settings["made_from"] == made_from:
+        return before, True
+    if case.solver not in (None, CYCLIC):
+        named_back_end(case.solver)  # refused before the long work, not after it
+    structure = solve_structure(case, reporter, before)
+    with reporter.stage("Write"):
+        save_structure(structure, path)
+    return structure, False
+
+
+def solve_structure(case: SolidCase, reporter: Reporter, before: Structure | None = None) -> Structure:
+    """Compute Z_p of all layouts.
+
+    Parameters
+    ----------
+    case : what is computed.
+    reporter : told the stages.
+    before : an earlier result, from which checks, report and locking ratios are taken if it is of the same mesh.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body, the mesh fails a check or locks, a gauge is not on its surface, the solver
+        is not known or not installed, or the supports leave a rigid motion free.
+    StrainfmuError
+        Gmsh or meshio is wanted and missing, or the solver fails.
+    """
+    with reporter.stage("Mesh"):
+        mesh = make_mesh(case.body, case.wall, case.mesh)
+        whole = whole_mesh(mesh)
+        surface = triangulated_surface(whole, EXTERNAL)
+    made_from = case.made_from()
+    if before is not None and before.settings["made_from"]["mesh"] == made_from["mesh"]:
+        reporter.note("mesh: the same as before, its checks are not repeated")
+        found = {key: before.settings[key] for key in ("mesh_report", "locking")}
+    else:
+        found = _examined(case, mesh, whole, reporter)
+    with reporter.stage("Gauges"):
+        rows = _rows_of_layouts(mesh, case.layouts)
+    with reporter.stage("Strain per pressure") as progress:
+        solved = solve_strain(mesh, case.wall.material, case.density, case.support, rows, case.solver, progress)
+    with reporter.stage("Mesh error") as progress:
+        error, compared_with = _mesh_error(case, surface.point, solved.strain_operator, progress)
+    gauges = case.layouts.values()
+    return Structure(
+        vehicle=case.vehicle,
+        model=case.mesh.model,
+        settings={**_settings(case), **found, "mesh_error_against": compared_with, "made_from": made_from},
+        statistics={"elements": len(whole.element), "degrees_of_freedom": whole.n_dof, **solved.statistics},
+        gauge_names=tuple(name for one in gauges for name in one.name),
+        layout=tuple(name for name, one in case.layouts.items() for _ in one.name),
+        gauge_position=np.concatenate([one.position for one in gauges]),
+        gauge_direction=np.concatenate([_unit(one.direction) for one in gauges]),
+        gauge_length=np.concatenate([one.length for one in gauges]),
+        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        point=surface.point,
+        triangle=surface.triangle,
+        normal=surface.node_normal,
+        strain_operator=solved.strain_operator,
+        mesh_error=error,
+    )
+
+
+def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[str, Gauges]) -> None:
+    """Refuse gauges that are not on their surface, on the coarsest swept mesh.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body or a gauge is not on its surface.
+    """
+    _rows_of_layouts(make_mesh(body, wall, MeshChoice(resolution="coarse")), layouts)
+
+
+def _examined(
+    case: SolidCase, mesh: SweptSector | SolidMesh, whole: SolidMesh, reporter: Reporter
+) -> dict[str, Any]:
+    """Check the mesh and say what it is like; return the settings that come of it."""
+    with reporter.stage("Mesh checks and report"):
+        check_mesh(whole, case.body.length)
+        density = None if case.density is None else dict.fromkeys(whole.region_names, case.density)
+        report = mesh_report(whole, density, exact_wall(case.body, case.wall))
+    with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LockingWarning)
+        elements = wall_elements(case.body, case.wall, mesh)
+        radius, wall = case.body.base_radius, case.wall
+        ratios = check_locking(elements, radius, wall.thickness, wall.material, case.allow_locking)
+    for one in caught:
+        reporter.note(f"warning: {one.message}")
+    return {
+        "mesh_report": [
+            [what, value if isinstance(value, int) else float(value), unit] for what, value, unit in report
+        ],
+        "locking": {str(harmonic): float(ratio) for harmonic, ratio in ratios.items()},
+    }
+
+
+def _rows_of_layouts(mesh: SweptSector | SolidMesh, layouts: Mapping[str, Gauges]) -> csr_array:
+    """Return B of all layouts, one after another; within a layout no gauge may be there twice."""
+    rows = [
+        cyclic_gauge_rows(mesh, gauges) if isinstance(mesh, SweptSector) else gauge_rows(mesh, gauges)
+        for gauges in layouts.values()
+    ]
+    return csr_array(vstack(rows))
+
+
+def _mesh_error(
+    case: SolidCase, point: FloatArray, operator: FloatArray, progress: Progress
+) -> tuple[FloatArray, str]:
+    """Return the error (n_d,) [1/Pa] under the reference loads, and what it was measured against."""
+    length = case.body.length
+    strain = operator @ reference_pressures(point, length)
+    if isinstance(case.support, Clamped) and all(map(fourier_can, case.layouts.values())):
+        parts = [fourier_reference_strain(case.body, case.wall, gauges) for gauges in case.layouts.values()]
+        return largest_amplitude(strain - np.concatenate(parts)), FOURIER_REFERENCE
+    sector = coarser_sector(case.body, case.wall, case.mesh)
+    rows = _rows_of_layouts(sector, case.layouts)
+    other = solve_strain(sector, case.wall.material, case.density, case.support, rows, None, progress)
+    pressure = reference_pressures(surface_points(whole_mesh(sector), EXTERNAL), length)
+    n_dof = sector.n_sectors * sector.n_dof
+    return largest_amplitude(strain - other.strain_operator @ pressure), f"swept hexahedra of {n_dof} dofs"
+
+
+def _settings(case: SolidCase) -> dict[str, Any]:
+    material = case.wall.material
+    return {
+        "strainfmu_version": __version__,
+        "mesh": case.mesh.inputs(),
+        "wall": {
+            "thickness_m": case.wall.thickness,
+            "solid_tip_length_m": case.wall.solid_tip_length,
+        },
+        "material": {
+            "youngs_modulus_Pa": material.youngs_modulus,
+            "poisson_ratio": material.poisson_ratio,
+            "density_kg_per_m3": case.density,
+        },
+        "support": _support_entries(case.support),
+    }
+
+
+def _support_entries(support: Support | None) -> dict[str, Any]:
+    if support is None:
+        return {"kind": "free flight"}
+    return {"kind": type(support).__name__.lower(), **asdict(support)}
+
+
+def _unit(direction: FloatArray) -> FloatArray:
+    unit: FloatArray = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return unit

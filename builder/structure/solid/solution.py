@@ -1,0 +1,102 @@
+"""One solution for Z_p: by sectors where the mesh is made of them, on the full mesh elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from builder.reporting import Progress
+from builder.structure.solid.cyclic_operator import cyclic_problem
+from builder.structure.solid.free_flight import FreeFlight, free_flight
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
+from builder.structure.solid.solvers.solver import CYCLIC, Solver, choose_solver
+from builder.structure.solid.strain_operator import held_problem, strain_operator
+from builder.structure.solid.supports import Support
+from builder.structure.solid.surface_load import pressure_load
+from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
+from builder.structure.wall import Material
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StrainSolution:
+    """Z_p and how it was found.
+
+    Attributes
+    ----------
+    strain_operator : (n_d, n_p) [1/Pa], columns in the order of the full mesh's external nodes.
+    statistics : solver, licence and residuals; nothing that changes from run to run.
+    """
+
+    strain_operator: FloatArray
+    statistics: dict[str, Any]
+
+
+def solve_strain(
+    mesh: SweptSector | SolidMesh,
+    material: Material,
+    density: float | None,
+    support: Support | None,
+    rows: csr_array,
+    wanted: str | None,
+    progress: Progress | None = None,
+) -> StrainSolution:
+    """Return Z_p of gauge rows.
+
+    A swept mesh that is held is solved sector by sector and its full matrix never built, unless another solver is
+    wanted. Free flight holds three nodes, which are not the same in every sector.
+
+    Parameters
+    ----------
+    mesh : the mesh, a swept one as its sector.
+    material, density : of all regions; the density [kg/m3] is that of free flight.
+    support : what holds the body; None in free flight.
+    rows : (n_d, n_dof) gauge rows of the full mesh [1/m].
+    wanted : name of a solver, or None.
+    progress : called with (done, in all).
+
+    Raises
+    ------
+    InputError
+        The solver is unknown, not installed or does not fit, a density is missing, or a rigid motion is left free.
+    SolverError
+        The stiffness is singular, or a residual is too large.
+    """
+    if isinstance(mesh, SweptSector) and wanted in (None, CYCLIC) and (support is not None or wanted == CYCLIC):
+        if support is None:
+            raise InputError(
+                f"solver '{CYCLIC}': free flight is not the same in every sector, take another solver"
+            )
+        problem = cyclic_problem(mesh, {REGION: material}, [support])
+        cyclic = CyclicSolver(problem)
+        return _solution(cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL), progress), cyclic)
+    whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
+    flight = _flight(whole, density) if support is None else None
+    held = held_problem(whole, dict.fromkeys(whole.region_names, material), None if support is None else [support])
+    solver = choose_solver(held, wanted)
+    operator = strain_operator(rows, solver, pressure_load(whole, EXTERNAL), flight, progress)
+    return _solution(operator, solver)
+
+
+def _flight(mesh: SolidMesh, density: float | None) -> FreeFlight:
+    if density is None:
+        raise InputError("free flight: the density of the material is missing")
+    return free_flight(mesh, dict.fromkeys(mesh.region_names, density))
+
+
+def _solution(operator: FloatArray, solver: Solver) -> StrainSolution:
+    used = solver.statistics
+    statistics = {
+        "solver": solver.name,
+        "licence": solver.licence,
+        "relative_residual": float(f"{used.relative_residual:.0e}"),
+        "probe_residual": float(f"{used.probe_residual:.0e}"),
+    }
+    return StrainSolution(operator, statistics)

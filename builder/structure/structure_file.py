@@ -1,0 +1,165 @@
+"""Strain of gauges per pressure on a three-dimensional structure: what ``strainfmu structure`` leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.errors import InputError
+from strainfmu.files import schema_of
+from strainfmu.records import load_record, save_record
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SCHEMA = "strainfmu.structure"
+SCHEMA_VERSION = 1
+
+UNITS = {
+    "gauge_position": "m",
+    "gauge_length": "m",
+    "point": "m",
+    "strain_operator": "1/Pa",
+    "mesh_error": "1/Pa",
+}
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Z_p of a vehicle's gauges, with the surface it takes pressure on.
+
+    Attributes
+    ----------
+    vehicle : name.
+    model : ``"swept_hexahedra"``, ``"gmsh_tetrahedra"`` or ``"imported"``.
+    settings : what it was made from: resolution, wall, material, support, locking ratios, rows of the mesh report,
+        what the mesh error is measured against, and fingerprints (``made_from``) of mesh and gauges.
+    statistics : elements, displacement components, solver, licence, relative residual; no times, so that equal
+        inputs give an equal file.
+    gauge_names, layout : name of each gauge and the layout it is of; a name is there once per layout.
+    gauge_position, gauge_direction : (n_d, 3) [m] and unit vectors, body axes, as asked for.
+    gauge_length : (n_d,) [m], 0 for strain at a point.
+    gauge_surface : ``"internal"`` or ``"external"`` of each gauge.
+    point, triangle : (n_p, 3) [m], (n_t, 3): nodes of the mesh's external surface, its facets cut into triangles.
+    normal : (n_p, 3) outward unit normals of the triangles at the nodes.
+    strain_operator : (n_d, n_p) strain per pressure at each node [1/Pa].
+    mesh_error : (n_d,) error of each gauge's strain by the mesh, per amplitude of the reference loads [1/Pa]
+        (:mod:`builder.structure.solid.reference_loads`).
+
+    Raises
+    ------
+    InputError
+        An array's shape does not fit the others, a value is not finite, or a gauge is there twice.
+    """
+
+    vehicle: str
+    model: str
+    settings: dict[str, Any]
+    statistics: dict[str, Any]
+    gauge_names: tuple[str, ...]
+    layout: tuple[str, ...]
+    gauge_position: FloatArray
+    gauge_direction: FloatArray
+    gauge_length: FloatArray
+    gauge_surface: tuple[str, ...]
+    point: FloatArray
+    triangle: IntArray
+    normal: FloatArray
+    strain_operator: FloatArray
+    mesh_error: FloatArray
+
+    def __post_init__(self) -> None:
+        n_d, n_p = len(self.gauge_names), len(self.point)
+        wanted = {
+            "gauge_position": (n_d, 3),
+            "gauge_direction": (n_d, 3),
+            "gauge_length": (n_d,),
+            "point": (n_p, 3),
+            "normal": (n_p, 3),
+            "strain_operator": (n_d, n_p),
+            "mesh_error": (n_d,),
+        }
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(f"{name}: shape {getattr(self, name).shape} found, must be {shape}")
+            if not np.isfinite(getattr(self, name)).all():
+                raise InputError(f"{name}: not all values are finite")
+        for name in ("layout", "gauge_surface"):
+            if len(getattr(self, name)) != n_d:
+                raise InputError(f"{name}: {len(getattr(self, name))} found, must be {n_d}")
+        if not n_d or len(set(zip(self.layout, self.gauge_names, strict=True))) < n_d:
+            raise InputError("gauge_names: none, or one twice in a layout")
+        if not set(self.gauge_surface) <= {"internal", "external"}:
+            raise InputError(f"gauge_surface: {sorted(set(self.gauge_surface))} found, internal or external known")
+        SurfaceMesh(self.point, self.triangle)
+
+    @property
+    def surface(self) -> SurfaceMesh:
+        """The surface that carries the pressure."""
+        return SurfaceMesh(self.point, self.triangle)
+
+    @property
+    def layouts(self) -> tuple[str, ...]:
+        """Names of the layouts, each once."""
+        return tuple(dict.fromkeys(self.layout))
+
+    def gauges_of(self, layout: str) -> IntArray:
+        """Return the places of a layout's gauges.
+
+        Raises
+        ------
+        InputError
+            There is no such layout; the message lists those there are.
+        """
+        if layout not in self.layout:
+            raise InputError(f"structure: no gauges of layout '{layout}', found {', '.join(self.layouts)}")
+        return np.flatnonzero(np.array(self.layout) == layout)
+
+
+def save_structure(structure: Structure, path: Path) -> str:
+    """Write ``structure.h5`` atomically and return its content hash.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+    return save_record(structure, path, SCHEMA, SCHEMA_VERSION, UNITS)
+
+
+def load_structure(path: Path) -> Structure:
+    """Read ``structure.h5``.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema or version.
+    """
+    return load_record(Structure, path, SCHEMA, SCHEMA_VERSION)
+
+
+def structure_to_reuse(path: Path) -> Structure | None:
+    """Return what ``path`` holds; None where nothing is, or nothing that can be read, so that it is made again.
+
+    Raises
+    ------
+    InputError
+        ``path`` holds an artefact of another kind: that is not written over.
+    """
+    if not path.exists():
+        return None
+    try:
+        found = schema_of(path)
+    except InputError:
+        return None
+    if found != SCHEMA:
+        raise InputError(f"{path}: holds '{found}', give another name for the structure")
+    try:
+        return load_structure(path)
+    except InputError:
+        return None

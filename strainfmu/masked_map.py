@@ -1,0 +1,130 @@
+"""All that a step needs of an inverse map, for the gauges that are valid: computed once per set of gauges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.inverse_map import InverseMap
+from strainfmu.isolation import ambiguous_groups, correlations, inverse_root, outlier_threshold
+from strainfmu.load_errors import LoadErrorModel, load_error_covariance, load_error_model
+from strainfmu.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class MaskedMap:
+    """An inverse map for the gauges that are valid, ready for the loop; columns of the others are zero.
+
+    Attributes
+    ----------
+    valid : (n_d,) gauges in use.
+    load_gain : (5, n_d) loads per strain [N, N m].
+    load_covariance : (5, 5) [(N, N m)^2].
+    loads_std : (5,) roots of its diagonal.
+    whitening : (n_d, n_d) W [1/(m/m)].
+    z_whitening : (n_d, n_d) z of the whitened residual [1].
+    degrees_of_freedom : of the residual.
+    chi_square_limit : its alarm level.
+    outlier_threshold : alarm level of the largest |z|.
+    ambiguous_groups : gauges, by index, that cannot be told apart.
+    """
+
+    valid: BoolArray
+    load_gain: FloatArray
+    load_covariance: FloatArray
+    loads_std: FloatArray
+    whitening: FloatArray
+    z_whitening: FloatArray
+    degrees_of_freedom: int
+    chi_square_limit: float
+    outlier_threshold: float
+    ambiguous_groups: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class MapParts:
+    """What the matrices of every set of gauges are made from.
+
+    Attributes
+    ----------
+    inverse_map : the map.
+    load_gain : (5, n_d) G = M T of all gauges [N, N m].
+    error_model : terms of the covariance of loads.
+    noise_whitening : (n_d, n_d) L^-1 [1/(m/m)].
+    gain_whitening : (n_d, n_d) W of the gamma that the estimate is made with [1/(m/m)].
+    """
+
+    inverse_map: InverseMap
+    load_gain: FloatArray
+    error_model: LoadErrorModel
+    noise_whitening: FloatArray
+    gain_whitening: FloatArray
+
+
+def map_parts(inverse_map: InverseMap) -> MapParts:
+    """Return the parts of ``inverse_map``."""
+    a, gamma = inverse_map.state_operator, inverse_map.noise_covariance
+    load_gain = inverse_map.load_per_state @ inverse_map.strain_gain
+    error_model = load_error_model(
+        inverse_map.load_covariance,
+        a,
+        gamma,
+        inverse_map.load_per_state,
+        load_gain,
+        inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == "2",
+    )
+    whitening = innovation_whitening(a, gamma, inverse_map.regularisation)
+    return MapParts(inverse_map, load_gain, error_model, inverse_cholesky(gamma), whitening)
+
+
+def complete_map(parts: MapParts) -> MaskedMap:
+    """Return the matrices for all gauges."""
+    everything = np.ones(parts.inverse_map.n_gauges, dtype=bool)
+    return _ready(parts, everything, parts.load_gain, parts.inverse_map.load_covariance.copy())
+
+
+def masked_map(parts: MapParts, valid: BoolArray) -> MaskedMap | None:
+    """Return the matrices for the gauges ``valid`` (n_d,); None if they do not identify the state.
+
+    In Case 2 the prior identifies the state, with any gauge at all; without gauges there is no estimate.
+    """
+    if not valid.any():
+        return None
+    if parts.inverse_map.case == "1":
+        share = information_left(parts.gain_whitening, parts.noise_whitening, ~valid)
+        if share < LEAST_INFORMATION:
+            return None
+    gain = masked_gain(parts.load_gain, parts.gain_whitening, ~valid)
+    return _ready(parts, valid, gain, load_error_covariance(parts.error_model, gain))
+
+
+def _ready(parts: MapParts, valid: BoolArray, load_gain: FloatArray, load_covariance: FloatArray) -> MaskedMap:
+    """Add the statistics of health to the gain for the gauges ``valid``."""
+    whitening = masked_whitening(parts.inverse_map.residual_whitening, ~valid)
+    freedom = parts.inverse_map.residual_degrees_of_freedom - int(np.sum(~valid))
+    precision = whitening.T @ whitening
+    # Less than this is round-off: no other gauge checks this one.
+    least = LEAST_INFORMATION * np.sum(parts.noise_whitening**2, axis=0)
+    ready = MaskedMap(
+        valid,
+        load_gain,
+        load_covariance,
+        np.sqrt(np.diag(load_covariance)),
+        whitening,
+        inverse_root(np.diag(precision), least)[:, None] * whitening.T,
+        freedom,
+        chi_square_limit(freedom) if freedom > 0 else np.inf,
+        outlier_threshold(int(valid.sum()), FALSE_ALARM_PROBABILITY),
+        ambiguous_groups(correlations(precision, least)),
+    )
+    for array in (valid, ready.loads_std, load_covariance):  # handed out with every estimate
+        array.flags.writeable = False
+    return ready
