@@ -77,13 +77,33 @@ def bench(
     folder: Annotated[
         Path, typer.Argument(help="Folder of a finished demo: its map and its FMUs are timed.")
     ] = Path("demo"),
+    structure: Annotated[
+        Path | None,
+        typer.Option(metavar="VEHICLE", help="Time the 3-D structure of this vehicle file instead, size by size."),
+    ] = None,
+    solver: Annotated[
+        list[str] | None, typer.Option(help="Solver of the structure; may be given several times.")
+    ] = None,
+    largest: Annotated[int, typer.Option(help="Largest number of degrees of freedom.")] = 5_000_000,
 ) -> None:
-    """Time what runs in the loop, side by side: bare product, numpy estimator, FMUs through fmpy.
+    """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
 
-    Example:
+    Examples:
 
         strainfmu bench demo
+
+        strainfmu bench --structure my_vehicle.toml --solver cyclic --solver superlu
     """
+    if structure is not None:
+        from builder.structure.solid.growth import SIZES, growth_rows, growth_table
+
+        sizes = [size for size in SIZES if size <= largest]
+        rows_of_sizes = []
+        for row in growth_rows(structure, solver or ["cyclic"], sizes):
+            rows_of_sizes.append(row)
+            print(f"{row.solver}, {row.n_dof:,} degrees of freedom: done", flush=True)
+        print(growth_table(rows_of_sizes))
+        return
     from strainfmu.bench import bench_loop
 
     rows = bench_loop(folder / "map.h5", folder / "estimator.fmu", folder / "plant.fmu")
