@@ -102,7 +102,7 @@ def _local_client(workers: int) -> Iterator[Client]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # any free port: the usual one may be another cluster's
             memory_limit=MEMORY_LIMIT,
             silence_logs=logging.CRITICAL,
             preload=["builder.campaign.worker"],
