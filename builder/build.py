@@ -130,7 +130,9 @@ def build_inverse_map(
         state_offset=solved.state_offset,
         load_per_state=load_per_state,
         load_of_mean=loads @ (solution.mean - inside),
-        load_covariance=load_error_covariance(solved, load_per_state, solution.noise),
+        load_covariance=load_error_covariance(
+            solved, load_per_state, solution.noise, solution.noise.strain_load_covariance
+        ),
         mean_strain=solved.mean_strain,
         residual_whitening=solved.residual_whitening,
         residual_degrees_of_freedom=solved.residual_degrees_of_freedom,

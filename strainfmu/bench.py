@@ -29,7 +29,7 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     inverse_map = load_inverse_map(map_path)
     estimator = Estimator(inverse_map)
     n = inverse_map.n_gauges
-    rows = inverse_map.load_per_state @ inverse_map.strain_gain
+    rows = inverse_map.load_gain
     strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
     out = np.empty(len(COEFFICIENT_NAMES))
     fmus = {"plant": plant_path, "estimator": estimator_path}

@@ -3,7 +3,8 @@
 Model: d = m + A q + e with cov(e) = Gamma; m is the strain of the mean pressure. Case 1: A = Z V with the kept
 POD modes V, q free [Pa]. Case 2: A = Z F with the factor F of the prior covariance, q standard normal [1]. The
 estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, L L' = Gamma (Pham et al., eq.
-segmented-ls-solution), and the loads are f = M q + f_mean. T and the residual whitening W follow from A, Gamma and
+segmented-ls-solution). The loads are f = M q + f_mean and what the residual tells of load outside the states
+(:mod:`strainfmu.load_errors`). T and the residual whitening W follow from A, Gamma and
 gamma, and so does the estimate without any of the gauges; the file holds both, and a map in which they disagree is
 refused.
 """
@@ -11,6 +12,7 @@ refused.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +21,13 @@ from numpy.typing import NDArray
 
 from strainfmu.errors import InputError
 from strainfmu.innovation import estimate_gain, inverse_cholesky
-from strainfmu.load_errors import load_error_model
+from strainfmu.load_errors import load_error_model, load_gain
 from strainfmu.records import load_record, save_record
 
 FloatArray = NDArray[np.float64]
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
@@ -117,6 +119,17 @@ class InverseMap:
     def n_gauges(self) -> int:
         """Number of gauges n_d."""
         return len(self.gauge_names)
+
+    @cached_property
+    def load_gain(self) -> FloatArray:
+        """(5, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
+        return load_gain(
+            self.load_per_state,
+            self.strain_gain,
+            self.state_operator,
+            self.noise_covariance,
+            self.strain_load_covariance,
+        )
 
 
 def _check_arrays(inverse_map: InverseMap) -> None:
@@ -229,7 +242,7 @@ def _check_consistency(inverse_map: InverseMap) -> None:
         a,
         gamma,
         inverse_map.load_per_state,
-        inverse_map.load_per_state @ gain,
+        inverse_map.load_gain,
         inverse_map.strain_load_covariance,
         known_prior=inverse_map.case == "2",
     )

@@ -1,8 +1,13 @@
-"""The covariance of estimated loads for any gain, in sums of positive terms.
+"""The gain from strain to loads, and the covariance of what any gain gives, in sums of positive terms.
 
 Loads f = f_mean + M q + g, strains d = m + A q + e: g is load that no state holds, as that of truncated modes, and
-may be correlated with their strain in e, X = cov(e, g). With the gain G = M T the error of the estimate is
-G e - g - (M - G A) q. Splitting g into its regression on e and a remainder of covariance S,
+may be correlated with their strain in e, X = cov(e, g). What the states leave of the strain, d - m - A q, therefore
+tells of g: its best linear estimate is X' Gamma^-1 (d - m - A q), so that with q = T (d - m)
+
+    f = f_mean + G (d - m),   G = (M - X' Gamma^-1 A) T + X' Gamma^-1.
+
+With any gain G the error of the estimate is G e - g - (M - G A) q. Splitting g into its regression on e and a
+remainder of covariance S,
 
     cov = (G L - X' L'^-1) (G L - X' L'^-1)' + S + (M - G A) (M - G A)',   Gamma = L L',
 
@@ -18,11 +23,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.errors import InputError
+from strainfmu.innovation import inverse_cholesky
 
 FloatArray = NDArray[np.float64]
 
 _ROUND_OFF = 1e-6
 """Share of a stated covariance by which it may lie below what its own terms add up to."""
+
+
+def load_gain(
+    load_per_state: FloatArray,
+    strain_gain: FloatArray,
+    state_operator: FloatArray,
+    noise_covariance: FloatArray,
+    strain_load_covariance: FloatArray | None,
+) -> FloatArray:
+    """Return (5, n_d) G, loads per strain [N, N m]; M T where no load is outside the states.
+
+    Source: Gauss-Markov estimate of a correlated quantity (Kailath, Sayed & Hassibi, Linear Estimation, section 3.2).
+
+    Parameters
+    ----------
+    load_per_state : (5, n_q) M [N/state, N m/state].
+    strain_gain : (n_q, n_d) T [state/(m/m)].
+    state_operator : (n_d, n_q) A [(m/m)/state].
+    noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
+    strain_load_covariance : (n_d, 5) X, or None.
+    """
+    if strain_load_covariance is None:
+        return load_per_state @ strain_gain
+    of_residual = residual_load_gain(noise_covariance, strain_load_covariance)
+    return (load_per_state - of_residual @ state_operator) @ strain_gain + of_residual
+
+
+def residual_load_gain(noise_covariance: FloatArray, strain_load_covariance: FloatArray) -> FloatArray:
+    """Return (5, n_d) X' Gamma^-1 [N, N m]: load outside the states per strain outside the states.
+
+    Gamma is (n_d, n_d) [(m/m)^2], X (n_d, 5).
+    """
+    whitening = inverse_cholesky(noise_covariance)
+    gain: FloatArray = (whitening @ strain_load_covariance).T @ whitening
+    return gain
 
 
 @dataclass(frozen=True)

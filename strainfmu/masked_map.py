@@ -55,7 +55,7 @@ class MapParts:
     Attributes
     ----------
     inverse_map : the map.
-    load_gain : (5, n_d) G = M T of all gauges [N, N m].
+    load_gain : (5, n_d) G of all gauges [N, N m].
     error_model : terms of the covariance of loads.
     noise_whitening : (n_d, n_d) L^-1 [1/(m/m)].
     gain_whitening : (n_d, n_d) W of the gamma that the estimate is made with [1/(m/m)].
@@ -71,18 +71,17 @@ class MapParts:
 def map_parts(inverse_map: InverseMap) -> MapParts:
     """Return the parts of ``inverse_map``."""
     a, gamma = inverse_map.state_operator, inverse_map.noise_covariance
-    load_gain = inverse_map.load_per_state @ inverse_map.strain_gain
     error_model = load_error_model(
         inverse_map.load_covariance,
         a,
         gamma,
         inverse_map.load_per_state,
-        load_gain,
+        inverse_map.load_gain,
         inverse_map.strain_load_covariance,
         known_prior=inverse_map.case == "2",
     )
     whitening = innovation_whitening(a, gamma, inverse_map.regularisation)
-    return MapParts(inverse_map, load_gain, error_model, inverse_cholesky(gamma), whitening)
+    return MapParts(inverse_map, inverse_map.load_gain, error_model, inverse_cholesky(gamma), whitening)
 
 
 def complete_map(parts: MapParts) -> MaskedMap:

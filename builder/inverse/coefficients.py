@@ -8,26 +8,45 @@ from numpy.typing import NDArray
 from builder.aero.loads import ReferenceQuantities, coefficient_scale
 from builder.inverse.noise_model import NoiseModel
 from builder.inverse.state_map import StateMap
+from strainfmu.load_errors import load_gain, residual_load_gain
 
 FloatArray = NDArray[np.float64]
 
 
-def load_error_covariance(solved: StateMap, load_per_state: FloatArray, noise: NoiseModel) -> FloatArray:
+def load_error_covariance(
+    solved: StateMap,
+    load_per_state: FloatArray,
+    noise: NoiseModel,
+    strain_load_covariance: FloatArray | None = None,
+) -> FloatArray:
     """Return the (5, 5) covariance of the loads' estimation error [(N, N m)^2].
 
-    The error of f = M q + f_mean is M T N_i - M_i per noise term (strain factor N_i, load M_i) and M (T A - I) of
-    the states. A truncated mode acts twice, by aliasing through the strain and by the load it carries itself, and
-    the two are correlated. The sum of these terms' squares (Joseph's form) holds for any gain and cannot turn
-    negative; with gamma = 1 it is the posterior covariance.
+    The error of f = G (d - m) + f_mean is G N_i - M_i per noise term (strain factor N_i, load M_i) and (G A - M) q of
+    the states. A truncated mode acts twice, through the strain and by the load it carries itself, and the two are
+    correlated. The sum of these terms' squares (Joseph's form) holds for any gain and cannot turn negative; with
+    gamma = 1 it is the posterior covariance.
 
     Parameters
     ----------
     solved : the state map.
     load_per_state : (5, n_q) M [N, N m per state].
     noise : the terms that happen; need not be those that the gain was weighted with.
+    strain_load_covariance : (n_d, 5) X that the gain G goes by (:func:`~strainfmu.load_errors.load_gain`); None for
+        G = M T.
     """
-    gain = load_per_state @ solved.strain_gain
-    parts = [load_per_state @ solved.unresolved]
+    of_state = load_per_state
+    gain = load_gain(
+        load_per_state,
+        solved.strain_gain,
+        solved.state_operator,
+        solved.noise_covariance,
+        strain_load_covariance,
+    )
+    if strain_load_covariance is not None:
+        # G A - M = (M - X' Gamma^-1 A) (T A - I), whose last factor is known without cancellation.
+        of_residual = residual_load_gain(solved.noise_covariance, strain_load_covariance)
+        of_state = load_per_state - of_residual @ solved.state_operator
+    parts = [of_state @ solved.unresolved]
     parts += [gain @ term.strain - (0.0 if term.load is None else term.load) for term in noise.terms]
     factor = np.hstack(parts)
     covariance: FloatArray = factor @ factor.T

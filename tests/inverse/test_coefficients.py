@@ -16,6 +16,7 @@ from builder.inverse.coefficients import coefficient_covariance, load_error_cova
 from builder.inverse.noise_model import NoiseModel, gauge_noise
 from builder.inverse.prior import LowRankPrior, prior_of_modes
 from builder.snapshots import Snapshots
+from strainfmu.load_errors import load_gain
 
 N_MODES = 5
 N_DRAWS = 20_000
@@ -23,25 +24,33 @@ N_DRAWS = 20_000
 
 def covariance_of(case: Case) -> np.ndarray:
     """Case 1 with the default noise."""
-    per_state = case.loads @ case.modes.modes[:, :N_MODES]
-    return load_error_covariance(least_squares(case, N_MODES), per_state, noise_model(case, N_MODES))
+    per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
+    return load_error_covariance(least_squares(case, N_MODES), per_state, noise, noise.strain_load_covariance)
+
+
+def gain_of(case: Case) -> np.ndarray:
+    """(5, n_d) loads per strain of Case 1 with the default noise."""
+    per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
+    solved = least_squares(case, N_MODES)
+    return load_gain(
+        per_state, solved.strain_gain, solved.state_operator, noise.covariance, noise.strain_load_covariance
+    )
 
 
 def load_errors(case: Case, gain: np.ndarray, held_out: Snapshots, repeats: int = 100) -> np.ndarray:
-    """(conditions, repeats, 5) error of the loads over held-out flights with fresh gauge noise."""
+    """(conditions, repeats, 5) error of the loads by ``gain`` (5, n_d) over held-out flights, fresh gauge noise."""
     net = held_out.pressure - case.internal_pressure
     mean = case.modes.mean - case.internal_pressure
     noise = np.random.default_rng(8).normal(size=(len(net), repeats, len(case.noise_std))) * case.noise_std
     strain = ((net - mean) @ case.strain_operator.T)[:, None] + noise
-    estimate = strain @ gain.T @ (case.loads @ case.modes.modes[:, :N_MODES]).T
+    estimate = strain @ gain.T
     return estimate - ((net - mean) @ case.loads.T)[:, None]
 
 
 def test_three_sigma_cover_flights_never_seen(case: Case, held_out: Snapshots) -> None:
     """At least 99 % of each load, nominal 99.7 %; and not because sigma is far too wide."""
-    solved = least_squares(case, N_MODES)
     std = np.sqrt(np.diag(covariance_of(case)))
-    errors = load_errors(case, solved.strain_gain, held_out)
+    errors = load_errors(case, gain_of(case), held_out)
     assert np.all((np.abs(errors) < 3.0 * std).mean(axis=(0, 1)) >= 0.99)
     assert np.all(np.sqrt((errors**2).mean(axis=(0, 1))) > 0.3 * std)
 
@@ -49,9 +58,8 @@ def test_three_sigma_cover_flights_never_seen(case: Case, held_out: Snapshots) -
 def test_gauge_noise_alone_does_not_cover(case: Case, held_out: Snapshots) -> None:
     """The paper's bound, (Z' C^-1 Z)^-1 of gauge noise: truncated modes alias, 3 sigma holds less than 70 %."""
     z = case.strain_operator @ case.modes.modes[:, :N_MODES]
-    gain = np.linalg.pinv(z)
-    of_load = case.loads @ case.modes.modes[:, :N_MODES] @ gain * case.noise_std
-    std = np.linalg.norm(of_load, axis=1)
+    gain = case.loads @ case.modes.modes[:, :N_MODES] @ np.linalg.pinv(z)
+    std = np.linalg.norm(gain * case.noise_std, axis=1)
     errors = load_errors(case, gain, held_out)
     assert np.all((np.abs(errors) < 3.0 * std).mean(axis=(0, 1)) < 0.70)
 
@@ -65,7 +73,7 @@ def test_covariance_is_that_of_draws(case: Case) -> None:
     noise = random.normal(size=(N_DRAWS, len(case.noise_std))) * case.noise_std
     strain = states @ (case.strain_operator @ case.modes.modes).T + noise
     of_modes = case.loads @ case.modes.modes
-    errors = strain @ solved.strain_gain.T @ of_modes[:, :N_MODES].T - states @ of_modes.T
+    errors = strain @ gain_of(case).T - states @ of_modes.T
     inside = (np.abs(errors) < np.sqrt(np.diag(covariance))).mean(axis=0)
     np.testing.assert_allclose(inside, 0.683, atol=0.015)
 
@@ -122,12 +130,14 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
     prior, noise = prior_of_modes(case.modes, 12), noise_model(case, 12)
     mean_strain = case.strain_operator @ (prior.mean - case.internal_pressure)
     solved = gaussian_map(case.strain_operator @ prior.factor, mean_strain, noise.covariance)
-    covariance = load_error_covariance(solved, case.loads @ prior.factor, noise)
+    per_state, x = case.loads @ prior.factor, noise.strain_load_covariance
+    covariance = load_error_covariance(solved, per_state, noise, x)
     random = np.random.default_rng(21)
     states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std()
     measured = states @ (case.strain_operator @ case.modes.modes).T
     measured += random.normal(size=measured.shape) * case.noise_std
-    estimate = measured @ solved.strain_gain.T @ (case.loads @ prior.factor).T
+    gain = load_gain(per_state, solved.strain_gain, solved.state_operator, noise.covariance, x)
+    estimate = measured @ gain.T
     assert_coverage(estimate - states @ (case.loads @ case.modes.modes).T, covariance)
 
 

@@ -55,6 +55,11 @@ class GaussianModel:
         scaled = hessian / np.outer(size, size)
         return np.linalg.solve(scaled, self.a.T @ weight / size[:, None]) / size[:, None]
 
+    def load_gain(self) -> np.ndarray:
+        """(5, n_d) G by the joint Gaussian: states by T, and E(g | e) of what they leave."""
+        of_residual = np.linalg.solve(self.noise_covariance, self.strain_load_covariance).T
+        return self.load_per_state @ self.gain() + of_residual @ (np.eye(len(self.m)) - self.a @ self.gain())
+
     def precision(self) -> np.ndarray:
         """(n_d, n_d) P of d - m by the model: whatever gamma, the prior is standard normal."""
         if self.gamma > 0.0:
@@ -74,8 +79,8 @@ class GaussianModel:
         return (vectors * np.sqrt(values)) @ vectors.T / std
 
     def load_covariance(self) -> np.ndarray:
-        """(5, 5) covariance of the error of M T (d - m) + f_mean, term by term."""
-        gain = self.load_per_state @ self.gain()
+        """(5, 5) covariance of the error of G (d - m) + f_mean, term by term."""
+        gain = self.load_gain()
         cross = gain @ self.strain_load_covariance
         covariance = gain @ self.noise_covariance @ gain.T - cross - cross.T + self.load_noise_covariance
         if self.gamma > 0.0:

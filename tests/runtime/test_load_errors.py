@@ -18,7 +18,7 @@ def error_model(model: GaussianModel, load_covariance: np.ndarray) -> LoadErrorM
         model.a,
         model.noise_covariance,
         model.load_per_state,
-        model.load_per_state @ model.gain(),
+        model.load_gain(),
         model.strain_load_covariance,
         known_prior=model.gamma > 0.0,
     )
@@ -27,7 +27,7 @@ def error_model(model: GaussianModel, load_covariance: np.ndarray) -> LoadErrorM
 @pytest.mark.parametrize("gamma", [0.0, 1.0, 10.0])
 def test_covariance_of_the_own_gain_comes_back(gamma: float) -> None:
     model = random_model(gamma)
-    found = load_error_covariance(error_model(model, model.load_covariance()), model.load_per_state @ model.gain())
+    found = load_error_covariance(error_model(model, model.load_covariance()), model.load_gain())
     np.testing.assert_allclose(found, model.load_covariance(), rtol=0.0, atol=1e-12 * np.abs(found).max())
 
 
@@ -35,7 +35,7 @@ def test_covariance_of_the_own_gain_comes_back(gamma: float) -> None:
 def test_any_gain_has_the_covariance_of_draws(gamma: float) -> None:
     """A gain 20 % off the best one, 20,000 draws: e' C^-1 e has mean 5 to 3 errors."""
     model, n = random_model(gamma), 20_000
-    gain = 0.8 * model.load_per_state @ model.gain()
+    gain = 0.8 * model.load_gain()
     covariance = load_error_covariance(error_model(model, model.load_covariance()), gain)
     strain, loads = model.draw(n, 3)
     errors = (strain - model.m) @ gain.T + model.load_of_mean - loads
@@ -49,7 +49,7 @@ def test_a_variance_stays_positive_where_the_difference_would_not() -> None:
     of_strain = np.random.default_rng(1).normal(size=(5, 27)) * 1e9
     x = model.noise_covariance @ of_strain.T
     model = replace(model, strain_load_covariance=x, load_noise_covariance=of_strain @ x + 1e-9 * np.eye(5))
-    gain = model.load_per_state @ model.gain()
+    gain = model.load_gain()
     whole = gain - of_strain
     covariance = whole @ model.noise_covariance @ whole.T + 1e-9 * np.eye(5)
     found = load_error_covariance(error_model(model, covariance), of_strain)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import numpy as np
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from builder.structure.solid.solvers.back_end import BackEnd, Factor
-from builder.structure.solid.solvers.problem import SolverError, SparseProblem
+from builder.structure.solid.solvers.problem import FloatArray, SolverError, SparseProblem
 
 
 def factor_symmetric(matrix: csr_array | csc_array) -> Any:
@@ -40,7 +43,24 @@ def factor_symmetric(matrix: csr_array | csc_array) -> Any:
 
 
 def _factor(problem: SparseProblem) -> Factor:
-    solve: Factor = factor_symmetric(problem.matrix).solve
+    return solve_in_threads(factor_symmetric(problem.matrix))
+
+
+def solve_in_threads(factor: Any) -> Factor:
+    """Return what solves for right-hand sides (n, k), their columns shared out among the processors.
+
+    SuperLU takes columns one by one and lets other threads run meanwhile; the factors are only read.
+    """
+
+    def solve(right_hand_sides: FloatArray) -> FloatArray:
+        n_parts = min(os.cpu_count() or 1, right_hand_sides.shape[1])
+        if n_parts < 2:
+            alone: FloatArray = factor.solve(right_hand_sides)
+            return alone
+        with ThreadPoolExecutor(n_parts) as pool:
+            parts = pool.map(factor.solve, np.array_split(right_hand_sides, n_parts, axis=1))
+            return np.hstack(list(parts))
+
     return solve
 
 
