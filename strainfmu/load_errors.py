@@ -1,7 +1,7 @@
 """The gain from strain to loads, and the covariance of what any gain gives, in sums of positive terms.
 
 Loads f = f_mean + M q + g, strains d = m + A q + e: g is load that no state holds, as that of truncated modes, and
-may be correlated with their strain in e, X = cov(e, g). What the states leave of the strain, d - m - A q, therefore
+may be correlated with their strain in e, X = cov(e, g). What the states leave of the strain, d - m - A q, so
 tells of g: its best linear estimate is X' Gamma^-1 (d - m - A q), so that with q = T (d - m)
 
     f = f_mean + G (d - m),   G = (M - X' Gamma^-1 A) T + X' Gamma^-1.
@@ -40,7 +40,7 @@ def load_gain(
 ) -> FloatArray:
     """Return (5, n_d) G, loads per strain [N, N m]; M T where no load is outside the states.
 
-    Source: Gauss-Markov estimate of a correlated quantity (Kailath, Sayed & Hassibi, Linear Estimation, section 3.2).
+    Source: Gauss-Markov estimate of a correlated quantity (Kailath, Sayed & Hassibi, Linear Estimation, 3.2).
 
     Parameters
     ----------

@@ -21,8 +21,8 @@ def load_error_covariance(
 ) -> FloatArray:
     """Return the (5, 5) covariance of the loads' estimation error [(N, N m)^2].
 
-    The error of f = G (d - m) + f_mean is G N_i - M_i per noise term (strain factor N_i, load M_i) and (G A - M) q of
-    the states. A truncated mode acts twice, through the strain and by the load it carries itself, and the two are
+    The error of f = G (d - m) + f_mean is G N_i - M_i per noise term (strain factor N_i, load M_i) and (G A - M) q
+    of the states. A truncated mode acts twice, through the strain and by the load it carries itself, and the two are
     correlated. The sum of these terms' squares (Joseph's form) holds for any gain and cannot turn negative; with
     gamma = 1 it is the posterior covariance.
 
@@ -31,8 +31,8 @@ def load_error_covariance(
     solved : the state map.
     load_per_state : (5, n_q) M [N, N m per state].
     noise : the terms that happen; need not be those that the gain was weighted with.
-    strain_load_covariance : (n_d, 5) X that the gain G goes by (:func:`~strainfmu.load_errors.load_gain`); None for
-        G = M T.
+    strain_load_covariance : (n_d, 5) X that the gain G goes by (:func:`~strainfmu.load_errors.load_gain`); None
+        for G = M T.
     """
     of_state = load_per_state
     gain = load_gain(

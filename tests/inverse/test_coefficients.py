@@ -38,7 +38,7 @@ def gain_of(case: Case) -> np.ndarray:
 
 
 def load_errors(case: Case, gain: np.ndarray, held_out: Snapshots, repeats: int = 100) -> np.ndarray:
-    """(conditions, repeats, 5) error of the loads by ``gain`` (5, n_d) over held-out flights, fresh gauge noise."""
+    """(conditions, repeats, 5) error of the loads by ``gain`` (5, n_d) over flights held out, fresh noise."""
     net = held_out.pressure - case.internal_pressure
     mean = case.modes.mean - case.internal_pressure
     noise = np.random.default_rng(8).normal(size=(len(net), repeats, len(case.noise_std))) * case.noise_std
