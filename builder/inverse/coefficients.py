@@ -22,9 +22,9 @@ def load_error_covariance(
     """Return the (5, 5) covariance of the loads' estimation error [(N, N m)^2].
 
     The error of f = G (d - m) + f_mean is G N_i - M_i per noise term (strain factor N_i, load M_i) and (G A - M) q
-    of the states. A truncated mode acts twice, through the strain and by the load it carries itself, and the two are
-    correlated. The sum of these terms' squares (Joseph's form) holds for any gain and cannot turn negative; with
-    gamma = 1 it is the posterior covariance.
+    of the states. A truncated mode acts twice, through the strain and by the load it carries itself, and the two
+    are correlated. The sum of these terms' squares (Joseph's form) holds for any gain and cannot turn negative;
+    with gamma = 1 it is the posterior covariance.
 
     Parameters
     ----------
