@@ -42,11 +42,11 @@ FILES = (
 def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
     score = score_flight(load_recording(ic3x_demo / "flight.h5"))
     c_n, c_y = COEFFICIENT_NAMES.index("C_N"), COEFFICIENT_NAMES.index("C_Y")
-    assert score.rms_error_of_range[c_n] < 0.03
-    assert score.rms_error_of_range[c_y] < 0.03
-    assert np.all(score.coverage >= 0.97)
+    assert score.rms_error_of_range[c_n] < 0.006
+    assert score.rms_error_of_range[c_y] < 0.006
+    assert np.all(score.coverage >= 0.99)
     # Bands that hold everything because they are huge would say nothing.
-    assert np.all(score.mean_sigma < [0.003, 0.006, 0.012, 0.03, 0.03])
+    assert np.all(score.mean_sigma < [0.003, 0.002, 0.0025, 0.007, 0.007])
     assert np.all(score.rms_error < score.mean_sigma * 1.5)
     assert score.healthy > 0.99
 
