@@ -17,6 +17,7 @@ from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.solid.displaced_gauges import displaced_gauges
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.model import SolidCase, check_gauges_on_mesh
@@ -194,6 +195,8 @@ def solid_case(
 ) -> SolidCase:
     """Return what the three-dimensional model of a vehicle is made of, by default on a swept mesh.
 
+    Where the section [noise] has position or orientation errors, the layout in use is there displaced as well.
+
     Raises
     ------
     InputError
@@ -204,6 +207,10 @@ def solid_case(
         if name not in known:
             raise InputError(f"layout '{name}' found, must be one of {', '.join(known)}")
     rows_on = _gauge_mesh(vehicle)
+    gauges = {name: solid_gauges(vehicle, name, rows_on) for name in dict.fromkeys(layouts)}
+    in_use = vehicle.gauges.layout
+    if vehicle.noise.moves_gauges and in_use in gauges:
+        gauges |= displaced_gauges(in_use, gauges[in_use], vehicle.body())
     return SolidCase(
         vehicle=vehicle.name,
         body=vehicle.body(),
@@ -211,7 +218,7 @@ def solid_case(
         density=vehicle.material.density_kg_per_m3,
         support=support_of(vehicle),
         mesh=mesh or MeshChoice(resolution=vehicle.structure.resolution),
-        layouts={name: solid_gauges(vehicle, name, rows_on) for name in dict.fromkeys(layouts)},
+        layouts=gauges,
         solver=solver,
         allow_locking=allow_locking,
     )

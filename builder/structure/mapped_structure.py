@@ -45,19 +45,52 @@ class MappedStructure:
 
 
 def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStructure:
-    """Refer a three-dimensional structure to the nodes of snapshots.
-
-    Each node of the structure's surface takes the pressure of its closest point on the snapshots' surface
-    (:func:`builder.aero.mapping.consistent_map`). Where their nodes are stations times roll angles, pressure is
-    trigonometric in roll; a refined grid carries it there first, since linear interpolation over an angle h
-    weakens harmonic m by (m h)^2 / 12.
+    """Refer a three-dimensional structure to the nodes of snapshots, as :func:`mapped_operator` does.
 
     Raises
     ------
     InputError
         The two surfaces do not lie on each other; the message says how far, and what was probably meant.
     """
-    grid, target = snapshots.grid, structure.surface
+    surface, operator = mapped_operator(structure.strain_operator, structure.surface, snapshots)
+    place = {name: structure.gauges_of(name) for name in structure.layouts}
+    return MappedStructure(
+        surface=surface,
+        description=f"{structure.model}, {structure.statistics['degrees_of_freedom']} dofs",
+        layouts={
+            name: GaugeLayout(
+                tuple(structure.gauge_names[i] for i in places),
+                structure.gauge_position[places],
+                structure.gauge_direction[places],
+            )
+            for name, places in place.items()
+        },
+        operators={name: operator[places] for name, places in place.items()},
+    )
+
+
+def mapped_operator(
+    strain_operator: FloatArray, target: SurfaceMesh, snapshots: Snapshots
+) -> tuple[SurfaceGrid | SurfaceMesh, FloatArray]:
+    """Return the snapshots' surface and Z_p H (n_d, n_p) [1/Pa], strain per pressure at its nodes.
+
+    Each node of the structure's surface takes the pressure of its closest point on the snapshots' surface
+    (:func:`builder.aero.mapping.consistent_map`). Where their nodes are stations times roll angles, pressure is
+    trigonometric in roll; a refined grid carries it there first, since linear interpolation over an angle h
+    weakens harmonic m by (m h)^2 / 12.
+
+    Parameters
+    ----------
+    strain_operator : (n_d, n_q) Z_p [1/Pa] per pressure at the nodes of ``target``.
+    target : the structure's surface.
+    snapshots : pressure on their own surface.
+
+    Raises
+    ------
+    InputError
+        The two surfaces do not lie on each other; the message says how far, and what was probably meant.
+    """
+    grid = snapshots.grid
     ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])[:, None]
     net = snapshots.pressure - ambient
     if grid is None:
@@ -70,24 +103,11 @@ def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStruct
         check_mapping(mapping_report(transfer, source, target, carried), _tolerances(target))
     except InputError as error:
         raise InputError(f"structure: {error}") from error
-    operator = structure.strain_operator @ transfer.interpolation
-    if grid is not None:
-        by_ring = operator.reshape(len(operator), len(grid.x), -1)
-        operator = (by_ring @ _roll_interpolation(grid.n_roll)).reshape(len(operator), -1)
-    place = {name: structure.gauges_of(name) for name in structure.layouts}
-    return MappedStructure(
-        surface=grid or source,
-        description=f"{structure.model}, {structure.statistics['degrees_of_freedom']} dofs",
-        layouts={
-            name: GaugeLayout(
-                tuple(structure.gauge_names[i] for i in places),
-                structure.gauge_position[places],
-                structure.gauge_direction[places],
-            )
-            for name, places in place.items()
-        },
-        operators={name: operator[places] for name, places in place.items()},
-    )
+    operator = strain_operator @ transfer.interpolation
+    if grid is None:
+        return source, operator
+    by_ring = operator.reshape(len(operator), len(grid.x), -1)
+    return grid, (by_ring @ _roll_interpolation(grid.n_roll)).reshape(len(operator), -1)
 
 
 def _roll_interpolation(n_roll: int) -> FloatArray:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cad_files import write_step, write_stl
 
 from builder.demo import run_build
 from builder.reporting import Silent
@@ -273,6 +274,37 @@ def test_tetrahedra(run: Run, tmp_path: Path) -> None:
     assert structure.statistics["solver"] != "cyclic"
     strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, 0.8))
     assert np.all(structure.mesh_error < 0.15 * strain)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["step", "stl"])
+def test_cad_file(run: Run, tmp_path: Path, ending: str) -> None:
+    """The wall drawn by a CAD system, in millimetres: surfaces by position, 10 % of the largest strain.
+
+    Triangles of an STL file are chords of its curves. The cavity's front counts as internal in both.
+    """
+    try:
+        load_gmsh()
+    except StrainfmuError as error:
+        pytest.skip(str(error))
+    path, output = small(tmp_path), tmp_path / "structure.h5"
+    vehicle, cad = load_vehicle(path), tmp_path / f"wall.{ending}"
+    if ending == "step":
+        write_step(vehicle.body(), wall_of(vehicle), cad)
+    else:
+        write_stl(vehicle.body(), wall_of(vehicle), cad, 4.0)
+    unit = () if ending == "step" else ("--mesh-unit", "0.001")
+    code, _, err = run("structure", path, "-o", output, "--resolution", "coarse", "--model", cad, *unit)
+    assert (code, err) == (0, "")
+    structure = load_structure(output)
+    assert structure.model == "gmsh_tetrahedra"
+    value = {what: number for what, number, _ in structure.settings["mesh_report"]}
+    exact = exact_wall(vehicle.body(), wall_of(vehicle))
+    assert value["volume"] == pytest.approx(exact["volume"], rel=5e-3)
+    for name in ("external", "internal", "support"):
+        assert value[f"surface {name}, area"] == pytest.approx(exact[name], rel=0.01)
+    strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, 0.8))
+    assert np.all(structure.mesh_error < 0.1 * strain)
 
 
 @pytest.mark.parametrize(

@@ -99,8 +99,13 @@ def foot_point(facets: CurvedFacets, point: FloatArray) -> FootPoint:
     facets : the surface.
     point : (3,) [m].
     """
+    feet = feet_on(facets, facets.candidates(point), point)
+    return min(feet, key=lambda foot: float(np.linalg.norm(foot.offset)))
+
+
+def feet_on(facets: CurvedFacets, candidate: IntArray, point: FloatArray) -> list[FootPoint]:
+    """Return the point closest to ``point`` (3,) [m] on each of the facets ``candidate`` (k,)."""
     element_type, position = facets.element_type, facets.position
-    candidate = facets.candidates(point)
     corners = FACE_CORNERS[element_type]
     reference = np.full((len(candidate), 2), 0.5 if corners == 4 else 1.0 / 3.0)
     for _ in range(MOST_STEPS):
@@ -112,16 +117,12 @@ def foot_point(facets: CurvedFacets, point: FloatArray) -> FootPoint:
         if np.abs(step).max() < CONVERGED:
             break
     place, tangent = _map(element_type, position[candidate], reference)
-    best = int(np.linalg.norm(point - place, axis=1).argmin())
-    normal = np.cross(tangent[best, :, 0], tangent[best, :, 1])
-    return FootPoint(
-        facet=int(candidate[best]),
-        reference=reference[best],
-        point=place[best],
-        tangent=tangent[best],
-        normal=normal / np.linalg.norm(normal),
-        offset=point - place[best],
-    )
+    normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return [
+        FootPoint(int(facet), reference[i], place[i], tangent[i], normal[i], point - place[i])
+        for i, facet in enumerate(candidate)
+    ]
 
 
 def _map(element_type: str, position: FloatArray, reference: FloatArray) -> tuple[FloatArray, FloatArray]:

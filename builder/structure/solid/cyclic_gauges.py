@@ -37,7 +37,7 @@ def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
     Returns
     -------
     (n_gauges, n_dof) [1/m], as :func:`~builder.structure.solid.gauge_rows.gauge_rows` gives on the full mesh; a
-    gauge on the line between two sectors is always counted to the latter.
+    gauge on the line between two sectors is looked for in the latter and takes the mean of both.
 
     Raises
     ------

@@ -96,13 +96,15 @@ class PlacedGauge:
     direction: FloatArray
 
 
-def gauge_rows(mesh: SolidMesh, gauges: Gauges) -> csr_array:
+def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> csr_array:
     """Return B, the strain of each gauge per displacement.
 
     Parameters
     ----------
     mesh : the mesh.
     gauges : the gauges.
+    near_surface : gauges are laid onto the mesh however far it is from them, for meshes that only come near the
+        true surface, as linear elements do.
 
     Returns
     -------
@@ -116,7 +118,7 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges) -> csr_array:
         gauges at one place with the same direction.
     """
     patches = {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)}
-    placed = place_gauges(mesh, gauges)
+    placed = _placed(mesh, gauges, patches, near_surface)
     row, column, entry = [], [], []
     for i, gauge in enumerate(placed):
         surface = patches[gauges.surface[i]]
@@ -134,16 +136,19 @@ def place_gauges(mesh: SolidMesh, gauges: Gauges) -> list[PlacedGauge]:
     return _placed(mesh, gauges, {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)})
 
 
-def _placed(mesh: SolidMesh, gauges: Gauges, patches: Mapping[str, SurfacePatches]) -> list[PlacedGauge]:
+def _placed(
+    mesh: SolidMesh, gauges: Gauges, patches: Mapping[str, SurfacePatches], near_surface: bool = False
+) -> list[PlacedGauge]:
     if not gauges.name:
         raise InputError("no gauges: at least one is needed")
     placed = []
     for i, name in enumerate(gauges.name):
         unit = _unit(gauges.direction[i], name)
         foot = foot_point(patches[gauges.surface[i]].curved, gauges.position[i])
-        _refuse_off_surface(mesh, gauges.position[i], foot, gauges.surface[i], name)
+        if not near_surface:
+            _refuse_off_surface(mesh, gauges.position[i], foot, gauges.surface[i], name)
         tilt = float(np.arcsin(min(abs(float(unit @ foot.normal)), 1.0)))
-        if tilt > LARGEST_TILT:
+        if tilt > LARGEST_TILT and not near_surface:
             raise InputError(
                 f"{name}: direction leans {np.rad2deg(tilt):.1f} deg out of surface '{gauges.surface[i]}', "
                 f"at most {np.rad2deg(LARGEST_TILT):g} deg is allowed"

@@ -29,7 +29,7 @@ IntArray = NDArray[np.int64]
 
 WALL_REGION, CAVITY_FRONT = "wall", "cavity_front"
 SYSTEM_PACKAGES = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1"
-TETRAHEDRON_OF_10_NODES = 11  # Gmsh's number of the type
+TETRAHEDRON_OF_4_NODES, TETRAHEDRON_OF_10_NODES = 4, 11  # Gmsh's numbers of the types
 # Gmsh has the middles of edges 2-3 and 1-3 the other way round than VTK.
 GMSH_TO_VTK = np.array([0, 1, 2, 3, 4, 5, 6, 7, 9, 8])
 
@@ -45,6 +45,8 @@ OPTIONS = {
 # A constant size fails at the pointed ends of a cone: there elements shrink with the distance to the axis.
 # 20 elements round the axis are the least that curve with the wall without folding.
 SIZE_AT_POINT, SIZE_PER_RADIUS = 0.15, 0.3  # of the wall's thickness; of the radius
+LEAST_SHARE = 0.02  # of the element length, on the axis of meshes graded from a file
+STRETCH = 2.0  # of graded meshes: length of elements along the axis over that round it
 ARC_POINTS = 24  # through which a curved piece of the meridian is splined
 
 
@@ -99,7 +101,7 @@ def gmsh_model(what: str) -> Iterator[Any]:
 
 
 def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> SolidMesh:
-    """Mesh the wall and the solid tip of a pointed vehicle with tetrahedra of ten nodes.
+    """Mesh the wall and the solid tip of a pointed vehicle with tetrahedra of ten nodes of one size.
 
     The meridian is turned in four quarters; one full turn fails at the pointed ends. Elements are curved with the
     surface except where that would fold them. Surfaces: external, internal, cavity_front, support (the aft ring).
@@ -117,10 +119,44 @@ def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> Soli
         Gmsh is not installed or fails.
     """
     _check_length(element_length)
+    return _wall_mesh(body, wall, str(element_length), 1.0)
+
+
+def graded_wall_mesh(body: BodyOfRevolution, wall: Wall, relative_length: float) -> SolidMesh:
+    """Mesh the same wall with elements of one size relative to sqrt(r t), the length in which its bending decays.
+
+    Elements lock by their length round the axis over sqrt(r t), so it shrinks with the radius r towards the tip.
+    Along the meridian, which is straight or nearly so, they are :data:`STRETCH` times as long.
+
+    Parameters
+    ----------
+    body, wall : as in :func:`wall_mesh`.
+    relative_length : element edge round the axis over sqrt(r t) [1]; longer ones than about 0.5 lock.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body, or the length is not positive.
+    StrainfmuError
+        Gmsh is not installed or fails.
+    """
+    _check_length(relative_length, "relative_length", "")
+    decay_length = f"Sqrt({wall.thickness} * Sqrt(y * y + z * z))"
+    least = SIZE_AT_POINT * wall.thickness
+    return _wall_mesh(body, wall, f"Max({least}, {relative_length} * {decay_length})", STRETCH)
+
+
+def _wall_mesh(body: BodyOfRevolution, wall: Wall, size: str, stretch: float) -> SolidMesh:
+    """Mesh the wall with elements of a size [m] that is a formula of x / stretch, y, z [m].
+
+    The body is drawn shorter by ``stretch`` and its mesh drawn out: that is how elements come to be longer along
+    the axis, since Gmsh's tetrahedra of a volume are as long as they are wide.
+    """
     pieces, corner = _meridian_pieces(body, wall)
+    shorter = np.array([1.0 / stretch, 1.0])
     with gmsh_model("wall") as gmsh:
         occ = gmsh.model.occ
-        face = _meridian_face(occ, pieces)
+        face = _meridian_face(occ, [piece * shorter for piece in pieces])
         for quarter in range(4):
             turned = occ.copy([(2, face)])
             occ.rotate(turned, 0, 0, 0, 1, 0, 0, 0.5 * np.pi * quarter)
@@ -129,20 +165,27 @@ def wall_mesh(body: BodyOfRevolution, wall: Wall, element_length: float) -> Soli
         occ.remove([(2, face)], recursive=True)
         occ.removeAllDuplicates()
         occ.synchronize()
-        slope = SIZE_PER_RADIUS * np.tan(body.tip_angle)
+        slope = SIZE_PER_RADIUS * np.tan(body.tip_angle) * stretch
         near_point = f"{SIZE_AT_POINT * wall.thickness} + {slope} * Abs(x)"
-        near_cavity = f"{SIZE_PER_RADIUS * corner[1]} + {slope} * Abs(x - {corner[0]})"
-        _set_size(gmsh, f"Min({element_length}, Min({near_point}, {near_cavity}))")
-        mesh = _mesh_volumes(gmsh, {})
+        near_cavity = f"{SIZE_PER_RADIUS * corner[1]} + {slope} * Abs(x - {corner[0] / stretch})"
+        _set_size(gmsh, f"Min({size}, Min({near_point}, {near_cavity}))")
+        mesh = _mesh_volumes(gmsh, "wall", {}, stretch)
     return replace(mesh, surface=_without_cavity_front(mesh, float(corner[0])))
 
 
-def step_mesh(path: Path, element_length: float) -> SolidMesh:
+def step_mesh(path: Path, element_length: float, graded_from: float | None = None) -> SolidMesh:
     """Mesh the solids of a STEP file with tetrahedra of ten nodes; its length unit is read from the file.
 
     Several solids are joined at their common faces; each is a region of the name it has in the file, or
     ``solid 1`` onwards. Surfaces are named by :func:`surfaces_of_hollow_body`: the file must hold the body in our
     axes, nose ahead at the least x, base in a plane across x.
+
+    Parameters
+    ----------
+    path : the STEP file.
+    element_length : largest element edge [m].
+    graded_from : radius [m] from the x axis at which elements have that length; nearer to the axis it falls with
+        the root of the radius, as the length does in which bending of a wall decays. None for one size.
 
     Raises
     ------
@@ -166,17 +209,18 @@ def step_mesh(path: Path, element_length: float) -> SolidMesh:
         names = [
             gmsh.model.getEntityName(*solid).split("/")[-1] or f"solid {i}" for i, solid in enumerate(solids, 1)
         ]
-        region = dict(zip((tag for _, tag in solids), names, strict=True))
-        if len(solids) > 1:
-            _, origin = gmsh.model.occ.fragment(solids[:1], solids[1:])
-            gmsh.model.occ.synchronize()
-            region = {tag: name for parts, name in zip(origin, names, strict=True) for _, tag in parts}
-        _set_size(gmsh, str(element_length))
-        return _mesh_volumes(gmsh, region)
+        parts = _cut_in_quarters(gmsh, solids)
+        region = {tag: name for tags, name in zip(parts, names, strict=True) for tag in tags}
+        _set_size(gmsh, _graded(element_length, graded_from))
+        return _mesh_volumes(gmsh, str(path), region)
 
 
 def stl_mesh(
-    path: Path, element_length: float, file_unit: float, crease_angle: float = np.deg2rad(20.0)
+    path: Path,
+    element_length: float,
+    file_unit: float,
+    crease_angle: float = np.deg2rad(20.0),
+    graded_from: float | None = None,
 ) -> SolidMesh:
     """Mesh the volume inside the closed surface of an STL file with tetrahedra of ten nodes.
 
@@ -189,6 +233,7 @@ def stl_mesh(
     element_length : element edge [m].
     file_unit : length of the file's unit [m]: STL files have none.
     crease_angle : angle between triangles [rad] above which their edge is kept as an edge of the body.
+    graded_from : as in :func:`step_mesh`.
 
     Raises
     ------
@@ -210,8 +255,16 @@ def stl_mesh(
         loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in _shells(gmsh)]
         gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()
-        _set_size(gmsh, str(element_length))
-        return _mesh_volumes(gmsh, {})
+        _set_size(gmsh, _graded(element_length, graded_from))
+        return _mesh_volumes(gmsh, str(path), {})
+
+
+def _graded(element_length: float, radius: float | None) -> str:
+    """Return the formula of an element size [m] that falls with the root of the distance from the x axis."""
+    if radius is None:
+        return str(element_length)
+    share = f"Sqrt(Sqrt(y * y + z * z) / {radius})"
+    return f"{element_length} * Min(1, Max({LEAST_SHARE}, {share}))"
 
 
 def _without_cavity_front(mesh: SolidMesh, x: float) -> dict[str, IntArray]:
@@ -221,9 +274,9 @@ def _without_cavity_front(mesh: SolidMesh, x: float) -> dict[str, IntArray]:
     return {**mesh.surface, INTERNAL: internal[~front], CAVITY_FRONT: internal[front]}
 
 
-def _check_length(element_length: float) -> None:
-    if not (np.isfinite(element_length) and element_length > 0.0):
-        raise InputError(f"element_length {element_length:g} m must be greater than 0")
+def _check_length(length: float, name: str = "element_length", unit: str = " m") -> None:
+    if not (np.isfinite(length) and length > 0.0):
+        raise InputError(f"{name} {length:g}{unit} must be greater than 0")
 
 
 def _check_file(path: Path, element_length: float) -> None:
@@ -300,6 +353,28 @@ def _refuse_open_surface(gmsh: Any, path: Path) -> None:
         raise InputError(f"{path}: not closed: {open_edges} of {len(count)} edges do not join two triangles")
 
 
+def _cut_in_quarters(gmsh: Any, solids: list[tuple[int, int]]) -> list[list[int]]:
+    """Join solids at common faces and cut them in the planes y = 0 and z = 0; return the parts of each.
+
+    Gmsh cannot mesh a surface that goes once round the axis and ends in a point on it.
+    """
+    occ = gmsh.model.occ
+    box = np.array([gmsh.model.getBoundingBox(*solid) for solid in solids])
+    low, high = box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
+    reach = 1.1 * float(np.abs([low, high])[:, 1:].max())
+    margin = 0.1 * (high[0] - low[0])
+    side = [(2, occ.addRectangle(low[0] - margin, -reach, 0.0, high[0] - low[0] + 2.0 * margin, 2.0 * reach))]
+    other = occ.copy(side)
+    occ.rotate(other, 0, 0, 0, 1, 0, 0, 0.5 * np.pi)
+    _, origin = occ.fragment(solids, side + other)
+    occ.synchronize()
+    faces = {tag for part in origin[len(solids) :] for _, tag in part}
+    outside = [(2, tag) for tag in faces if not len(gmsh.model.getAdjacencies(2, tag)[0])]
+    occ.remove(outside, recursive=True)
+    occ.synchronize()
+    return [[tag for dimension, tag in part if dimension == 3] for part in origin[: len(solids)]]
+
+
 def _shells(gmsh: Any) -> list[list[int]]:
     """Return the surfaces of each connected shell, the one that reaches furthest first."""
     surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
@@ -316,9 +391,14 @@ def _shells(gmsh: Any) -> list[list[int]]:
     return [sorted(shell) for shell in sorted(shells, key=reach, reverse=True)]
 
 
-def _mesh_volumes(gmsh: Any, region: dict[int, str]) -> SolidMesh:
-    """Mesh all volumes; ``region`` names them by number, by default all are :data:`WALL_REGION`."""
+def _mesh_volumes(gmsh: Any, what: str, region: dict[int, str], stretch: float = 1.0) -> SolidMesh:
+    """Mesh all volumes, then draw the mesh out along x by ``stretch``.
+
+    ``region`` names volumes by number, by default all are :data:`WALL_REGION`; ``what`` is for messages.
+    """
     gmsh.model.mesh.generate(3)
+    if not len(gmsh.model.mesh.getElementsByType(TETRAHEDRON_OF_4_NODES)[0]):
+        raise StrainfmuError(f"{what}: Gmsh makes no elements of this surface; look at it in Gmsh")
     gmsh.model.mesh.setOrder(2)
     tags, xyz, _ = gmsh.model.mesh.getNodes()
     position = np.empty((int(tags.max()) + 1, 3))
@@ -332,6 +412,6 @@ def _mesh_volumes(gmsh: Any, region: dict[int, str]) -> SolidMesh:
         regions.append(np.full(len(elements[-1]), names.index(name), dtype=np.int64))
     used, element = np.unique(np.concatenate(elements), return_inverse=True)
     element = element.reshape(-1, 10).astype(np.int64)
-    node = straighten_folded("tetrahedron10", position[used], element)
+    node = straighten_folded("tetrahedron10", position[used] * np.array([stretch, 1.0, 1.0]), element)
     surface = surfaces_of_hollow_body("tetrahedron10", node, element)
     return SolidMesh("tetrahedron10", node, element, np.concatenate(regions), tuple(names), surface)

@@ -11,7 +11,7 @@ import numpy as np
 
 from builder.geometry import BodyOfRevolution
 from builder.structure.solid.locking import WallElements
-from builder.structure.solid.mesh_report import facet_size
+from builder.structure.solid.mesh_report import facet_size, facet_size_round_axis
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.swept_mesh import (
     HEXAHEDRON,
@@ -27,8 +27,11 @@ from strainfmu.errors import InputError
 
 SWEPT, GMSH = "swept", "gmsh"
 CAD_FORMATS, TRIANGLE_FORMAT = (".step", ".stp"), ".stl"
-TETRAHEDRON_LENGTH = {"coarse": 0.9, "medium": 0.7, "paper": 0.5}
-"""Largest edge over sqrt(R t) at the base, the length in which bending of the wall decays; longer ones lock."""
+TETRAHEDRON_LENGTH = {"coarse": 0.9, "medium": 0.6, "paper": 0.45}
+"""Edge round the axis over sqrt(r t), the length in which bending of the wall decays; longer ones lock.
+
+Elements of STEP and STL files are as long along the axis as round it, those of the vehicle's own wall twice that.
+"""
 
 COARSER = {"paper": "medium", "medium": "coarse"}
 COARSEST = SweptResolution(0.060, 1, 16)
@@ -108,16 +111,17 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
     """
     if choice.source == SWEPT:
         return swept_wall(body, wall, choice.resolution)
-    length = TETRAHEDRON_LENGTH[choice.resolution] * float(np.sqrt(body.base_radius * wall.thickness))
     from builder.structure.solid import gmsh_mesh, mesh_import
 
+    relative = TETRAHEDRON_LENGTH[choice.resolution]
     if choice.file is None:
-        return gmsh_mesh.wall_mesh(body, wall, length)
+        return gmsh_mesh.graded_wall_mesh(body, wall, relative)
+    length = relative * float(np.sqrt(body.base_radius * wall.thickness))
     ending = choice.file.suffix.lower()
     if ending in CAD_FORMATS:
-        return gmsh_mesh.step_mesh(choice.file, length)
+        return gmsh_mesh.step_mesh(choice.file, length, body.base_radius)
     if ending == TRIANGLE_FORMAT:
-        return gmsh_mesh.stl_mesh(choice.file, length, choice.unit)
+        return gmsh_mesh.stl_mesh(choice.file, length, choice.unit, graded_from=body.base_radius)
     return mesh_import.read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
 
 
@@ -139,8 +143,13 @@ def coarser_sector(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> Sw
     return swept_wall(body, wall, COARSER.get(choice.resolution, COARSEST))
 
 
-def wall_elements(body: BodyOfRevolution, wall: Wall, mesh: SweptSector | SolidMesh) -> WallElements:
+def wall_elements(
+    body: BodyOfRevolution, wall: Wall, mesh: SweptSector | SolidMesh, choice: MeshChoice
+) -> WallElements:
     """Return how the wall is meshed where its elements are longest: what the locking check is run on.
+
+    Meshes made here are judged by their elements' length round the axis, which they are graded by; one that is
+    brought along by the longest edges, whichever way they lie.
 
     Raises
     ------
@@ -151,5 +160,8 @@ def wall_elements(body: BodyOfRevolution, wall: Wall, mesh: SweptSector | SolidM
         round_base = 2.0 * np.pi * body.base_radius / mesh.n_sectors
         # A support facet spans one element through the wall.
         return WallElements(HEXAHEDRON, round_base, len(mesh.surface["support"]), SweptMesh.quadrature)
-    size = facet_size(mesh, INTERNAL)
+    if choice.model == "imported":
+        size = facet_size(mesh, INTERNAL)
+    else:
+        size = facet_size_round_axis(mesh, INTERNAL, body.base_radius)
     return WallElements(mesh.element_type, size, max(1, round(wall.thickness / size)))

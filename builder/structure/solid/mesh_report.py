@@ -61,6 +61,25 @@ def facet_size(mesh: SolidMesh, name: str) -> float:
     return float(np.median(np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=-1).max(axis=1)))
 
 
+def facet_size_round_axis(mesh: SolidMesh, name: str, radius: float) -> float:
+    """Return the size [m] of a surface's facets round the x axis, referred to a radius [m].
+
+    Facets lock by their length over sqrt(r t): the median of length / sqrt(r) counts, times the root of
+    ``radius``. A facet's length is that of its edge that reaches furthest round the axis.
+
+    Raises
+    ------
+    InputError
+        The mesh has no surface of that name.
+    """
+    corner = mesh.node[mesh.named_surface(name)[:, : FACE_CORNERS[mesh.element_type]], 1:]
+    following = np.roll(corner, -1, axis=1)
+    middle = np.linalg.norm(0.5 * (corner + following), axis=-1)
+    twice_area = np.abs(corner[..., 0] * following[..., 1] - corner[..., 1] * following[..., 0])
+    along = np.divide(twice_area, middle**1.5, out=np.zeros_like(middle), where=middle > 0.0)
+    return float(np.median(along.max(axis=1)) * np.sqrt(radius))
+
+
 def exact_wall(body: BodyOfRevolution, wall: Wall) -> dict[str, float]:
     """Return the volume [m3] (key ``volume``) and the areas [m2] by surface name of the wall as drawn.
 

@@ -196,7 +196,7 @@ def _examined(
         report = mesh_report(whole, density, exact_wall(case.body, case.wall))
     with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", LockingWarning)
-        elements = wall_elements(case.body, case.wall, mesh)
+        elements = wall_elements(case.body, case.wall, mesh, case.mesh)
         radius, wall = case.body.base_radius, case.wall
         ratios = check_locking(elements, radius, wall.thickness, wall.material, case.allow_locking)
     for one in caught:

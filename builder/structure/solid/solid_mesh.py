@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,3 +81,22 @@ class SolidMesh:
         if name not in self.surface or not len(self.surface[name]):
             raise InputError(f"mesh: no surface '{name}', found {sorted(self.surface) or 'none'}")
         return self.surface[name]
+
+
+def linear_tetrahedra(mesh: SolidMesh) -> SolidMesh:
+    """Return the linear tetrahedra on the corners of quadratic ones, to show what is lost with the middle nodes.
+
+    Raises
+    ------
+    InputError
+        The mesh is of other elements.
+    """
+    if mesh.element_type != "tetrahedron10":
+        raise InputError(f"mesh: element type '{mesh.element_type}' found, tetrahedron10 wanted")
+    used, element = np.unique(mesh.element[:, :4], return_inverse=True)
+    number = np.full(mesh.n_nodes, -1)
+    number[used] = np.arange(len(used))
+    surface = {name: number[facet[:, :3]] for name, facet in mesh.surface.items()}
+    return replace(
+        mesh, element_type="tetrahedron4", node=mesh.node[used], element=element.reshape(-1, 4), surface=surface
+    )

@@ -6,7 +6,8 @@ derivative is taken within the surface, so the volume element adds nothing to it
 Within a quadratic facet that strain is linear and an order less accurate than displacement, but it is an order
 better at the facet's 2 x 2 Gauss points (3 points on triangles). A polynomial of second degree is fitted to those
 points of the facets around by least squares and evaluated at the gauge (Zienkiewicz and Zhu, Int. J. Numer. Meth.
-Eng. 33, 1992: superconvergent patch recovery). The patch ends where the surface bends sharply.
+Eng. 33, 1992: superconvergent patch recovery). The patch ends where the surface bends sharply. A gauge on the line
+between facets takes the mean of their patches, so that it reads alike on a mesh and on its mirror image.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.structure.solid.closest_point import CurvedFacets, FootPoint
+from builder.structure.solid.closest_point import CurvedFacets, FootPoint, feet_on
 from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.elements import ReferenceElement, reference_facet
 from builder.structure.solid.surface_load import normals_at_nodes
@@ -32,6 +33,9 @@ SHARPEST_BEND = np.deg2rad(1.0)
 """Angle between the normals of two quadratic facets at a common node above which a patch ends between them."""
 
 SHARPEST_BEND_OF_LINEAR = np.deg2rad(20.0)
+
+ON_THE_LINE = 1e-8
+"""Distance [m] between the feet on two facets below which a gauge is on the line between them."""
 
 REACH = 0.5
 """Distance at which the weight of a sample has fallen to exp(-1/2), in lengths of the gauge's facet."""
@@ -92,6 +96,22 @@ def strain_weights(patches: SurfacePatches, foot: FootPoint, direction: FloatArr
     node : (k,) nodes, a node of several facets several times.
     weight : (k, 3) strain per displacement [1/m].
     """
+    feet = _feet_of_all_sides(patches, foot)
+    parts = [_weights_of_patch(patches, one, direction) for one in feet]
+    node, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return node, weight / len(feet)
+
+
+def _feet_of_all_sides(patches: SurfacePatches, foot: FootPoint) -> list[FootPoint]:
+    """Return the foot on every facet that it lies on and that goes on smoothly there."""
+    others = feet_on(patches.curved, patches.around(foot.facet)[1:], foot.point)
+    return [foot, *(other for other in others if np.linalg.norm(other.offset) < ON_THE_LINE)]
+
+
+def _weights_of_patch(
+    patches: SurfacePatches, foot: FootPoint, direction: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Return nodes and weights as :func:`strain_weights`, from the patch round the foot's own facet."""
     reference = reference_facet(patches.element_type, SAMPLE_DEGREE[patches.element_type])
     around = patches.around(foot.facet)
     point, weight = _sampled_strain(reference, patches.curved.position[around], direction)

@@ -49,14 +49,16 @@ class SweptSector:
     ----------
     n_sectors : number of sectors.
     node : (n_s, 3) nodes of the first sector [m], body axes.
-    element : (m, 20) node numbers of its elements.
-    surface : per name the facets (f, 8), outward.
+    element : (m, n_e) node numbers of its elements.
+    surface : per name the facets (f, n_f), outward.
+    element_type : of its elements.
     """
 
     n_sectors: int
     node: FloatArray
     element: IntArray
     surface: Mapping[str, IntArray]
+    element_type: str = HEXAHEDRON
 
     @property
     def n_nodes(self) -> int:
@@ -268,12 +270,13 @@ def two_sector_mesh(sector: SweptSector) -> SweptMesh:
     """Return the elements of the first sector with the nodes of the first and of the second, body axes."""
     after = sector.node @ sector.rotation(1).T
     return SweptMesh(
-        element_type=HEXAHEDRON,
+        element_type=sector.element_type,
         node=np.concatenate([sector.node, after]),
         element=sector.element,
         region=np.zeros(len(sector.element), dtype=np.int64),
         region_names=(REGION,),
         surface=sector.surface,
+        quadrature=_quadrature(sector),
     )
 
 
@@ -289,10 +292,15 @@ def full_mesh(sector: SweptSector) -> SweptMesh:
 
     element = repeated(sector.element)
     return SweptMesh(
-        element_type=HEXAHEDRON,
+        element_type=sector.element_type,
         node=node,
         element=element,
         region=np.zeros(len(element), dtype=np.int64),
         region_names=(REGION,),
         surface={name: repeated(facet) for name, facet in sector.surface.items()},
+        quadrature=_quadrature(sector),
     )
+
+
+def _quadrature(sector: SweptSector) -> Quadrature:
+    return "thin_wall" if sector.element_type == HEXAHEDRON else "full"

@@ -1,6 +1,6 @@
 """Blocks of 20-node hexahedra mapped from the unit cube: meshes of benchmark bodies."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,11 +53,14 @@ def plane(axis: int, value: float) -> Side:
 
 
 def solve_held(
-    mesh: SolidMesh, material: Material, load: FloatArray, held: list[tuple[IntArray, int]]
+    mesh: SolidMesh, material: Material, load: FloatArray, held: Sequence[tuple[IntArray, int | FloatArray]]
 ) -> FloatArray:
-    """Return displacements (n, 3) [m] under forces (n_dof,) [N]; ``held`` are nodes and the component each."""
+    """Return displacements (n, 3) [m] under forces (n_dof,) [N]; ``held`` are nodes with an axis or direction."""
     node = np.concatenate([nodes for nodes, _ in held])
-    direction = np.concatenate([np.tile(np.eye(3)[axis], (len(nodes), 1)) for nodes, axis in held])
+    along = [np.eye(3)[axis] if isinstance(axis, int) else axis for _, axis in held]
+    direction = np.concatenate(
+        [np.tile(one, (len(nodes), 1)) for one, (nodes, _) in zip(along, held, strict=True)]
+    )
     free = free_motions(mesh.n_nodes, node, direction)
     stiffness = csr_array(free.T @ assemble_stiffness(mesh, {"body": material}) @ free)
     return np.asarray(free @ factor_symmetric(stiffness).solve(free.T @ load)).reshape(-1, 3)

@@ -84,6 +84,24 @@ def test_recovered_strain_is_of_third_order(element_type: str) -> None:
     assert order_of_convergence(meshes, [1.0 / n for n in counts]) > 2.7
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_gauge_on_the_line_between_facets_takes_both_sides(mesh: SolidMesh, side: float) -> None:
+    """At phi = 0, between two sectors, a field and its mirror image read alike: round-off.
+
+    A hair's breadth to either side one facet alone counts, and they differ.
+    """
+    field = np.random.default_rng(1).normal(size=(mesh.n_nodes, 3))
+    order = np.lexsort(np.rint(1e9 * mesh.node).T)
+    mirrored = np.lexsort(np.rint(1e9 * mesh.node * [1.0, -1.0, 1.0]).T)
+    image = np.empty_like(field)
+    image[order] = field[mirrored] * [1.0, -1.0, 1.0]
+    for direction in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]):
+        on_line = gauges_at(POINT[None], np.array([direction]))
+        assert strain(mesh, on_line, image)[0] == pytest.approx(strain(mesh, on_line, field)[0], rel=1e-9)
+        beside = replace(on_line, position=POINT[None] + [0.0, side * 1e-6, 0.0])
+        assert strain(mesh, beside, image)[0] != pytest.approx(strain(mesh, beside, field)[0], rel=1e-3)
+
+
 def test_gauge_length_averages_strain(mesh: SolidMesh) -> None:
     """Axial strain 3 c x^2 over x0 +- L/2 is c (3 x0^2 + L^2/4); u is cubic, strain recovered exactly."""
     field = np.zeros((mesh.n_nodes, 3))

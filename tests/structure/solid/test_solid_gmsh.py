@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from builder.geometry import BodyOfRevolution, chain_segments
-from builder.structure.solid.gmsh_mesh import gmsh_model, load_gmsh, step_mesh, stl_mesh, wall_mesh
+from builder.structure.solid.gmsh_mesh import (
+    STRETCH,
+    gmsh_model,
+    graded_wall_mesh,
+    load_gmsh,
+    step_mesh,
+    stl_mesh,
+    wall_mesh,
+)
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_import import read_mesh
 from builder.structure.solid.mesh_report import element_volumes, exact_wall, surface_area
@@ -79,6 +87,26 @@ def test_finer_is_finer(mesh: SolidMesh, body: BodyOfRevolution) -> None:
     assert len(wall_mesh(body, WALL, 0.018).element) > 1.3 * len(mesh.element)
 
 
+def test_graded_mesh_follows_the_decay_length(gmsh: Any, body: BodyOfRevolution) -> None:
+    """Edges round the axis over sqrt(r t) alike fore and aft, and those along it twice as long: 25 %."""
+    mesh = graded_wall_mesh(body, WALL, 0.7)
+    check_mesh(mesh, length=1.0)
+    assert_size(mesh, exact_wall(body, WALL), 1e-3)
+    corner = mesh.node[mesh.surface[EXTERNAL][:, :3]]
+    edge = (np.roll(corner, -1, axis=1) - corner).reshape(-1, 3)
+    middle = (0.5 * (np.roll(corner, -1, axis=1) + corner)).reshape(-1, 3)
+    radius = np.hypot(middle[:, 1], middle[:, 2])
+    along = np.hypot(edge[:, 0], np.einsum("ec,ec->e", edge[:, 1:], middle[:, 1:]) / radius)
+    around = np.sqrt(np.maximum(np.sum(edge**2, axis=1) - along**2, 0.0))
+    for start, end in ((0.35, 0.6), (0.75, 1.0)):
+        here = (middle[:, 0] > start) & (middle[:, 0] < end)
+        share = np.quantile(around[here] / np.sqrt(radius[here] * WALL.thickness), 0.9)
+        assert share == pytest.approx(0.7, rel=0.25)
+        assert np.quantile(along[here], 0.9) == pytest.approx(STRETCH * np.quantile(around[here], 0.9), rel=0.25)
+    with pytest.raises(InputError, match="relative_length 0 must be greater than 0"):
+        graded_wall_mesh(body, WALL, 0.0)
+
+
 def test_session_of_the_caller_is_left_alone(gmsh: Any) -> None:
     gmsh.initialize(interruptible=False)
     try:
@@ -120,6 +148,27 @@ def test_step_file(cup: Any, tmp_path: Path) -> None:
     metre = replace(mesh, node=1e3 * mesh.node)
     check_mesh(metre, length=1.0)
     assert_size(metre, CUP, 1e-3)
+
+
+def test_step_file_of_a_full_turn_that_ends_in_a_point(gmsh: Any, tmp_path: Path) -> None:
+    """Hollow cone of 1 m, drawn in one turn, which Gmsh alone fails to mesh; graded towards the axis."""
+    with gmsh_model("cone") as session:
+        outside = session.model.occ.addCone(0, 0, 0, 1, 0, 0, 0.0, 0.2)
+        inside = session.model.occ.addCone(0.3, 0, 0, 0.7, 0, 0, 0.04, 0.18)
+        session.model.occ.cut([(3, outside)], [(3, inside)])
+        session.model.occ.synchronize()
+        session.option.setString("Geometry.OCCTargetUnit", "M")
+        session.write(str(tmp_path / "cone.step"))
+    mesh = step_mesh(tmp_path / "cone.step", 0.05, graded_from=0.2)
+    check_mesh(mesh, length=1.0)
+    assert len(mesh.region_names) == 1
+    hollow = np.pi * 0.7 / 3.0 * (0.04**2 + 0.04 * 0.18 + 0.18**2)
+    assert element_volumes(mesh).sum() == pytest.approx(np.pi * 0.2**2 / 3.0 - hollow, rel=1e-3)
+    assert surface_area(mesh, EXTERNAL) == pytest.approx(np.pi * 0.2 * np.hypot(1.0, 0.2), rel=1e-3)
+    assert surface_area(mesh, SUPPORT) == pytest.approx(np.pi * (0.2**2 - 0.18**2), rel=1e-3)
+    fore, aft = (mesh.node[mesh.element[:, 0], 0] < 0.5), (mesh.node[mesh.element[:, 0], 0] > 0.8)
+    size = np.linalg.norm(mesh.node[mesh.element[:, 1]] - mesh.node[mesh.element[:, 0]], axis=1)
+    assert np.median(size[fore]) < 0.8 * np.median(size[aft])
 
 
 def test_stl_file(cup: Any, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from builder.structure.solid.mesh_report import (
     element_volumes,
     exact_wall,
     facet_size,
+    facet_size_round_axis,
     mesh_report,
     report_text,
     surface_area,
@@ -94,6 +95,14 @@ def test_region_without_density_is_refused(density: dict[str, float]) -> None:
 
 def test_facet_size_is_the_longest_edge() -> None:
     assert facet_size(ring_mesh("hexahedron20", A, B, 0.5, (1, 40, 1)), INTERNAL) == pytest.approx(0.5)
+
+
+def test_facet_size_round_the_axis_is_its_chord() -> None:
+    """Facets 0.5 m long in x and a fortieth of a turn: the chord; referred to twice the radius, sqrt(2) of it."""
+    ring = ring_mesh("hexahedron20", A, B, 0.5, (1, 40, 1))
+    chord = 2.0 * A * np.sin(np.pi / 40)
+    assert facet_size_round_axis(ring, INTERNAL, A) == pytest.approx(chord, rel=0.01)
+    assert facet_size_round_axis(ring, INTERNAL, 2.0 * A) == pytest.approx(np.sqrt(2.0) * chord, rel=0.01)
 
 
 def test_vtk_reads_what_is_written(tmp_path: Path) -> None:

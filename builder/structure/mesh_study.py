@@ -1,0 +1,303 @@
+"""What a mesh does to gauge strains and to the map built on it: the strains of snapshots, mesh by mesh.
+
+The Fourier model, which shares no mesh with the others, plays the vehicle. The difference of a mesh's strains from
+its strains under the pressure of the snapshots is told in units of the gauges' noise. A map is then built on each
+mesh and fed with the Fourier model's strains and noise, as a vehicle would feed it.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from io import StringIO
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from builder.aero.loads import load_operator
+from builder.build import build_inverse_map, internal_pressure, snapshot_coefficients
+from builder.gauge_layout import GaugeLayout
+from builder.geometry import BodyOfRevolution
+from builder.reporting import Progress, Reporter
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel, place_layouts, solid_case, used_layouts, wall_of
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import harmonic_response
+from builder.structure.mapped_structure import MappedStructure, mapped_operator
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
+from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
+from builder.structure.solid.model import SolidCase
+from builder.structure.solid.reference_loads import ELEMENT_SHARE
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
+from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.surface_triangles import triangulated_surface
+from builder.structure.solid.swept_mesh import SweptSector, swept_wall
+from builder.structure.wall import Wall
+from builder.vehicle import Vehicle
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator import Estimator
+from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap
+
+FloatArray = NDArray[np.float64]
+
+FOURIER = "Fourier model"
+LAYERS = 2  # of the Fourier model's wall
+FINE_LINEAR = 0.3  # sqrt(r t), of linear tetrahedra: not even that helps
+NOISE_DRAWS, SEED = 10, 20200  # noise is drawn this many times for each snapshot
+
+
+@dataclass(frozen=True)
+class StudyMesh:
+    """A mesh of the study.
+
+    Attributes
+    ----------
+    name : for the table.
+    make : makes it from body and wall.
+    needs_gmsh : whether that takes Gmsh.
+    """
+
+    name: str
+    make: Callable[[BodyOfRevolution, Wall], SweptSector | SolidMesh]
+    needs_gmsh: bool = False
+
+
+def _linear(body: BodyOfRevolution, wall: Wall, relative_length: float) -> SolidMesh:
+    return linear_tetrahedra(graded_wall_mesh(body, wall, relative_length))
+
+
+STUDY_MESHES = (
+    *(
+        StudyMesh(f"swept hexahedra, {name}", partial(swept_wall, resolution=name))
+        for name in ("coarse", "medium", "paper")
+    ),
+    *(
+        StudyMesh(f"Gmsh, quadratic, {size:g} sqrt(r t)", partial(graded_wall_mesh, relative_length=size), True)
+        for size in (TETRAHEDRON_LENGTH["medium"], TETRAHEDRON_LENGTH["paper"])
+    ),
+    *(
+        StudyMesh(f"Gmsh, linear, {size:g} sqrt(r t)", partial(_linear, relative_length=size), True)
+        for size in (TETRAHEDRON_LENGTH["paper"], FINE_LINEAR)
+    ),
+)
+
+
+def study_meshes(note: Callable[[str], None]) -> list[StudyMesh]:
+    """Return :data:`STUDY_MESHES`, without those of Gmsh where it cannot be loaded; ``note`` is told why."""
+    try:
+        load_gmsh()
+    except StrainfmuError as error:
+        note(f"swept meshes only: {error}")
+        return [mesh for mesh in STUDY_MESHES if not mesh.needs_gmsh]
+    return list(STUDY_MESHES)
+
+
+@dataclass(frozen=True)
+class StrainTruth:
+    """What maps are fed with and held against, at N snapshots.
+
+    Attributes
+    ----------
+    strain : (N, n_d) of the Fourier model.
+    sigma : (n_d,) noise of the gauges, one standard deviation.
+    coefficients : (N, 5) C_A, C_N, C_Y, M_P, M_Y [1].
+    dynamic_pressure : (N,) [Pa].
+    """
+
+    strain: FloatArray
+    sigma: FloatArray
+    coefficients: FloatArray
+    dynamic_pressure: FloatArray
+
+
+@dataclass(frozen=True)
+class StudyRow:
+    """What one mesh does.
+
+    Attributes
+    ----------
+    mesh : its name.
+    n_dof : displacement components; 0 for the Fourier model.
+    strain_rms, strain_largest : difference of gauge strain from the Fourier model over the gauge's noise [1], over
+        gauges in use and snapshots.
+    error_of_range : (5,) rms error of C_A, C_N, C_Y, M_P, M_Y from the map on this mesh over their range [1].
+    coverage : (5,) share of samples with the truth within 3 sigma [1].
+    alarms : share of samples with chi-square above its limit [1].
+    """
+
+    mesh: str
+    n_dof: int
+    strain_rms: float
+    strain_largest: float
+    error_of_range: tuple[float, ...]
+    coverage: tuple[float, ...]
+    alarms: float
+
+
+def mesh_study(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    reporter: Reporter,
+    meshes: Sequence[StudyMesh] = STUDY_MESHES,
+    solver: str | None = None,
+) -> Iterator[StudyRow]:
+    """Yield a row of the Fourier model itself, then one per mesh.
+
+    Parameters
+    ----------
+    vehicle, snapshots : the vehicle file and surface pressure at its conditions, on stations times roll angles.
+    reporter : told each mesh as a stage.
+    meshes : what is compared.
+    solver : of free meshes; None for the best that is there.
+
+    Raises
+    ------
+    InputError
+        The snapshots are on a free surface or of another vehicle, the vehicle file asks for what the Fourier model
+        cannot do, or the solver is not installed.
+    StrainfmuError
+        Gmsh is needed and not installed, or a solver fails.
+    """
+    layout, case = vehicle.gauges.layout, solid_case(vehicle, used_layouts(vehicle))
+    with reporter.stage(FOURIER) as progress:
+        fourier = fourier_on_snapshots(vehicle, snapshots, progress)
+        net = snapshots.pressure - internal_pressure(vehicle, snapshots)
+        own_map = build_inverse_map(vehicle, snapshots, fourier)
+        loads = load_operator(fourier.surface, own_map.provenance["moment_station_m"])
+        truth = StrainTruth(
+            strain=net @ fourier.strain_operator(layout).T,
+            sigma=own_map.noise_std,
+            coefficients=snapshot_coefficients(vehicle, snapshots, loads),
+            dynamic_pressure=np.array([condition.dynamic_pressure for condition in snapshots.conditions()]),
+        )
+    yield _row(FOURIER, 0, 0.0 * truth.strain, own_map, truth)
+    for mesh in meshes:
+        with reporter.stage(mesh.name) as progress:
+            structure, n_dof = _on_mesh(case, mesh, snapshots, solver, progress)
+            difference = (net @ structure.strain_operator(layout).T - truth.strain) / truth.sigma
+            row = _row(mesh.name, n_dof, difference, build_inverse_map(vehicle, snapshots, structure), truth)
+        yield row
+
+
+def fourier_on_snapshots(
+    vehicle: Vehicle, snapshots: Snapshots, progress: Progress | None = None
+) -> StructuralModel:
+    """Return the Fourier model with the nodes of snapshots as pressure nodes.
+
+    Raises
+    ------
+    InputError
+        The snapshots are on a free surface or of another body, or the model cannot do what is asked for.
+    """
+    grid, body = snapshots.grid, vehicle.body()
+    if grid is None:
+        raise InputError("snapshots: on a free surface, stations times roll angles are needed for the mesh study")
+    off = (
+        float(np.abs(grid.radius - body.radius(grid.x)).max())
+        if grid.x[-1] <= body.length * (1 + 1e-9)
+        else np.inf
+    )
+    if off > 1e-6 * body.length:
+        raise InputError(f"snapshots: of '{snapshots.vehicle}', not on the body of '{vehicle.name}'")
+    mesh = shell_mesh(body, wall_of(vehicle), ELEMENT_SHARE * body.length, LAYERS)
+    found, placed = place_layouts(vehicle, mesh, used_layouts(vehicle))
+    stations = np.concatenate([gauges.x for gauges in placed.values()])
+    harmonics = (grid.n_roll - 1) // 2
+    response = harmonic_response(mesh, wall_of(vehicle).material, stations, grid.x, harmonics, progress)
+    return StructuralModel(grid, response, found, placed)
+
+
+def _on_mesh(
+    case: SolidCase, wanted: StudyMesh, snapshots: Snapshots, solver: str | None, progress: Progress
+) -> tuple[MappedStructure, int]:
+    """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
+    mesh = wanted.make(case.body, case.wall)
+    whole = whole_mesh(mesh)
+    rows = csr_array(vstack([_rows(mesh, gauges) for gauges in case.layouts.values()]))
+    wanted_solver = None if isinstance(mesh, SweptSector) else solver
+    material, density, support = case.wall.material, case.density, case.support
+    found = solve_strain(mesh, material, density, support, rows, wanted_solver, progress)
+    surface, operator = mapped_operator(found.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)
+    ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
+    structure = MappedStructure(
+        surface,
+        f"{wanted.name}, {whole.n_dof} dofs",
+        {name: GaugeLayout(one.name, one.position, one.direction) for name, one in case.layouts.items()},
+        dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True)),
+    )
+    return structure, whole.n_dof
+
+
+def _rows(mesh: SweptSector | SolidMesh, gauges: Gauges) -> csr_array:
+    """Return gauge rows; gauges are laid onto free meshes, which linear elements make faceted."""
+    if isinstance(mesh, SweptSector):
+        return cyclic_gauge_rows(mesh, gauges)
+    return gauge_rows(mesh, gauges, near_surface=True)
+
+
+def _row(
+    name: str,
+    n_dof: int,
+    difference: FloatArray,
+    inverse_map: InverseMap,
+    truth: StrainTruth,
+) -> StudyRow:
+    """Return the row of a map fed with the true strains and noise; ``difference`` (N, n_d) in units of noise."""
+    noise = np.random.default_rng(SEED).standard_normal((NOISE_DRAWS, *truth.strain.shape)) * truth.sigma
+    estimator = Estimator(inverse_map)
+    estimates = [
+        [
+            estimator.estimate(strain, q)
+            for strain, q in zip(truth.strain + one, truth.dynamic_pressure, strict=True)
+        ]
+        for one in noise
+    ]
+    error = np.array([[e.coefficients for e in draw] for draw in estimates]) - truth.coefficients
+    std = np.array([[e.coefficients_std for e in draw] for draw in estimates])
+    spread = np.ptp(truth.coefficients, axis=0)
+    rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
+    return StudyRow(
+        mesh=name,
+        n_dof=n_dof,
+        strain_rms=float(np.sqrt(np.mean(difference**2))),
+        strain_largest=float(np.abs(difference).max()),
+        error_of_range=tuple(np.divide(rms, spread, out=np.full(5, np.nan), where=spread > 0.0).tolist()),
+        coverage=tuple(np.mean(np.abs(error) <= 3.0 * std, axis=(0, 1)).tolist()),
+        alarms=float(np.mean([[e.chi_square > e.chi_square_limit for e in draw] for draw in estimates])),
+    )
+
+
+def study_table(rows: Sequence[StudyRow]) -> str:
+    """Return the rows as text: strain in units of noise, errors and alarms in per cent."""
+    width = max(len(row.mesh) for row in rows) + 1
+    pairs = "".join(f"{name:>8}" for name in COEFFICIENT_NAMES)
+    lines = [
+        f"{'':<{width}}{'':>10}{'strain / sigma':>18}{'rms error, % of range':>40}{'within':>9}{'chi2':>8}",
+        f"{'mesh':<{width}}{'dofs':>10}{'rms':>9}{'largest':>9}{pairs}{'3 sig %':>9}{'alarm %':>8}",
+    ]
+    for row in rows:
+        errors = "".join(f"{100.0 * value:>8.2f}" for value in row.error_of_range)
+        lines.append(
+            f"{row.mesh:<{width}}{row.n_dof:>10}{row.strain_rms:>9.3g}{row.strain_largest:>9.3g}{errors}"
+            f"{100.0 * min(row.coverage):>9.1f}{100.0 * row.alarms:>8.1f}"
+        )
+    return "\n".join(lines)
+
+
+def study_csv(rows: Sequence[StudyRow]) -> str:
+    """Return the rows as CSV, one column per number; shares as fractions."""
+    errors = [f"rms_error_of_range.{name}" for name in COEFFICIENT_NAMES]
+    coverage = [f"within_3_sigma.{name}" for name in COEFFICIENT_NAMES]
+    head = ["mesh", "n_dof", "strain_rms_over_sigma", "strain_largest_over_sigma", *errors, *coverage]
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*head, "chi_square_alarms"])
+    for row in rows:
+        numbers = (row.strain_rms, row.strain_largest, *row.error_of_range, *row.coverage, row.alarms)
+        writer.writerow([row.mesh, row.n_dof, *(f"{value:.6g}" for value in numbers)])
+    return text.getvalue()
