@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from math import degrees
 from typing import Any
 
 import numpy as np
@@ -14,18 +13,20 @@ from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.geometry import SurfaceGrid
 from builder.inverse.coefficients import load_error_covariance
-from builder.inverse.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
-from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms
+from builder.inverse.gauge_derivatives import gauge_derivatives
+from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nuisance_terms
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
+from builder.inverse.seen_states import on_seen_states
 from builder.inverse.solution import Problem, Solution, solve
 from builder.snapshot_transfer import snapshots_on
 from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
+from builder.structural_model import StructuralModel, solid_case
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle import Vehicle
 from strainfmu import __version__
 from strainfmu.errors import InputError
 from strainfmu.inverse_map import InverseMap
+from strainfmu.validity import condition_ranges
 
 FloatArray = NDArray[np.float64]
 AnyStructure = StructuralModel | MappedStructure
@@ -49,6 +50,21 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
     return gauge_covariance(entry, len(structure.layouts[layout].names), median, vehicle.beside(""))
 
 
+def check_noise(vehicle: Vehicle) -> None:
+    """Refuse entries and files of the section [noise] that do not fit the gauges in use, before the long work.
+
+    Raises
+    ------
+    InputError
+        As :func:`gauge_noise_covariance` and :func:`builder.inverse.gauge_noise.nuisance_terms`.
+    """
+    entry, layout = vehicle.noise, vehicle.gauges.layout
+    names = solid_case(vehicle, [layout]).layouts[layout].name
+    gauge_covariance(entry, len(names), 1.0, vehicle.beside(""))
+    if entry.nuisance_file is not None:
+        nuisance_terms(vehicle.beside(entry.nuisance_file), names)
+
+
 def noise_terms(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, strain_operator: FloatArray
 ) -> list[NoiseTerm]:
@@ -60,12 +76,12 @@ def noise_terms(
         The section does not fit the gauges, or asks the structure for what it cannot do.
     """
     entry = vehicle.noise
-    derivatives: GaugeDerivatives | None = None
-    if (entry.gauge_position_mm or entry.gauge_orientation_deg) and isinstance(structure, StructuralModel):
-        derivatives = fourier_gauge_derivatives(vehicle, structure, vehicle.gauges.layout)
+    layout, file = vehicle.gauges.layout, entry.nuisance_file
+    nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), structure.layouts[layout].names)
+    derivatives = gauge_derivatives(vehicle, structure, layout) if entry.moves_gauges else None
     net = snapshots.pressure - internal_pressure(vehicle, snapshots)
     own = gauge_noise(gauge_noise_covariance(vehicle, snapshots, structure))
-    return [own, *gauge_error_terms(entry, net, strain_operator, derivatives)]
+    return [own, *nuisance, *gauge_error_terms(entry, net, strain_operator, derivatives)]
 
 
 def internal_pressure(vehicle: Vehicle, snapshots: Snapshots) -> float:
@@ -90,6 +106,19 @@ def build_inverse_map(
 ) -> InverseMap:
     """Build the map of the case that the vehicle file asks for, for the layout in use.
 
+    Parameters and errors are those of :func:`inverse_problem`; the gauges may also fail to identify the modes
+    asked for.
+    """
+    snapshots = _on_structure(snapshots, structure)
+    problem = inverse_problem(vehicle, snapshots, structure, nuisance)
+    return on_seen_states(inverse_map_of(vehicle, snapshots, structure, problem, solve(problem)))
+
+
+def inverse_problem(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, nuisance: Sequence[NoiseTerm] = ()
+) -> Problem:
+    """Return what the map of the layout in use is solved from.
+
     Parameters
     ----------
     vehicle : the vehicle file.
@@ -100,29 +129,38 @@ def build_inverse_map(
     Raises
     ------
     InputError
-        The gauges cannot identify the modes asked for, or the snapshots' surface is not the structure's.
+        The snapshots' surface is not the structure's, or the section [noise] does not fit the gauges.
     """
-    if isinstance(structure.surface, SurfaceGrid):
-        snapshots = snapshots_on(snapshots, structure.surface)
-    layout, reference = vehicle.gauges.layout, vehicle.reference_quantities()
-    z_p, inside = structure.strain_operator(layout), internal_pressure(vehicle, snapshots)
-    loads = _load_operator(structure.surface, reference.moment_station)
-    terms = noise_terms(vehicle, snapshots, structure, z_p)
-    entry, mesh = vehicle.map, _mesh(structure.surface)
-    with_truncated = vehicle.noise.with_truncated_modes
-    solution = solve(
-        Problem(snapshots.pressure, inside, z_p, loads, mesh.node_area, (*terms, *nuisance), with_truncated, entry)
+    snapshots = _on_structure(snapshots, structure)
+    z_p = structure.strain_operator(vehicle.gauges.layout)
+    return Problem(
+        pressure=snapshots.pressure,
+        internal_pressure=internal_pressure(vehicle, snapshots),
+        strain_operator=z_p,
+        load_operator=_load_operator(structure.surface, vehicle.reference_quantities().moment_station),
+        node_area=_mesh(structure.surface).node_area,
+        noise=(*noise_terms(vehicle, snapshots, structure, z_p), *nuisance),
+        with_truncated_modes=vehicle.noise.with_truncated_modes,
+        entry=vehicle.map,
     )
+
+
+def inverse_map_of(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
+) -> InverseMap:
+    """Return the map of a solved ``problem``; its first noise term is the gauges' own."""
+    snapshots, reference = _on_structure(snapshots, structure), vehicle.reference_quantities()
+    z_p, loads, inside = problem.strain_operator, problem.load_operator, problem.internal_pressure
     solved, load_per_state = solution.solved, loads @ solution.field_modes
     coefficients = snapshot_coefficients(vehicle, snapshots, loads)
-    gauges = structure.layouts[layout]
+    gauges = structure.layouts[vehicle.gauges.layout]
     return InverseMap(
         vehicle=vehicle.name,
-        case=str(entry.case),
+        case=str(problem.entry.case),
         gauge_names=gauges.names,
         gauge_position=gauges.position,
         gauge_direction=gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True),
-        noise_std=np.linalg.norm(terms[0].strain, axis=1),
+        noise_std=np.linalg.norm(problem.noise[0].strain, axis=1),
         state_operator=solved.state_operator,
         noise_covariance=solved.noise_covariance,
         regularisation=solved.regularisation,
@@ -143,8 +181,13 @@ def build_inverse_map(
         nominal_dynamic_pressure=float(np.mean([c.dynamic_pressure for c in snapshots.conditions()])),
         strain_load_covariance=solution.noise.strain_load_covariance,
         provenance=_provenance(vehicle, snapshots, structure, solution, inside),
-        **(_field(solution, mesh) if entry.keep_field else {}),
+        **(_field(solution, _mesh(structure.surface)) if problem.entry.keep_field else {}),
     )
+
+
+def _on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
+    """Return the snapshots at the structure's nodes; the same where they are there already."""
+    return snapshots_on(snapshots, structure.surface) if isinstance(structure.surface, SurfaceGrid) else snapshots
 
 
 def _provenance(
@@ -159,10 +202,7 @@ def _provenance(
         **solution.facts,
         "noise_terms": [asdict(share) for share in solution.noise.shares()],
         "internal_pressure_Pa": inside,
-        "mach_number": _range([c.mach_number for c in conditions]),
-        "angle_of_attack_deg": _range([degrees(c.angle_of_attack) for c in conditions]),
-        "sideslip_angle_deg": _range([degrees(c.sideslip_angle) for c in conditions]),
-        "altitude_m": conditions[0].altitude,
+        **condition_ranges(conditions),
         "moment_station_m": vehicle.reference_quantities().moment_station,
         "resolution": vehicle.resolution.map.model_dump(),
         "structural_model": structure.description,
@@ -196,7 +236,3 @@ def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatAr
     net = snapshots.pressure - internal_pressure(vehicle, snapshots)
     scale = [coefficient_scale(c.dynamic_pressure, reference) for c in snapshots.conditions()]
     return net @ loads.T * np.array(scale)
-
-
-def _range(values: list[float]) -> list[float]:
-    return [min(values), max(values)]

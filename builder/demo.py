@@ -8,7 +8,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from hashlib import sha256
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from builder import figures
 from builder import snapshots as snapshots_file
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines import make_engine
-from builder.build import build_inverse_map
+from builder.build import AnyStructure, build_inverse_map, check_noise
 from builder.campaign.journal import Journal
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import complete_flows, run_campaign
@@ -28,10 +30,11 @@ from builder.flight_score import FlightScore, score_flight
 from builder.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.geometry import surface_grid
 from builder.reporting import Reporter
+from builder.reports import build_page
+from builder.reports.build_report import BuildReport, build_report
 from builder.snapshot_transfer import snapshots_on
 from builder.snapshots import Snapshots, load_snapshots
 from builder.structural_model import (
-    StructuralModel,
     check_gauges,
     check_map_size,
     refuse_beyond_fourier,
@@ -40,7 +43,7 @@ from builder.structural_model import (
     used_layouts,
 )
 from builder.structure import structure_file
-from builder.structure.mapped_structure import MappedStructure, mapped_structure
+from builder.structure.mapped_structure import mapped_structure
 from builder.structure.solid.model import update_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import load_structure
@@ -90,6 +93,7 @@ class _Chain:
         self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
         self.files: dict[str, str] = {}
         self.reused: list[str] = []
+        self.map_parts: tuple[Snapshots, AnyStructure] | None = None
 
     def link(self, name: str, holds: str, inputs: dict[str, Any], make: Any) -> None:
         """Make ``name`` or reuse it, and say so if it is reused."""
@@ -115,6 +119,7 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     vehicle = load_vehicle(vehicle_path)
     # Refused before the long work, not after it.
     check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
+    check_noise(vehicle)
     # The vehicle that flies is played by the Fourier model, whatever the map is built on.
     refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
@@ -153,7 +158,7 @@ def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Repo
 
 
 def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
-    """Go as far as the inverse map and return its path.
+    """Go as far as the inverse map, report on it beside it, and return the map's path.
 
     Raises
     ------
@@ -162,11 +167,13 @@ def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
     """
     vehicle = load_vehicle(vehicle_path)
     check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
+    check_noise(vehicle)
     chain = _Chain(vehicle, Workspace(folder), reporter)
     if vehicle.structure.model == "solid":
         _solid_structure(chain)
     _snapshots(chain)
     _inverse_map(chain)
+    _report(chain)
     return chain.workspace.path("map.h5")
 
 
@@ -202,9 +209,10 @@ def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
         for name, entry in vehicle.gauges.layouts.items()
         if entry.file is not None and vehicle.beside(entry.file).is_file()
     }
-    covariance = vehicle.noise.covariance_file
-    if covariance is not None and vehicle.beside(covariance).is_file():
-        tables["noise.covariance_file"] = vehicle.beside(covariance).read_bytes().hex()
+    for name in ("covariance_file", "nuisance_file"):
+        file = getattr(vehicle.noise, name)
+        if file is not None and vehicle.beside(file).is_file():
+            tables[f"noise.{name}"] = vehicle.beside(file).read_bytes().hex()
     parts = vehicle.model_dump(include={"name", "structure", "material", "reference", "gauges", "noise", "map"})
     return {**parts, "tables": tables}
 
@@ -226,7 +234,7 @@ def _solid_structure(chain: _Chain) -> None:
     )
 
 
-def _structure(chain: _Chain, snapshots: Snapshots) -> StructuralModel | MappedStructure:
+def _structure(chain: _Chain, snapshots: Snapshots) -> AnyStructure:
     """Return strain per pressure by the model that the vehicle file asks for."""
     vehicle = chain.vehicle
     if vehicle.structure.model == "solid":
@@ -236,12 +244,19 @@ def _structure(chain: _Chain, snapshots: Snapshots) -> StructuralModel | MappedS
         return structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle), progress)
 
 
+def _map_parts(chain: _Chain) -> tuple[Snapshots, AnyStructure]:
+    """Return what the map is made from, solved once per run."""
+    if chain.map_parts is None:
+        snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
+        chain.map_parts = snapshots, _structure(chain, snapshots)
+    return chain.map_parts
+
+
 def _inverse_map(chain: _Chain) -> None:
     vehicle = chain.vehicle
 
     def make(path: Path) -> None:
-        snapshots = load_snapshots(chain.workspace.path("snapshots.h5"))
-        structure = _structure(chain, snapshots)
+        snapshots, structure = _map_parts(chain)
         inverse_map = build_inverse_map(vehicle, snapshots, structure)
         held = inverse_map.provenance
         chain.reporter.note(
@@ -262,6 +277,39 @@ def _inverse_map(chain: _Chain) -> None:
     if vehicle.structure.model == "solid":
         inputs["structure"] = chain.made_from("structure.h5")
     chain.link("map.h5", "the inverse map: strain to loads, with covariance", inputs, make)
+
+
+def _report(chain: _Chain) -> None:
+    """Say what the map and its gauges can and cannot do: a page, and its numbers."""
+
+    @cache
+    def report() -> BuildReport:
+        snapshots, structure = _map_parts(chain)
+        inverse_map = load_inverse_map(chain.workspace.path("map.h5"))
+        with chain.reporter.stage("Report: what the gauges tell"):
+            found = build_report(chain.vehicle, snapshots, structure, inverse_map)
+        chain.reporter.note(build_page.blind_line(found))
+        return found
+
+    def page(path: Path) -> None:
+        found = report()
+        with chain.reporter.stage("Report: figures"):
+            build_page.write_report_page(found, path)
+
+    def numbers(path: Path) -> None:
+        build_page.write_numbers(report(), path.parent)
+
+    inputs = {"map": chain.made_from("map.h5"), "schema_version": build_page.SCHEMA_VERSION}
+    chain.link(build_page.JSON_NAME, "numbers of the report; report_tables holds them as CSV", inputs, numbers)
+    if find_spec("matplotlib") is None:
+        chain.reporter.note(f"{build_page.PAGE_NAME}: not made, its figures need strainfmu[report]")
+        return
+    chain.link(
+        build_page.PAGE_NAME,
+        "report: what this layout sees, how sure the map is, what gauges are worth",
+        inputs,
+        page,
+    )
 
 
 def _flight_model(chain: _Chain) -> None:
@@ -297,8 +345,8 @@ def _fmus(chain: _Chain) -> None:
     with chain.reporter.stage("FMUs") as progress:
         chain.link(
             "estimator.fmu",
-            "FMI 2.0 co-simulation FMU: strains in, coefficients out",
-            {"map": chain.made_from("map.h5")},
+            "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
+            {"map": chain.made_from("map.h5"), "kind": "native"},
             lambda path: export_estimator(workspace.path("map.h5"), path),
         )
         progress(1, 2)

@@ -43,7 +43,8 @@ class Noise(_Section):
     The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,
     one per gauge, or as the CSV file of a full covariance [(um/m)^2] beside the vehicle file. Nothing is added to
     it with ``model`` "paper". Gain, position and orientation errors are those of each gauge on its own; apparent
-    strain is the same for all gauges, as of an uncompensated temperature.
+    strain is the same for all gauges, as of an uncompensated temperature. ``nuisance_file`` is a CSV file beside
+    the vehicle file with the strain of further modes, as of temperature distributions, at one standard deviation.
     """
 
     percent_of_median_strain: PositiveFloat | None = None
@@ -53,6 +54,7 @@ class Noise(_Section):
     covariance_file: str | None = None
     model: Literal["default", "paper"] = "default"
     truncated_modes: bool = True
+    nuisance_file: str | None = None
     apparent_strain_um_per_m: float = Field(default=0.0, ge=0.0)
     gauge_gain_percent: float = Field(default=0.0, ge=0.0)
     gauge_position_mm: float = Field(default=0.0, ge=0.0)
@@ -71,7 +73,14 @@ class Noise(_Section):
         added = [name for name in names if getattr(self, name) > 0.0]
         if self.model == "paper" and added:
             raise ValueError(f"model 'paper' is gauge noise alone, but {added[0]} is {getattr(self, added[0]):g}")
+        if self.model == "paper" and self.nuisance_file is not None:
+            raise ValueError(f"model 'paper' is gauge noise alone, but nuisance_file is '{self.nuisance_file}'")
         return self
+
+    @property
+    def moves_gauges(self) -> bool:
+        """Whether gauges may sit or point differently than stated."""
+        return self.gauge_position_mm > 0.0 or self.gauge_orientation_deg > 0.0
 
     @property
     def with_truncated_modes(self) -> bool:

@@ -17,8 +17,8 @@ HEAT_CAPACITY_RATIO = 1.4
 """Ratio of specific heats gamma [1]."""
 
 _GRAVITY = 9.80665
-# Geopotential base altitude [m] and temperature gradient [K/m] of each layer.
-_LAYERS = (
+
+LAYERS = (
     (0.0, -6.5e-3),
     (11e3, 0.0),
     (20e3, 1.0e-3),
@@ -27,6 +27,7 @@ _LAYERS = (
     (51e3, -2.8e-3),
     (71e3, 0.0),
 )
+"""Geopotential base altitude [m] and temperature gradient [K/m] of each layer; the last ends the atmosphere."""
 
 
 def pressure_and_temperature(altitude: float) -> tuple[float, float]:
@@ -37,10 +38,10 @@ def pressure_and_temperature(altitude: float) -> tuple[float, float]:
     InputError
         The altitude is outside 0 to 71 km.
     """
-    if not 0.0 <= altitude <= _LAYERS[-1][0]:
-        raise InputError(f"altitude: {altitude:g} m found, 0 to {_LAYERS[-1][0]:g} m allowed")
+    if not 0.0 <= altitude <= LAYERS[-1][0]:
+        raise InputError(f"altitude: {altitude:g} m found, 0 to {LAYERS[-1][0]:g} m allowed")
     pressure, temperature = 101325.0, 288.15
-    for (base, gradient), (top, _) in pairwise(_LAYERS):
+    for (base, gradient), (top, _) in pairwise(LAYERS):
         rise = min(altitude, top) - base
         if gradient == 0.0:
             pressure *= exp(-_GRAVITY * rise / (GAS_CONSTANT * temperature))

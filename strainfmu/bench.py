@@ -12,14 +12,20 @@ import numpy as np
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.system import System
 from strainfmu.estimator import Estimator
+from strainfmu.fmu.step_cost import step_costs
 from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 
 STOP_TIME = 2.0
 COMMUNICATION_STEP_SIZE = 1e-3
 
+LOST = 3
+"""Gauges that fail, the first ones, where the cost of a step without some is timed."""
+
 
 def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[str, float]:
-    """Return the time per step [s] of the bare product, the numpy estimator and both FMUs through fmpy.
+    """Return the time per step [s] of the bare product, the numpy estimator and FMUs of every kind.
+
+    The estimator is timed with all gauges and with three of them lost, as in every step after the first such one.
 
     Raises
     ------
@@ -31,6 +37,8 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     n = inverse_map.n_gauges
     rows = inverse_map.load_gain
     strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
+    broken = strain.copy()
+    broken[: min(LOST, n - 1)] = np.nan
     out = np.empty(len(COEFFICIENT_NAMES))
     fmus = {"plant": plant_path, "estimator": estimator_path}
     flown = simulate(
@@ -45,8 +53,10 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
         f"Estimator.estimate, {n} gauges, with health": time_per_call(
             lambda: estimator.estimate(strain, pressure)
         ),
-        f"estimator FMU: set {n + 1}, step, get {len(out)}": cost["estimator"],
+        f"Estimator.estimate, {LOST} gauges lost": time_per_call(lambda: estimator.estimate(broken, pressure)),
+        f"estimator FMU in the demo's simulation: set {n + 1}, step, get {len(out)}": cost["estimator"],
         f"plant FMU: step, get {n + 1}": cost["plant"],
+        **step_costs(map_path, time_per_call),
     }
 
 

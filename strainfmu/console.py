@@ -26,7 +26,7 @@ class ConsoleReporter:
     @contextmanager
     def stage(self, title: str) -> Iterator[Callable[[int, int], None]]:
         columns = (
-            TextColumn("{task.description:<40}"),
+            TextColumn("{task.description:<40}", markup=False),
             BarColumn(bar_width=30),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
@@ -36,7 +36,8 @@ class ConsoleReporter:
         with Progress(*columns, console=self.console, transient=True) as bars:
             task = bars.add_task(title, total=None)
             yield lambda done, of: bars.update(task, completed=done, total=of)
-        self.console.print(f"{title:<40} {perf_counter() - start:6.1f} s", highlight=False, soft_wrap=True)
+        took = f"{title:<40} {perf_counter() - start:6.1f} s"
+        self.console.print(took, highlight=False, markup=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
-        self.console.print(f"  {text}", style="dim", highlight=False, soft_wrap=True)
+        self.console.print(f"  {text}", style="dim", highlight=False, markup=False, soft_wrap=True)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from copy import copy
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from strainfmu.errors import InputError
+from strainfmu.estimator_settings import EstimatorSettings, default_settings
 from strainfmu.health import HealthState
 from strainfmu.inverse_map import InverseMap
 from strainfmu.isolation import suspected_gauges
@@ -19,12 +22,6 @@ BoolArray = NDArray[np.bool_]
 
 LEAST_DYNAMIC_PRESSURE = 1e-6
 """q_inf [Pa] below which there is no flow to speak of, and no coefficients."""
-
-SENSOR_RANGE = 0.05
-"""|strain| [m/m] that foil gauges stand, 5 %: what reads more is broken. Amplifiers often end far earlier."""
-
-LARGEST_SENSOR_RANGE = 1e100
-"""Strain [m/m] above which its square could overflow."""
 
 CACHED_MASKS = 32
 """Sets of missing gauges whose matrices are kept, the least recently used dropped first."""
@@ -43,7 +40,8 @@ class LoadEstimate:
     chi_square : |W (d - mean_strain)|^2 of the residual of the valid gauges [1].
     health : state of this estimate.
     load_covariance : (5, 5) covariance of the loads [(N, N m)^2].
-    chi_square_limit : alarm level for the valid gauges; infinite where nothing checks the estimate.
+    chi_square_limit : alarm level for the valid gauges, times ``alarm_scale``; infinite where nothing checks the
+        estimate.
     degrees_of_freedom : of chi_square; 0 where nothing checks the estimate.
     valid : (n_d,) gauges that were used.
     standardised_residual : (n_d,) z, standard normal where a gauge fits the others; 0 where no other checks it.
@@ -68,7 +66,7 @@ class LoadEstimate:
 class Estimator:
     """An inverse map made ready for the loop: a step is three small matrix-vector products.
 
-    A gauge is left out of a step if its strain is not finite or beyond ``sensor_range``, or if the caller says so.
+    A gauge is left out of a step if its strain is not finite or beyond the sensor range, or if the caller says so.
     The matrices without it are computed in the first step that lacks it, and kept.
 
     Example
@@ -77,28 +75,36 @@ class Estimator:
     >>> estimator.estimate(strain, dynamic_pressure=95.8e3).coefficients  # doctest: +SKIP
     """
 
-    def __init__(self, inverse_map: InverseMap, sensor_range: float = SENSOR_RANGE) -> None:
-        """Prepare ``inverse_map``; ``sensor_range`` is the largest |strain| of a working gauge [m/m].
-
-        Raises
-        ------
-        InputError
-            ``sensor_range`` is not positive or too large to compute with.
-        """
-        if not 0.0 < sensor_range <= LARGEST_SENSOR_RANGE:
-            raise InputError(
-                f"sensor_range: {sensor_range} found, must be positive and at most {LARGEST_SENSOR_RANGE:g}"
-            )
+    def __init__(self, inverse_map: InverseMap, settings: EstimatorSettings | None = None) -> None:
+        """Prepare ``inverse_map``; None takes the settings that it was built with."""
         self.inverse_map = inverse_map
-        self.sensor_range = sensor_range
-        area, length = inverse_map.reference_area, inverse_map.reference_length
-        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
         self._parts = map_parts(inverse_map)
         self._masked: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
         self._complete = complete_map(self._parts)
-        self.chi_square_limit = self._complete.chi_square_limit
+        self._apply(settings or default_settings(inverse_map))
 
-    def estimate(self, strain: ArrayLike, dynamic_pressure: float, valid: ArrayLike | None = None) -> LoadEstimate:
+    def with_settings(self, settings: EstimatorSettings) -> Estimator:
+        """Return an estimator of the same map with other settings; the two share the matrices of masks."""
+        other = copy(self)
+        other._apply(settings)
+        return other
+
+    def _apply(self, settings: EstimatorSettings) -> None:
+        self.settings = settings
+        area, length = settings.reference_area, settings.reference_length
+        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
+        shift = settings.moment_station - default_settings(self.inverse_map).moment_station
+        self._transfer = moment_transfer(shift) if shift != 0.0 else None
+        self._threshold_scale = sqrt(settings.alarm_scale)
+        self.chi_square_limit = settings.alarm_scale * self._complete.chi_square_limit
+
+    def estimate(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: float,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: float = 0.0,
+    ) -> LoadEstimate:
         """Estimate the loads behind one set of strains.
 
         Parameters
@@ -106,17 +112,19 @@ class Estimator:
         strain : (n_d,) strains [m/m], order of ``inverse_map.gauge_names``.
         dynamic_pressure : q_inf [Pa].
         valid : (n_d,) of bool, false for gauges to leave out; None for none.
+        dynamic_pressure_std : standard deviation of q_inf's error [Pa]; to first order it adds C^2 (s / q)^2 to
+            the variance of each coefficient C.
 
         Raises
         ------
         InputError
             ``strain`` or ``valid`` has the wrong length, or ``valid`` is not of bool. Values that are not finite
-            are no error: the estimate goes without the gauge and the health state says so.
+            are no error: the estimate goes without the gauge or without coefficients, and health says so.
         """
         d = np.asarray(strain, dtype=float)
         if d.shape != (self.inverse_map.n_gauges,):
             raise InputError(f"strain: {d.shape} found, {self.inverse_map.n_gauges} values wanted")
-        used = np.abs(d) <= self.sensor_range  # false for NaN
+        used = np.abs(d) <= self.settings.sensor_range  # false for NaN
         if valid is not None:
             used &= self._checked_mask(valid)
         masked = self._complete if used.all() else self._masked_map(used)
@@ -125,26 +133,35 @@ class Estimator:
         # Multiplying by the zero columns of the gain would let NaN through.
         residual = np.where(used, d - self.inverse_map.mean_strain, 0.0)
         loads = masked.load_gain @ residual + self.inverse_map.load_of_mean
+        loads_std, load_covariance = masked.loads_std, masked.load_covariance
+        if self._transfer is not None:
+            loads = self._transfer @ loads
+            load_covariance = self._transfer @ load_covariance @ self._transfer.T
+            loads_std = np.sqrt(load_covariance.diagonal())
         whitened = masked.whitening @ residual
         chi_square = float(whitened @ whitened)
+        chi_square_limit = self.settings.alarm_scale * masked.chi_square_limit
         z = masked.z_whitening @ whitened
-        suspects = suspected_gauges(z, masked.outlier_threshold, masked.ambiguous_groups)
+        threshold = self._threshold_scale * masked.outlier_threshold
+        suspects = suspected_gauges(z, threshold, masked.ambiguous_groups)
         coefficients = coefficients_std = np.full(5, np.nan)
-        if LEAST_DYNAMIC_PRESSURE <= dynamic_pressure < np.inf:
+        health = HealthState.NO_COEFFICIENTS
+        if LEAST_DYNAMIC_PRESSURE <= dynamic_pressure < np.inf and 0.0 <= dynamic_pressure_std < np.inf:
             scale = 1.0 / (dynamic_pressure * self._reference)
-            coefficients, coefficients_std = scale * loads, scale * masked.loads_std
-            health = _health(chi_square, suspects, masked)
-        else:
-            health = HealthState.NO_COEFFICIENTS
+            coefficients, coefficients_std = scale * loads, scale * loads_std
+            if dynamic_pressure_std > 0.0:
+                of_pressure = coefficients * (dynamic_pressure_std / dynamic_pressure)
+                coefficients_std = np.sqrt(coefficients_std * coefficients_std + of_pressure * of_pressure)
+            health = _health(chi_square > chi_square_limit, suspects, masked)
         return LoadEstimate(
             loads,
-            masked.loads_std,
+            loads_std,
             coefficients,
             coefficients_std,
             chi_square,
             health,
-            masked.load_covariance,
-            masked.chi_square_limit,
+            load_covariance,
+            chi_square_limit,
             masked.degrees_of_freedom,
             masked.valid,
             z,
@@ -183,9 +200,20 @@ class Estimator:
         return self._masked[key]
 
 
-def _health(chi_square: float, suspects: tuple[int, ...], masked: MaskedMap) -> HealthState:
+def moment_transfer(shift: float) -> FloatArray:
+    """Return (5, 5) B, loads to loads about a moment point ``shift`` [m] further aft.
+
+    M_P' = M_P + shift F_N and M_Y' = M_Y + shift F_Y: a force ahead of the point turns the nose its way, with an
+    arm that the shift lengthens.
+    """
+    transfer = np.eye(5)
+    transfer[3, 1] = transfer[4, 2] = shift
+    return transfer
+
+
+def _health(inconsistent: bool, suspects: tuple[int, ...], masked: MaskedMap) -> HealthState:
     """Return the state of an estimate that has coefficients."""
-    if chi_square > masked.chi_square_limit:
+    if inconsistent:
         return HealthState.INCONSISTENT
     if suspects:
         return HealthState.SUSPECT

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from strainfmu import inverse_map as map_file
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of, schema_of
-from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.snapshots import Snapshots
 
 
 def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None:
-    """Show ``path``: an inverse map, snapshots or a structure; draw figures of the latter two into ``figures``.
+    """Show ``path``: a map, an FMU, snapshots or a structure; draw figures of the latter two into ``figures``.
 
     Raises
     ------
@@ -31,12 +32,18 @@ def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None
     """
     from builder import snapshots as snapshots_file
     from builder.structure import structure_file
+    from strainfmu.map_inspection import inspect_map
     from strainfmu.structure_inspection import inspect_structure
 
+    if path.suffix.lower() == ".fmu":
+        from strainfmu.fmu_inspection import inspect_fmu
+
+        inspect_fmu(path, console)
+        return
     schema = schema_of(path)
     folder = figures or path.with_name(f"{path.stem}_figures")
     if schema == map_file.SCHEMA:
-        _inspect_map(path, console)
+        inspect_map(path, figures, console)
     elif schema == snapshots_file.SCHEMA:
         _inspect_snapshots(path, folder, console)
     elif schema == structure_file.SCHEMA:
@@ -47,27 +54,6 @@ def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None
         )
 
 
-def _inspect_map(path: Path, console: Console) -> None:
-    loaded = load_inverse_map(path)
-    q = loaded.nominal_dynamic_pressure
-    reference = loaded.reference_area * np.array([1, 1, 1, loaded.reference_length, loaded.reference_length])
-    sigma = np.sqrt(np.diag(loaded.load_covariance)) / (q * reference)
-    summary = Table(title=f"{path}: {loaded.vehicle}", show_header=False)
-    summary.add_row("content hash", content_hash_of(path, map_file.SCHEMA, map_file.SCHEMA_VERSION))
-    summary.add_row("gauges, states", f"{loaded.n_gauges}, {len(loaded.state_offset)}")
-    summary.add_row("gauge noise sigma", f"{1e6 * loaded.noise_std.mean():.4g} um/m")
-    summary.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
-    for key, value in loaded.provenance.items():
-        summary.add_row(key, str(value))
-    console.print(summary)
-    table = Table(title=f"Coefficients over the snapshots, and sigma at q_inf = {1e-3 * q:.4g} kPa")
-    for heading in ("coefficient [1]", "least", "greatest", "sigma"):
-        table.add_column(heading, justify="right")
-    for name, (low, high), one in zip(COEFFICIENT_NAMES, loaded.coefficient_range, sigma, strict=True):
-        table.add_row(name, f"{low:.4f}", f"{high:.4f}", f"{one:.4f}")
-    console.print(table)
-
-
 def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder import snapshot_figures
     from builder import snapshots as snapshots_file
@@ -75,11 +61,11 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder.snapshots import load_snapshots
 
     snapshots = load_snapshots(path)
-    summary = Table(title=f"{path}: {snapshots.vehicle}", show_header=False)
+    summary = Table(title=escape(f"{path}: {snapshots.vehicle}"), show_header=False)
     summary.add_row("content hash", content_hash_of(path, snapshots_file.SCHEMA, snapshots_file.SCHEMA_VERSION))
     solved = int(snapshots.solved.sum())
     count = len(snapshots.condition)
-    summary.add_row("engine", snapshots.engine)
+    summary.add_row("engine", escape(snapshots.engine))
     summary.add_row("conditions", f"{count}: {solved} solved, {count - solved} rolled from them")
     summary.add_row("surface", f"{len(snapshots.point)} nodes, {len(snapshots.triangle)} triangles")
     if np.isfinite(snapshots.momentum_error).any():
@@ -89,14 +75,14 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
     summary.add_row("flows with repaired states", f"{repaired} of {solved}")
     for key, value in _flat(snapshots.settings):
-        summary.add_row(key, value)
+        summary.add_row(escape(key), escape(value))
     console.print(summary)
     for line in _lines_of_conditions(snapshots):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     with console.status("Figures"):
         for name in ("surface_maps", "centre_lines", "force_curves"):
             save(getattr(snapshot_figures, name)(snapshots), folder / f"{name}.png")
-            console.print(f"{folder / f'{name}.png'}: written", highlight=False, soft_wrap=True)
+            console.print(f"{folder / f'{name}.png'}: written", highlight=False, markup=False, soft_wrap=True)
 
 
 def _flat(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:

@@ -1,30 +1,25 @@
-"""The interface of both FMUs: every FMI variable and unit, described once.
+"""The interface of the estimator FMU: every variable described once.
 
-:func:`estimator_interface` and :func:`plant_interface` give the variables in the order of
-``ModelVariables``; the value reference of a variable is its place in that order. The model description,
-the documentation page and the slaves all read these lists.
+:func:`estimator_interface` gives the variables in the order of ``ModelVariables`` of FMI 2.0, scalar by scalar;
+the value reference of a variable is its place in that order. :func:`estimator_arrays` turns the list into that of
+FMI 3.0. The model descriptions, the documentation page and the FMUs' code all follow these lists.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import atan2, degrees, pi
+from dataclasses import replace
+from math import atan2, degrees
 from typing import TYPE_CHECKING
 
+from strainfmu.estimator_settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
 from strainfmu.health import HealthState
 
 if TYPE_CHECKING:
-    from strainfmu.cosim.flight_model import FlightModel
+    from strainfmu.estimator import LoadEstimate
     from strainfmu.inverse_map import InverseMap
 
-COEFFICIENTS = {
-    "C_A": "Axial force coefficient of pressure less internal pressure, positive aft, fore-body",
-    "C_N": "Normal force coefficient, positive up",
-    "C_Y": "Side force coefficient, positive to starboard",
-    "M_P": "Pitching moment coefficient, positive nose-up",
-    "M_Y": "Yawing moment coefficient, positive nose to starboard",
-}
 LOADS = {
     "force.axial": ("Axial force, positive aft, fore-body", "N"),
     "force.normal": ("Normal force, positive up", "N"),
@@ -34,61 +29,6 @@ LOADS = {
 }
 HEALTH_TYPE = "HealthState"
 
-
-@dataclass(frozen=True)
-class DisplayUnit:
-    """A unit for people: shown value = ``factor`` * value in the parent unit (FMI 2.0, section 2.2.2)."""
-
-    name: str
-    factor: float
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit with its exponents of SI base units (and rad), as FMI 2.0, section 2.2.2 wants it."""
-
-    name: str
-    base: tuple[tuple[str, int], ...] = ()
-    display_units: tuple[DisplayUnit, ...] = ()
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One FMI 2.0 ScalarVariable (section 2.2.7); numbers are in ``unit``.
-
-    Attributes
-    ----------
-    depends_on : names of the inputs that an output depends on at a communication point.
-    dependencies_kind : how it does, FMI's word, the same for all of ``depends_on``.
-    initially_depends_on : names of the parameters its first value depends on besides.
-    """
-
-    name: str
-    description: str
-    causality: str
-    variability: str = "continuous"
-    fmi_type: str = "Real"
-    unit: str | None = None
-    display_unit: str | None = None
-    nominal: float | None = None
-    minimum: float | None = None
-    maximum: float | None = None
-    start: float | int | None = None
-    declared_type: str | None = None
-    depends_on: tuple[str, ...] = ()
-    dependencies_kind: str = "dependent"
-    initially_depends_on: tuple[str, ...] = ()
-
-
-UNITS = (
-    Unit("1", (), (DisplayUnit("um/m", 1e6),)),
-    Unit("N", (("kg", 1), ("m", 1), ("s", -2)), (DisplayUnit("kN", 1e-3),)),
-    Unit("N.m", (("kg", 1), ("m", 2), ("s", -2)), (DisplayUnit("kN.m", 1e-3),)),
-    Unit("Pa", (("kg", 1), ("m", -1), ("s", -2)), (DisplayUnit("kPa", 1e-3),)),
-    Unit("m", (("m", 1),), (DisplayUnit("km", 1e-3),)),
-    Unit("rad", (("rad", 1),), (DisplayUnit("deg", 180.0 / pi),)),
-)
-
 HEALTH_ITEMS = (
     (HealthState.OK, "Strains and dynamic pressure are valid and the residual is as expected"),
     (
@@ -97,139 +37,205 @@ HEALTH_ITEMS = (
     ),
     (
         HealthState.NO_COEFFICIENTS,
-        "Dynamic pressure is not a positive number: no coefficients; chi-square tells of the loads",
+        "Dynamic pressure is below 1e-6 Pa or not finite, or its deviation impossible: no coefficients",
     ),
-    (HealthState.INVALID, "A strain is not a finite number: nothing can be computed"),
+    (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
+    (HealthState.DEGRADED, "Gauges are missing, the others identify the state: sigma has grown accordingly"),
+    (
+        HealthState.UNIDENTIFIED,
+        "Gauges are missing, the others do not identify the state: nothing is computed",
+    ),
+    (HealthState.SUSPECT, "The chi-square is in order, but one gauge does not fit the others"),
 )
 
+PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
+"""Tunable parameters, the entries of :class:`~strainfmu.estimator_settings.EstimatorSettings`."""
 
-def strain_names(n_gauges: int) -> tuple[str, ...]:
-    """Return ``strain[1]`` .. ``strain[n]``, which structured naming makes an array (FMI 2.0, 2.2.9)."""
-    return tuple(f"strain[{i}]" for i in range(1, n_gauges + 1))
+
+def valid_names(n_gauges: int) -> tuple[str, ...]:
+    """Return ``valid[1]`` .. ``valid[n]``."""
+    return tuple(f"valid[{i}]" for i in range(1, n_gauges + 1))
 
 
 def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     """Return the variables of the estimator FMU in the order of their value references.
 
-    Outputs come first, the coefficients before all others, because FMI tools plot what comes first.
+    Outputs come first, the coefficients before all others, because FMI tools plot what comes first. A gauge that
+    goes invalid changes the gain, so that every output depends on every strain and on every ``valid``.
     """
-    strains = strain_names(inverse_map.n_gauges)
-    outputs = [
-        *_estimated_coefficients(inverse_map, strains),
-        *_estimated_loads(inverse_map, strains),
-        *_health(inverse_map, strains),
+    gauges = (*strain_names(inverse_map.n_gauges), *valid_names(inverse_map.n_gauges))
+    return (
+        *_estimated_coefficients(inverse_map, gauges),
+        *_estimated_loads(inverse_map, gauges),
+        *_health(inverse_map, gauges),
+        *_gauge_inputs(inverse_map),
+        *_flow_inputs(inverse_map),
+        *_parameters(inverse_map),
+    )
+
+
+def output_values(estimate: LoadEstimate) -> list[float]:
+    """Return the outputs of ``estimate`` in the order of their value references."""
+    return [
+        *estimate.coefficients.tolist(),
+        *estimate.coefficients_std.tolist(),
+        *estimate.loads.tolist(),
+        *estimate.loads_std.tolist(),
+        float(estimate.health),
+        estimate.chi_square,
+        estimate.chi_square_limit,
+        float(estimate.valid.sum()),
+        float(estimate.suspects[0] + 1) if estimate.suspects else 0.0,
+        float(len(estimate.suspects)),
     ]
-    strain_inputs = [
+
+
+def estimator_arrays(interface: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return the variables of the FMI 3.0 estimator in the order of their value references."""
+    return with_arrays(interface, ARRAYS)
+
+
+ARRAYS = {
+    "coefficients": "C_A, C_N, C_Y, M_P, M_Y: force coefficients axial, normal, side; moment pitching, yawing",
+    "sigma.coefficients": "Standard deviations of the coefficients, same order",
+    "force": "Axial (positive aft, fore-body), normal (up) and side (to starboard) force",
+    "moment": "Pitching (positive nose-up) and yawing (nose to starboard) moment",
+    "sigma.force": "Standard deviations of the forces, same order",
+    "sigma.moment": "Standard deviations of the moments, same order",
+    "strain": "Strain of each gauge; names and places in the documentation",
+    "valid": "Whether each gauge may be used; same order as strain",
+}
+
+
+def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
+    """Return strain and validity of every gauge.
+
+    Strains have no minimum and no maximum: what lies beyond the sensor range is a state of health, not an error.
+    """
+    strains = [
         Variable(
-            name,
+            f"strain[{i}]",
             f"Strain of gauge {gauge} at x = {x:.4g} m, roll angle {degrees(atan2(y, z)) % 360.0:.4g} deg",
             "input",
             unit="1",
             display_unit="um/m",
             nominal=_nominal(strain_range, noise),
             start=0.0,
+            array="strain",
         )
-        for name, gauge, (x, y, z), strain_range, noise in zip(
-            strains,
-            inverse_map.gauge_names,
-            inverse_map.gauge_position,
-            inverse_map.strain_range,
-            inverse_map.noise_std,
-            strict=True,
+        for i, (gauge, (x, y, z), strain_range, noise) in enumerate(
+            zip(
+                inverse_map.gauge_names,
+                inverse_map.gauge_position,
+                inverse_map.strain_range,
+                inverse_map.noise_std,
+                strict=True,
+            ),
+            start=1,
         )
     ]
-    dynamic_pressure = Variable(
-        "dynamic_pressure",
-        "Free-stream dynamic pressure; turns loads into coefficients",
-        "input",
-        unit="Pa",
-        display_unit="kPa",
-        nominal=inverse_map.nominal_dynamic_pressure,
-        minimum=0.0,
-        start=inverse_map.nominal_dynamic_pressure,
-    )
-    return (*outputs, *strain_inputs, dynamic_pressure)
-
-
-def plant_interface(flight_model: FlightModel) -> tuple[Variable, ...]:
-    """Return the variables of the plant FMU in the order of their value references."""
-    noise = ("noise_std", "seed")
-    coefficients = [
-        Variable(name, f"{text}, true value", "output", unit="1") for name, text in COEFFICIENTS.items()
-    ]
-    strains = [
+    valid = [
         Variable(
-            name,
-            f"Strain of gauge {gauge} at roll angle {degrees(angle) % 360.0:.4g} deg, with noise",
-            "output",
-            unit="1",
-            display_unit="um/m",
-            initially_depends_on=noise,
+            f"valid[{i}]",
+            f"Whether gauge {gauge} may be used",
+            "input",
+            "discrete",
+            "Boolean",
+            start=True,
+            array="valid",
         )
-        for name, gauge, angle in zip(
-            strain_names(flight_model.n_gauges),
-            flight_model.gauge_names,
-            flight_model.gauge_roll_angle,
-            strict=True,
-        )
+        for i, gauge in enumerate(inverse_map.gauge_names, start=1)
     ]
-    parameters = [
-        Variable(
-            "noise_std",
-            "Standard deviation of the noise on every strain",
-            "parameter",
-            "fixed",
-            unit="1",
-            display_unit="um/m",
-            minimum=0.0,
-            start=flight_model.noise_std,
-        ),
-        Variable("seed", "Seed of the noise", "parameter", "fixed", "Integer", minimum=0, start=1),
-    ]
-    return (*coefficients, *strains, *_flight_condition(), *parameters)
+    return [*strains, *valid]
 
 
-def _flight_condition() -> list[Variable]:
-    """Return the plant's outputs that say where on the trajectory it is."""
+def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
+    """Return dynamic pressure and its uncertainty."""
+    nominal = inverse_map.nominal_dynamic_pressure
     return [
         Variable(
             "dynamic_pressure",
-            "Free-stream dynamic pressure",
-            "output",
+            "Free-stream dynamic pressure; turns loads into coefficients",
+            "input",
             unit="Pa",
             display_unit="kPa",
+            nominal=nominal,
             minimum=0.0,
+            start=nominal,
         ),
-        Variable("mach_number", "Free-stream Mach number", "output", unit="1", minimum=0.0),
-        Variable("angle_of_attack", "Angle of attack", "output", unit="rad", display_unit="deg"),
-        Variable("sideslip_angle", "Angle of sideslip", "output", unit="rad", display_unit="deg"),
-        Variable("altitude", "Geopotential altitude", "output", unit="m", display_unit="km"),
+        Variable(
+            "dynamic_pressure_std",
+            "Standard deviation of the error of dynamic_pressure; widens sigma of the coefficients",
+            "input",
+            unit="Pa",
+            display_unit="kPa",
+            nominal=nominal,
+            minimum=0.0,
+            start=0.0,
+        ),
     ]
 
 
-def _estimated_coefficients(inverse_map: InverseMap, strains: tuple[str, ...]) -> list[Variable]:
+def _parameters(inverse_map: InverseMap) -> list[Variable]:
+    """Return the tunable parameters; their ranges are those that the estimator refuses to leave."""
+    default = default_settings(inverse_map)
+    smallest = 1e-300  # above 0, which is refused; FMI's minimum is a value that is allowed
+    rows = (
+        ("sensor_range", "Largest |strain| of a working gauge; one beyond it is left out", "1", "um/m"),
+        ("alarm_scale", "Factor on the limit of chi-square, and on the square of that of one gauge", "1", None),
+        ("reference_area", "Area S that coefficients are referred to", "m2", None),
+        ("reference_length", "Length L that moment coefficients are referred to besides", "m", None),
+        ("moment_station", "Station x of the moment point, aft from the nose tip", "m", None),
+    )
+    return [
+        Variable(
+            name,
+            text,
+            "parameter",
+            "tunable",
+            unit=unit,
+            display_unit=shown,
+            minimum=-LARGEST_SETTING if name == "moment_station" else smallest,
+            maximum=LARGEST_SENSOR_RANGE if name == "sensor_range" else LARGEST_SETTING,
+            start=getattr(default, name),
+        )
+        for name, text, unit, shown in rows
+    ]
+
+
+def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the five coefficients and their standard deviations."""
-    ranges = inverse_map.coefficient_range
-    nominals = [_nominal(max(abs(low), abs(high))) for low, high in ranges]
+    nominals = [_nominal(max(abs(low), abs(high))) for low, high in inverse_map.coefficient_range]
+    of_force = ("sensor_range", "reference_area")
+    of_moment = (*of_force, "reference_length", "moment_station")
     values = [
-        Variable(name, text, "output", unit="1", nominal=nominal, depends_on=(*strains, "dynamic_pressure"))
+        Variable(
+            name,
+            text,
+            "output",
+            unit="1",
+            nominal=nominal,
+            depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+            initially_depends_on=of_moment if name.startswith("M_") else of_force,
+            array="coefficients",
+        )
         for (name, text), nominal in zip(COEFFICIENTS.items(), nominals, strict=True)
     ]
     deviations = [
-        Variable(
-            f"sigma.{name}",
-            f"Standard deviation of {name}",
-            "output",
-            unit="1",
+        replace(
+            value,
+            name=f"sigma.{value.name}",
+            description=f"Standard deviation of {value.name}",
+            nominal=None,
             minimum=0.0,
-            depends_on=("dynamic_pressure",),
+            array="sigma.coefficients",
         )
-        for name in COEFFICIENTS
+        for value in values
     ]
     return [*values, *deviations]
 
 
-def _estimated_loads(inverse_map: InverseMap, strains: tuple[str, ...]) -> list[Variable]:
+def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the five forces and moments and their standard deviations."""
     area, length = inverse_map.reference_area, inverse_map.reference_length
     scale = inverse_map.nominal_dynamic_pressure * area
@@ -241,57 +247,81 @@ def _estimated_loads(inverse_map: InverseMap, strains: tuple[str, ...]) -> list[
             unit=unit,
             display_unit=f"k{unit}",
             nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
-            depends_on=strains,
-            dependencies_kind="constant",
+            depends_on=gauges,
+            initially_depends_on=("sensor_range", "moment_station") if unit == "N.m" else ("sensor_range",),
+            array=name.partition(".")[0],
         )
         for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
     ]
     deviations = [
-        Variable(f"sigma.{name}", f"Standard deviation of {name}", "output", unit=unit, minimum=0.0)
-        for name, (_, unit) in LOADS.items()
+        replace(
+            value,
+            name=f"sigma.{value.name}",
+            description=f"Standard deviation of {value.name}",
+            nominal=None,
+            minimum=0.0,
+            array=f"sigma.{value.array}",
+        )
+        for value in values
     ]
     return [*values, *deviations]
 
 
-def _health(inverse_map: InverseMap, strains: tuple[str, ...]) -> list[Variable]:
+def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return what tells how far the estimate may be believed."""
-    freedom = inverse_map.residual_degrees_of_freedom
-    everything = (*strains, "dynamic_pressure")
-    return [
+    freedom, n = inverse_map.residual_degrees_of_freedom, inverse_map.n_gauges
+    alarms = ("sensor_range", "alarm_scale")
+    state = Variable(
+        "health.state",
+        "State of the estimate",
+        "output",
+        "discrete",
+        "Enumeration",
+        declared_type=HEALTH_TYPE,
+        depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+        initially_depends_on=alarms,
+    )
+    chi_square = Variable(
+        "health.chi_square",
+        f"Chi-square of the residual, {freedom} expected with all gauges",
+        "output",
+        unit="1",
+        nominal=_nominal(freedom),
+        minimum=0.0,
+        depends_on=gauges,
+        initially_depends_on=("sensor_range",),
+    )
+    limit = replace(
+        chi_square,
+        name="health.chi_square_limit",
+        description="Alarm level of the chi-square: 1 false alarm in 10,000, times alarm_scale",
+        initially_depends_on=alarms,
+    )
+    counts = [
         Variable(
-            "health.state",
-            "State of the estimate",
+            f"health.{name}",
+            text,
             "output",
             "discrete",
-            "Enumeration",
-            declared_type=HEALTH_TYPE,
-            depends_on=everything,
-        ),
-        Variable(
-            "health.chi_square",
-            f"Chi-square of the residual, {freedom} expected",
-            "output",
-            unit="1",
-            nominal=_nominal(freedom),
-            minimum=0.0,
-            depends_on=strains,
-        ),
-        Variable(
-            "health.chi_square_limit",
-            "Alarm level of the chi-square",
-            "output",
-            unit="1",
-            nominal=_nominal(freedom),
-            minimum=0.0,
-        ),
+            "Integer",
+            minimum=0,
+            maximum=n,
+            depends_on=gauges,
+            initially_depends_on=parameters,
+        )
+        for name, text, parameters in (
+            ("valid_gauges", "Number of gauges in use", ("sensor_range",)),
+            (
+                "suspect_gauge",
+                "Number, from 1, of the first gauge that does not fit; 0 for none",
+                alarms,
+            ),
+            ("suspects", "How many gauges share that suspicion because they cannot be told apart", alarms),
+        )
     ]
+    return [state, chi_square, limit, *counts]
 
 
 def _nominal(*candidates: float) -> float | None:
     """Return the first positive candidate: FMI tools scale by nominal, so zero is never one."""
     return next((float(value) for value in candidates if value > 0.0), None)
-
-
-def value_references(interface: Sequence[Variable]) -> dict[str, int]:
-    """Return the value reference of each variable name: its place in the interface."""
-    return {variable.name: place for place, variable in enumerate(interface)}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from strainfmu.fixed_order import load_gain_of, noise_whitening_of
 from strainfmu.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.innovation import innovation_whitening, inverse_cholesky
 from strainfmu.inverse_map import InverseMap
@@ -81,7 +82,9 @@ def map_parts(inverse_map: InverseMap) -> MapParts:
         known_prior=inverse_map.case == "2",
     )
     whitening = innovation_whitening(a, gamma, inverse_map.regularisation)
-    return MapParts(inverse_map, inverse_map.load_gain, error_model, inverse_cholesky(gamma), whitening)
+    # The same bits on every machine and in every kind of FMU: loads are small differences of large terms.
+    gain = load_gain_of(inverse_map, noise_whitening_of(gamma))
+    return MapParts(inverse_map, gain, error_model, inverse_cholesky(gamma), whitening)
 
 
 def complete_map(parts: MapParts) -> MaskedMap:

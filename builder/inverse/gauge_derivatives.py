@@ -1,4 +1,4 @@
-"""How strain changes where gauges sit or point a little differently: differences of the Fourier model."""
+"""How strain changes where gauges sit or point a little differently: differences of displaced gauges' strains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
+from builder.structure.mapped_structure import MappedStructure
+from builder.structure.solid import displaced_gauges as displaced
 from builder.vehicle import Vehicle
+from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +37,46 @@ class GaugeDerivatives:
     axial: FloatArray
     circumferential: FloatArray
     orientation: FloatArray
+
+
+def gauge_derivatives(
+    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
+) -> GaugeDerivatives:
+    """Return the derivatives at the gauges of ``layout`` by the model that the map is built on.
+
+    Raises
+    ------
+    InputError
+        A gauge lies within a step of the end of its surface, or the structure was computed without them.
+    """
+    if isinstance(structure, StructuralModel):
+        return fourier_gauge_derivatives(vehicle, structure, layout)
+    return solid_gauge_derivatives(structure, layout)
+
+
+def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDerivatives:
+    """Return the derivatives from the displaced gauges of :mod:`builder.structure.solid.displaced_gauges`.
+
+    Raises
+    ------
+    InputError
+        The structure holds no displaced gauges of ``layout``.
+    """
+
+    def of(how: str) -> FloatArray:
+        name = displaced.displaced_name(layout, how)
+        if name not in structure.operators:
+            raise InputError(
+                f"structure: layout '{name}' is missing, which noise.gauge_position_mm and "
+                "noise.gauge_orientation_deg need; compute the structure again with the same vehicle file"
+            )
+        return structure.strain_operator(name)
+
+    return GaugeDerivatives(
+        axial=central_difference(of(displaced.AFT), of(displaced.FORE), displaced.STEP),
+        circumferential=central_difference(of(displaced.AROUND), of(displaced.BACK), displaced.STEP),
+        orientation=of(displaced.TURNED_AROUND) - of(displaced.TURNED_BACK),
+    )
 
 
 def fourier_gauge_derivatives(vehicle: Vehicle, structure: StructuralModel, layout: str) -> GaugeDerivatives:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -74,12 +76,7 @@ def gauge_error_terms(
     entry : section [noise].
     net_pressure : (N, n_p) p - p_internal of the snapshots [Pa], over which errors are averaged.
     strain_operator : (n_d, n_p) Z_p [1/Pa].
-    derivatives : of Z_p, needed for position and orientation errors.
-
-    Raises
-    ------
-    InputError
-        Position or orientation errors are asked for and there are no derivatives.
+    derivatives : of Z_p; None where neither position nor orientation errors are asked for.
     """
     terms = []
     if entry.apparent_strain_um_per_m > 0.0:
@@ -87,12 +84,6 @@ def gauge_error_terms(
         terms.append(nuisance_modes("apparent strain", column, np.array([MICRO * entry.apparent_strain_um_per_m])))
     if entry.gauge_gain_percent > 0.0:
         terms.append(gauge_errors("gauge gain", net_pressure @ strain_operator.T, 0.01 * entry.gauge_gain_percent))
-    for name, std in (
-        ("gauge_position_mm", entry.gauge_position_mm),
-        ("gauge_orientation_deg", entry.gauge_orientation_deg),
-    ):
-        if std > 0.0 and derivatives is None:
-            raise InputError(f"noise.{name}: {std:g} found, needs structure.model = 'fourier'")
     if derivatives is not None:
         position, angle = 1e-3 * entry.gauge_position_mm, np.deg2rad(entry.gauge_orientation_deg)
         for name, derivative, std in (
@@ -103,3 +94,53 @@ def gauge_error_terms(
             if std > 0.0:
                 terms.append(gauge_errors(name, net_pressure @ derivative.T, std))
     return terms
+
+
+def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:
+    """Read further modes of strain error from a CSV file: one term per column, named by it.
+
+    The header is ``gauge`` and a name per mode; a row is a gauge's name and its strain [um/m] in each mode at one
+    standard deviation. Rows may stand in any order.
+
+    Raises
+    ------
+    InputError
+        The file is missing, holds other gauges than ``gauge_names``, or a value is no number; the message says
+        where.
+    """
+    where = f"noise.nuisance_file: {path}"
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
+    except OSError as error:
+        raise InputError(f"{where}: cannot be read: {error.strerror or 'no such file'}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{where}: not a CSV file: {error}") from error
+    names = [name.strip() for name in header[1:]]
+    if len(header) < 2 or header[0].strip() != "gauge" or "" in names or len(set(names)) < len(names):
+        raise InputError(f"{where}: columns {', '.join(header)} found, must be gauge and a name per mode")
+    found = dict(_nuisance_row(row, len(names), where) for row in rows)
+    if len(found) < len(rows):
+        raise InputError(f"{where}: a gauge is there twice")
+    for name in gauge_names:
+        if name not in found:
+            raise InputError(f"{where}: gauge '{name}' of the layout in use is missing")
+    if len(found) > len(gauge_names):
+        unknown = next(name for name in found if name not in gauge_names)
+        raise InputError(f"{where}: gauge '{unknown}' is not in the layout in use")
+    strain = MICRO * np.array([found[name] for name in gauge_names])
+    return [nuisance_modes(name, strain[:, [k]], np.ones(1)) for k, name in enumerate(names)]
+
+
+def _nuisance_row(row: list[str], n_modes: int, where: str) -> tuple[str, list[float]]:
+    """Return the gauge's name and its values."""
+    name = row[0].strip()
+    if len(row) != n_modes + 1:
+        raise InputError(f"{where}, gauge '{name}': {len(row) - 1} values found, must be {n_modes}")
+    try:
+        values = [float(value) for value in row[1:]]
+    except ValueError as error:
+        raise InputError(f"{where}, gauge '{name}': {', '.join(row[1:])} found, must be numbers") from error
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{where}, gauge '{name}': {', '.join(row[1:])} found, must be finite")
+    return name, values

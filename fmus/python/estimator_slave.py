@@ -8,6 +8,7 @@ An exception that reaches PythonFMU's wrapper kills the FMU, so nothing here rai
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, parse
@@ -16,18 +17,20 @@ import numpy as np
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from strainfmu.estimator import LARGEST_SENSOR_RANGE, Estimator, LoadEstimate
-from strainfmu.health import HealthState
-from strainfmu.interface import estimator_interface, value_references
+from strainfmu.errors import InputError
+from strainfmu.estimator import Estimator
+from strainfmu.estimator_settings import EstimatorSettings, setting_fault
+from strainfmu.fmi_variables import Variable, value_references
+from strainfmu.interface import PARAMETERS, estimator_interface, output_values
 from strainfmu.inverse_map import load_inverse_map
 
 
 class EstimatorSlave(Fmi2Slave):
-    """One instance of the estimator; its only state is its inputs.
+    """One instance of the estimator; its only state is its inputs and parameters.
 
-    Values lie in one array in the order of their value references: outputs, then strains, then dynamic
-    pressure. Outputs are computed when they are read, so they are right after initialization and after
-    any set, without a step (FMI 2.0, section 4.2.4).
+    Values lie in one array in the order of their value references: outputs, strains, ``valid``, dynamic pressure
+    and its deviation, parameters. Outputs are computed when they are read, so they are right after
+    initialization and after any set, without a step (FMI 2.0, section 4.2.4).
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -35,15 +38,20 @@ class EstimatorSlave(Fmi2Slave):
         resources = Path(self.resources)
         self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
         inverse_map = load_inverse_map(resources / "map.h5")
-        # The interface states no range: every finite strain counts.
-        self._estimator = Estimator(inverse_map, LARGEST_SENSOR_RANGE)
+        self._estimator = Estimator(inverse_map)
         interface = estimator_interface(inverse_map)
         references = value_references(interface)
-        self._n_variables = len(interface)
-        self._health = references["health.state"]
-        self._first_strain = references["strain[1]"]
-        self._dynamic_pressure = references["dynamic_pressure"]
+        self._names = [variable.name for variable in interface]
+        self._of_type = {
+            "Real": _places(interface, "Real"),
+            "Integer": _places(interface, "Integer", "Enumeration"),
+            "Boolean": _places(interface, "Boolean"),
+        }
+        self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
+        self._pressure, self._parameters = references["dynamic_pressure"], references[PARAMETERS[0]]
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
+        # Real inputs, which go without a check of their values.
+        self._free = frozenset(vr for vr in self._of_type["Real"] if self._first_input <= vr < self._parameters)
         self._outdated = True
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
@@ -56,79 +64,101 @@ class EstimatorSlave(Fmi2Slave):
         return True
 
     def get_real(self, vrs: list[int]) -> list[float]:
-        """Return the values of Real variables, NaN for a value reference that does not exist."""
+        """Return the values of Real variables, NaN for a value reference that is none."""
         self._update()
-        if not self._known(vrs):
-            return [float(self._values[vr]) if 0 <= vr < self._n_variables else float("nan") for vr in vrs]
-        return self._values[vrs].tolist()
+        if self._are(vrs, "Real"):
+            return self._values[vrs].tolist() if vrs else []
+        return [float(self._values[vr]) if vr in self._of_type["Real"] else float("nan") for vr in vrs]
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
-        """Set inputs; value references of outputs or of nothing are logged and left alone."""
+        """Set inputs and parameters; what cannot be set is logged and left alone."""
         self._outdated = True
-        if vrs and self._first_strain <= min(vrs) and max(vrs) < self._n_variables:
+        if vrs and self._free.issuperset(vrs):
             self._values[vrs] = values
             return
         for vr, value in zip(vrs, values, strict=True):
-            if self._first_strain <= vr < self._n_variables:
-                self._values[vr] = value
-            else:
-                self.log(f"valueReference {vr} is no Real input", Fmi2Status.error)
+            if self._is_settable(vr, "Real"):
+                self._set_one(vr, value)
+
+    def _set_one(self, vr: int, value: float) -> None:
+        """Set an input or a parameter, with what follows from a parameter."""
+        if vr in self._free:
+            self._values[vr] = value
+            return
+        fault = setting_fault(self._names[vr], value)
+        if fault:
+            self.log(fault, Fmi2Status.error)
+            return
+        self._values[vr] = value
+        self._apply_settings()
+
+    def _apply_settings(self) -> None:
+        settings = dict(zip(PARAMETERS, self._values[self._parameters :].tolist(), strict=True))
+        self._estimator = self._estimator.with_settings(EstimatorSettings(**settings))
 
     def get_integer(self, vrs: list[int]) -> list[int]:
-        """Return the health state; any other value reference is logged and read as 0."""
+        """Return health state and counts; any other value reference is logged and read as 0."""
         self._update()
-        for vr in vrs:
-            if vr != self._health:
-                self.log(f"valueReference {vr} is no Integer or Enumeration", Fmi2Status.error)
-        return [int(self._values[self._health]) if vr == self._health else 0 for vr in vrs]
+        self._are(vrs, "Integer")
+        return [int(self._values[vr]) if vr in self._of_type["Integer"] else 0 for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
         """Log the attempt: the estimator has no Integer input."""
         self.log(f"valueReferences {vrs} are no Integer inputs", Fmi2Status.error)
 
-    def _known(self, vrs: list[int]) -> bool:
-        """Tell whether every value reference exists, and log if not."""
-        if not vrs or (min(vrs) >= 0 and max(vrs) < self._n_variables):
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        """Return ``valid`` of gauges; any other value reference is logged and read as false."""
+        self._are(vrs, "Boolean")
+        return [bool(self._values[vr]) if vr in self._of_type["Boolean"] else False for vr in vrs]
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        """Set ``valid`` of gauges; any other value reference is logged and left alone."""
+        self._outdated = True
+        for vr, value in zip(vrs, values, strict=True):
+            if self._is_settable(vr, "Boolean"):
+                self._values[vr] = bool(value)
+
+    def _are(self, vrs: list[int], fmi_type: str) -> bool:
+        """Tell whether every value reference is of the type, and log if not."""
+        if self._of_type[fmi_type].issuperset(vrs):
             return True
-        self.log(f"a valueReference of {vrs} does not exist", Fmi2Status.error)
+        self.log(f"a valueReference of {vrs} is no {fmi_type}", Fmi2Status.error)
+        return False
+
+    def _is_settable(self, vr: int, fmi_type: str) -> bool:
+        """Tell whether ``vr`` is an input or parameter of the type, and log if not."""
+        if vr >= self._first_input and vr in self._of_type[fmi_type]:
+            return True
+        self.log(f"valueReference {vr} is no {fmi_type} input or parameter", Fmi2Status.error)
         return False
 
     def _update(self) -> None:
         """Compute the outputs if an input was set since."""
         if not self._outdated:
             return
-        strain = self._values[self._first_strain : self._dynamic_pressure]
-        estimate = self._estimator.estimate(strain, float(self._values[self._dynamic_pressure]))
-        self._values[: self._first_strain] = self._outputs(estimate)
+        estimate = self._estimator.estimate(
+            self._values[self._first_input : self._valid],
+            float(self._values[self._pressure]),
+            self._values[self._valid : self._pressure] != 0.0,
+            float(self._values[self._pressure + 1]),
+        )
+        self._values[: self._first_input] = output_values(estimate)
         self._outdated = False
 
-    def _outputs(self, estimate: LoadEstimate) -> np.ndarray:
-        """Return the outputs in the order of the interface.
-
-        The interface has no state for an estimate that goes without a gauge, and none for a single suspect.
-        """
-        limit = self._estimator.chi_square_limit
-        if not estimate.valid.all():
-            nothing = np.full(self._first_strain, np.nan)
-            nothing[[self._health, self._health + 2]] = HealthState.INVALID, limit
-            return nothing
-        health = HealthState.OK if estimate.health is HealthState.SUSPECT else estimate.health
-        return np.concatenate(
-            (
-                estimate.coefficients,
-                estimate.coefficients_std,
-                estimate.loads,
-                estimate.loads_std,
-                (float(health), estimate.chi_square, limit),
-            )
-        )
-
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {"inputs": self._values[self._first_strain :].tolist()}
+        return {"inputs": self._values[self._first_input :].tolist()}
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        before = self._values.copy()
         try:
-            self._values[self._first_strain :] = state["inputs"]
-        except (KeyError, TypeError, ValueError) as error:
+            self._values[self._first_input :] = state["inputs"]
+            self._apply_settings()
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            self._values = before
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         self._outdated = True
+
+
+def _places(interface: Sequence[Variable], *types: str) -> frozenset[int]:
+    """Return the value references of the variables of ``types``."""
+    return frozenset(place for place, variable in enumerate(interface) if variable.fmi_type in types)

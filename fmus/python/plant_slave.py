@@ -19,7 +19,8 @@ from pythonfmu.enums import Fmi2Status
 from strainfmu.cosim.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.interface import plant_interface, value_references
+from strainfmu.fmi_variables import value_references
+from strainfmu.plant_interface import plant_interface
 
 
 class PlantSlave(Fmi2Slave):
@@ -38,10 +39,11 @@ class PlantSlave(Fmi2Slave):
         interface = plant_interface(self._model)
         references = value_references(interface)
         self._n_variables = len(interface)
+        self._names = [variable.name for variable in interface]
         self._noise_std, self._seed = references["noise_std"], references["seed"]
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         self._time = 0.0
-        self._outdated = True
+        self._outdated, self._initialized, self._held = True, False, False
         self._restart_noise()
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
@@ -52,6 +54,10 @@ class PlantSlave(Fmi2Slave):
         """Begin at ``start_time`` [s]."""
         self._time = start_time
         self._outdated = True
+
+    def exit_initialization_mode(self) -> None:
+        """From here on the parameters, which are fixed, stay as they are."""
+        self._initialized = True
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Fly to the end of the step; False (fmi2Discard) outside the flight model's envelope."""
@@ -69,7 +75,7 @@ class PlantSlave(Fmi2Slave):
         return self._values[vrs].tolist() if vrs else []
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
-        """Set ``noise_std``; any other value reference is logged and left alone."""
+        """Set ``noise_std`` before the start; what cannot be set is logged and left alone."""
         self._set(vrs, values, self._noise_std)
 
     def get_integer(self, vrs: list[int]) -> list[int]:
@@ -80,28 +86,37 @@ class PlantSlave(Fmi2Slave):
         return [int(self._values[self._seed]) if vr == self._seed else 0 for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        """Set ``seed`` and begin its noise; any other value reference is logged and left alone."""
+        """Set ``seed`` before the start, and begin its noise; what cannot be set is logged and left alone."""
         self._set(vrs, values, self._seed)
-        self._restart_noise()
+        if not self._initialized:
+            self._restart_noise()
 
     def _set(self, vrs: list[int], values: list[Any], allowed: int) -> None:
         """Set the one variable of a type that may be set."""
         for vr, value in zip(vrs, values, strict=True):
-            if vr == allowed:
+            if vr != allowed:
+                self.log(f"valueReference {vr} cannot be set", Fmi2Status.error)
+            elif self._initialized:
+                self.log(f"{self._names[vr]} is fixed: it cannot be set after initialization", Fmi2Status.error)
+            elif not 0.0 <= value < float("inf"):
+                self.log(f"{self._names[vr]}: {value} found, must not be negative", Fmi2Status.error)
+            else:
                 self._values[vr] = value
                 self._outdated = True
-            else:
-                self.log(f"valueReference {vr} cannot be set", Fmi2Status.error)
 
     def _restart_noise(self) -> None:
-        """Begin the noise of the seed; numpy takes no negative seeds, FMI Integers may be negative."""
-        self._generator = np.random.Generator(np.random.PCG64(int(self._values[self._seed]) % 2**32))
+        """Begin the noise of the seed."""
+        self._generator = np.random.Generator(np.random.PCG64(int(self._values[self._seed])))
         self._noise = self._generator.standard_normal(self._model.n_gauges)
 
     def _update(self) -> bool:
         """Compute the outputs if something changed; NaN and False outside the envelope."""
         if not self._outdated:
             return True
+        if self._time > self._trajectory.stop_time and not self._held:
+            self._held = True
+            text = f"the trajectory ends at {self._trajectory.stop_time:g} s: its last condition is held"
+            self.log(text, Fmi2Status.warning)
         condition = self._trajectory.at(self._time)
         try:
             point = evaluate(self._model, condition, self._time)

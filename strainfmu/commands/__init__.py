@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from strainfmu import __version__
-from strainfmu.commands import flows, maps, structures, whole_way
+from strainfmu.commands import can_bus, flights, flows, maps, reproduction, structures, whole_way
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -37,13 +37,18 @@ def _root(
 for command in (
     whole_way.demo,
     whole_way.check,
+    reproduction.reproduce,
     flows.snapshots,
     flows.surface,
     flows.convert,
     structures.structure,
     maps.build,
     maps.export,
+    maps.crosscheck,
     maps.inspect,
     maps.bench,
+    flights.fly,
+    can_bus.bridge,
+    can_bus.dbc,
 ):
     app.command()(command)

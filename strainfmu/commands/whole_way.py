@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.console import ConsoleReporter
@@ -49,9 +50,9 @@ def demo(
 
 def _show_result(console: Console, result: DemoResult) -> None:
     score = result.score
-    table = Table(title=f"{result.vehicle}: the FMU's estimate against truth, independent finer model")
+    table = Table(title=escape(f"{result.vehicle}: the FMU's estimate against truth, independent finer model"))
     for heading in ("coefficient [1]", "rms error", "of its range", "mean sigma", "truth within 3 sigma"):
-        table.add_column(heading, justify="left" if heading.startswith("coefficient") else "right")
+        table.add_column(escape(heading), justify="left" if heading.startswith("coefficient") else "right")
     for i, name in enumerate(COEFFICIENT_NAMES):
         table.add_row(
             name,
@@ -67,7 +68,7 @@ def _show_result(console: Console, result: DemoResult) -> None:
         highlight=False,
         soft_wrap=True,
     )
-    files = Table(title=f"Files in {result.folder}", show_header=False, box=None)
+    files = Table(title=escape(f"Files in {result.folder}"), show_header=False, box=None)
     for name, holds in result.files.items():
         files.add_row(name, holds, "reused" if name in result.reused else "new")
     console.print(files)
@@ -83,28 +84,34 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     from math import degrees
 
     from builder.aero.engines import make_engine
+    from builder.build import check_noise
     from builder.flight_tables import truth_knots
     from builder.structural_model import check_gauges, check_map_size
     from builder.vehicle import load_vehicle
     from strainfmu.cosim.flight_model import check_envelope
     from strainfmu.cosim.trajectory import load_trajectory
+    from strainfmu.validity import condition_ranges, valid_conditions
 
     loaded = load_vehicle(vehicle)
     body = loaded.body()
     gauges = check_gauges(loaded)
     check_map_size(loaded, gauges[loaded.gauges.layout])
+    check_noise(loaded)
     manoeuvre = loaded.beside(loaded.truth.manoeuvre)
     trajectory = load_trajectory(manoeuvre)
     check_envelope(*truth_knots(loaded), trajectory, manoeuvre)
-    table = Table(title=f"{vehicle}: {loaded.name}", show_header=False)
+    table = Table(title=escape(f"{vehicle}: {loaded.name}"), show_header=False)
     table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
     table.add_row("tip half-angle", f"{degrees(body.tip_angle):.4g} deg")
     table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
     for name, count in gauges.items():
-        table.add_row(f"layout {name}{' (in use)' if name == loaded.gauges.layout else ''}", f"{count} gauges")
+        in_use = " (in use)" if name == loaded.gauges.layout else ""
+        table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
     engine = make_engine(loaded, None, loaded.resolution.map)
     conditions = engine.conditions() or loaded.flight_conditions()
     flows = len({engine.flow_key(condition) for condition in conditions})
     table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
+    for one in valid_conditions(condition_ranges(conditions)):
+        table.add_row(f"valid over {one.quantity}", one.text)
     table.add_row("manoeuvre", f"{trajectory.stop_time:.4g} s")
     Console().print(table)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import platform
 import re
 import tempfile
 import zipfile
@@ -19,6 +20,13 @@ from strainfmu.errors import InputError, StrainfmuError
 
 # PythonFMU ends the process where the path of the unzipped FMU holds anything else.
 _SAFE_PATH = re.compile(r"[A-Za-z0-9 ._~:/\\-]*")
+
+# FMI's logger is variadic. ctypes has no such callbacks, but where variadic arguments lie as fixed ones do, on all
+# but Apple's ARM processors, a sixth argument is the first of them.
+_LOGGER = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p, ctypes.c_void_p
+)
+_VARIADIC_AS_FIXED = not (platform.system() == "Darwin" and platform.machine() == "arm64")
 
 _FMI2_WARNING, _FMI2_ERROR, _FMI2_FATAL = 1, 3, 4
 _STATUS_NAMES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
@@ -152,14 +160,18 @@ class Instance:
         """Return FMI's callbacks with a logger that keeps the last messages."""
         fmi2 = self._fmi2
 
-        def log(_: Any, __: Any, status: int, ___: Any, message: bytes | None) -> None:
+        def log(_: Any, __: Any, status: int, ___: Any, message: bytes | None, first: int | None) -> None:
             if status >= _FMI2_WARNING and message:
+                # What a careful FMU passes, so that no % in its text is taken for a format.
+                if message == b"%s" and first and _VARIADIC_AS_FIXED:
+                    message = ctypes.string_at(first)
                 self._messages.append(_one_line(message.decode("utf-8", "replace")))
                 del self._messages[:-5]
 
-        # The struct keeps the ctypes closures alive, and fmpy the struct.
+        self._log = _LOGGER(log)  # kept alive, as the struct holds its address alone
+        # The struct keeps the other ctypes closures alive, and fmpy the struct.
         return fmi2.fmi2CallbackFunctions(
-            fmi2.fmi2CallbackLoggerTYPE(log),
+            ctypes.cast(self._log, fmi2.fmi2CallbackLoggerTYPE),
             fmi2.fmi2CallbackAllocateMemoryTYPE(import_fmpy().calloc),
             fmi2.fmi2CallbackFreeMemoryTYPE(import_fmpy().free),
             fmi2.fmi2StepFinishedTYPE(0),

@@ -1,7 +1,8 @@
 """The co-simulation master: one loop over connected FMI 2.0 FMUs.
 
 Gauss-Seidel in topological order: an instance is stepped after all that feed it and gets their outputs of the
-same communication point, so a chain of FMUs has no delay, and the outputs at the start are right already.
+same communication point, so a chain of FMUs has no delay, and the outputs at the start are right already. A cycle
+of FMUs needs a delayed connection: its target gets what the source gave at the communication point before.
 """
 
 from __future__ import annotations
@@ -43,12 +44,19 @@ class _Wired:
 
     instance: Instance
     inputs: list[SignalBlock]
+    delayed: list[SignalBlock]
     outputs: list[SignalBlock]
     step: Callable[[float, float], None]
 
     def feed(self, signals: FloatArray) -> None:
-        """Set the connected inputs from the vector of all signals."""
+        """Set the inputs that are connected without delay from the vector of all signals."""
         for block in self.inputs:
+            block.buffer[:] = signals[block.columns]
+            block.call()
+
+    def feed_delayed(self, signals: FloatArray) -> None:
+        """Set the inputs that are connected with a delay from the signals of the communication point before."""
+        for block in self.delayed:
             block.buffer[:] = signals[block.columns]
             block.call()
 
@@ -65,6 +73,7 @@ def simulate(
     communication_step_size: float,
     record: Sequence[str] | None = None,
     progress: Progress | None = None,
+    at_once: bool = False,
 ) -> Recording:
     """Simulate ``system`` from time 0 and return what was recorded, the start included.
 
@@ -74,6 +83,8 @@ def simulate(
     communication_step_size : time between communication points [s].
     record : signals ``instance.variable`` to record; None records all outputs that are numbers.
     progress : called with the simulated time [s] after every step.
+    at_once : step all instances with what the others gave at the communication point before (Jacobi), as most other
+        engines do: every connection then has a delay of one step. The start is the same.
 
     Raises
     ------
@@ -96,7 +107,7 @@ def simulate(
         _initialize(wired, system, stop_time, current)
         values = np.empty((len(time), len(recorded)))
         values[0] = current[: len(recorded)]
-        step_cost = _run(wired, time, current, values, progress)
+        step_cost = _run(wired, time, current, values, progress, at_once)
     return Recording(time, recorded, units, values, order, step_cost)
 
 
@@ -209,20 +220,25 @@ def _wire(instance: Instance, system: System, signals: Sequence[str]) -> _Wired:
     column = {signal: place for place, signal in enumerate(signals)}
     variables = {variable.name: variable for variable in instance.description.modelVariables}
     prefix = f"{instance.name}."
-    feeding = [c for c in system.connections if c.target.startswith(prefix)]
-    targets = [variables[c.target.removeprefix(prefix)] for c in feeding]
+
+    def blocks(delayed: bool) -> list[SignalBlock]:
+        feeding = [c for c in system.connections if c.target.startswith(prefix) and c.delayed == delayed]
+        targets = [variables[c.target.removeprefix(prefix)] for c in feeding]
+        return instance.block("Set", targets, [column[c.source] for c in feeding])
+
     own = [signal for signal in signals if signal.startswith(prefix)]
     read = [variables[signal.removeprefix(prefix)] for signal in own]
     return _Wired(
         instance,
-        instance.block("Set", targets, [column[c.source] for c in feeding]),
+        blocks(delayed=False),
+        blocks(delayed=True),
         instance.block("Get", read, [column[signal] for signal in own]),
         instance.stepper(),
     )
 
 
 def _initialize(wired: Sequence[_Wired], system: System, stop_time: float, current: FloatArray) -> None:
-    """Set start values and initialize all instances, each after those that feed it."""
+    """Set start values and initialize all instances, each after those that feed it; delayed inputs start as they are."""
     for item in wired:
         _set_start_values(item.instance, system)
         item.instance.begin(stop_time)
@@ -250,15 +266,19 @@ def _run(
     current: FloatArray,
     values: FloatArray,
     progress: Progress | None,
+    at_once: bool,
 ) -> FloatArray:
     """Step all instances through ``time``, fill ``values``; return the (n - 1, n_i) cost of the steps [s]."""
     cost = np.empty((len(time) - 1, len(wired)))
     points = time.tolist()
     n_recorded = values.shape[1]
+    before = current.copy()
     for k, (start, end) in enumerate(pairwise(points)):
+        before[:] = current
         for i, item in enumerate(wired):
             began = perf_counter_ns()
-            item.feed(current)
+            item.feed(before if at_once else current)
+            item.feed_delayed(before)
             item.step(start, end - start)
             item.read(current)
             cost[k, i] = perf_counter_ns() - began

@@ -13,10 +13,14 @@ from strainfmu.errors import InputError
 
 @dataclass(frozen=True)
 class Connection:
-    """An output that feeds an input, both as ``instance.variable``."""
+    """An output that feeds an input, both as ``instance.variable``.
+
+    A delayed connection brings the output of the communication point before: one of them must be in every cycle.
+    """
 
     source: str
     target: str
+    delayed: bool = False
 
     def __str__(self) -> str:
         return f"{self.source} -> {self.target}"
@@ -103,19 +107,20 @@ def check_connections(system: System, descriptions: Mapping[str, Any]) -> None:
 
 
 def stepping_order(system: System) -> tuple[str, ...]:
-    """Return the instances so that every source is stepped before what it feeds.
+    """Return the instances so that every source is stepped before what it feeds without delay.
 
     Raises
     ------
     InputError
-        The connections form a cycle, which would need a delay or an iteration.
+        The connections form a cycle without a delay, which would need an iteration.
     """
     graph: dict[str, set[str]] = {name: set() for name in system.instances}
     for connection in system.connections:
         source, _ = split_signal(connection.source, system.instances)
         target, _ = split_signal(connection.target, system.instances)
-        graph[target].add(source)
+        if not connection.delayed:
+            graph[target].add(source)
     try:
         return tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        raise InputError(f"connections form a cycle: {' -> '.join(error.args[1])}; none is allowed") from error
+        raise InputError(f"connections form a cycle: {' -> '.join(error.args[1])}; one of them must be delayed") from error

@@ -3,24 +3,42 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from strainfmu import __version__
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of
-from strainfmu.fmu.documentation import documentation_files, estimator_sections, plant_sections
-from strainfmu.fmu.model_description import FmuDescription
-from strainfmu.fmu.package import CAPABILITIES, check_fmu_path, slave_code, write_fmu
-from strainfmu.interface import estimator_interface, plant_interface
-from strainfmu.inverse_map import SCHEMA, SCHEMA_VERSION, load_inverse_map
+from strainfmu.fmu import native_package, python_package
+from strainfmu.fmu.description import FmuDescription
+from strainfmu.fmu.documentation import documentation_files
+from strainfmu.fmu.estimator_page import all_ranges, estimator_sections
+from strainfmu.fmu.native_package import chosen_libraries, native_entries, native_sources, sources_digest
+from strainfmu.fmu.package import CONTENTS, check_fmu_path, write_fmu
+from strainfmu.fmu.plant_page import plant_sections
+from strainfmu.fmu.python_package import python_entries, slave_code
+from strainfmu.fmu.reference_run import layered_standard_files, reference_run
+from strainfmu.fmu.terminals import terminal_files
+from strainfmu.interface import estimator_arrays, estimator_interface
+from strainfmu.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map
+from strainfmu.plant_interface import plant_interface
 
-# Run-time modules that each slave imports, itself or through others.
+KINDS = ("native", "python")
+FMI_VERSIONS = ("2", "3")
+
 _ESTIMATOR_MODULES = (
     "__init__.py",
     "errors.py",
     "estimator.py",
+    "estimator_settings.py",
     "files.py",
+    "fixed_order.py",
+    "fmi_variables.py",
     "health.py",
     "innovation.py",
     "interface.py",
@@ -31,6 +49,8 @@ _ESTIMATOR_MODULES = (
     "masks.py",
     "records.py",
 )
+"""Run-time modules that the slave imports, itself or through others."""
+
 _PLANT_MODULES = (
     "__init__.py",
     "atmosphere.py",
@@ -40,39 +60,127 @@ _PLANT_MODULES = (
     "errors.py",
     "files.py",
     "flight_condition.py",
-    "health.py",
-    "interface.py",
+    "fmi_variables.py",
+    "plant_interface.py",
     "records.py",
 )
 
 _STEP_SIZE = 1e-2
+_STOP_TIME = 1.0
 
 
-def export_estimator(map_path: Path, fmu_path: Path, model_name: str = "StrainLoadEstimator") -> None:
-    """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``.
+@dataclass(frozen=True)
+class ExportOptions:
+    """How an estimator FMU is made.
+
+    Attributes
+    ----------
+    kind : "native", compiled code, or "python", PythonFMU.
+    fmi_version : "2" for FMI 2.0, "3" for FMI 3.0 (native only).
+    platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
+    model_name : name of the model that tools show.
+    """
+
+    kind: str = "native"
+    fmi_version: str = "2"
+    platforms: Sequence[str] | None = None
+    model_name: str = "StrainLoadEstimator"
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"kind: '{self.kind}' found, must be one of {', '.join(KINDS)}")
+        if self.fmi_version not in FMI_VERSIONS:
+            raise InputError(f"fmi: '{self.fmi_version}' found, must be one of {', '.join(FMI_VERSIONS)}")
+        if self.kind == "python" and self.fmi_version != "2":
+            raise InputError("fmi: 3 found, FMUs of kind python are of FMI 2.0")
+        if self.kind == "python" and self.platforms is not None:
+            raise InputError("platforms: FMUs of kind python have those of PythonFMU, linux64 and win64")
+
+
+def export_estimator(map_path: Path, fmu_path: Path, options: ExportOptions | None = None) -> None:
+    """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
 
     Raises
     ------
     InputError
-        The map is missing or damaged, or a name cannot be used.
+        The map is missing or damaged, or an option cannot be.
     StrainfmuError
-        PythonFMU is not installed, or the FMU could not be written; ``fmu_path`` keeps its old content.
+        PythonFMU is not installed (kind python), or the FMU could not be written; ``fmu_path`` keeps its old
+        content.
     """
+    options = options or ExportOptions()
     check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
+    make = _native_estimator if options.kind == "native" else _python_estimator
+    write_fmu(fmu_path, make(map_path, inverse_map, content_hash, options))
+
+
+def _native_estimator(
+    _: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
+) -> dict[str, bytes]:
+    from strainfmu.fmu.native_resource import native_resource
+
+    version = options.fmi_version
+    libraries, sources = chosen_libraries(options.platforms), native_sources(version)
+    interface = estimator_interface(inverse_map)
+    description = FmuDescription(
+        options.model_name,
+        f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
+        interface if version == "2" else estimator_arrays(interface),
+        hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
+        _STOP_TIME,
+        _STEP_SIZE,
+        native_package.CAPABILITIES[version],
+        version,
+        [name for name in sources if name.endswith(".c")],
+    )
+    resource_files = {"map.bin": native_resource(inverse_map, description.guid)}
+    return {
+        **native_entries(description, libraries, sources, resource_files),
+        **_estimator_extras(description, inverse_map, content_hash, "native"),
+    }
+
+
+def _python_estimator(
+    map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
+) -> dict[str, bytes]:
     code = slave_code("estimator_slave", _ESTIMATOR_MODULES)
     description = FmuDescription(
-        model_name,
+        options.model_name,
         f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
         estimator_interface(inverse_map),
         hashlib.sha256(f"{content_hash}{code.digest}".encode()).hexdigest(),
-        stop_time=1.0,
-        step_size=_STEP_SIZE,
-        capabilities=CAPABILITIES,
+        _STOP_TIME,
+        _STEP_SIZE,
+        python_package.CAPABILITIES,
     )
-    documentation = documentation_files(description, estimator_sections(inverse_map, content_hash))
-    write_fmu(fmu_path, description, code, {"map.h5": map_path.read_bytes()}, documentation)
+    return {
+        **python_entries(description, code, {"map.h5": map_path.read_bytes()}),
+        **_estimator_extras(description, inverse_map, content_hash, "python"),
+    }
+
+
+def _estimator_extras(
+    description: FmuDescription, inverse_map: InverseMap, content_hash: str, kind: str
+) -> dict[str, bytes]:
+    """Return what both kinds hold besides code and data: page, pictures, terminals, reference run."""
+    run = reference_run(inverse_map)
+    pages = documentation_files(description, estimator_sections(inverse_map, content_hash, run), kind)
+    contents = {
+        "kind": kind,
+        "strainfmu_version": __version__,
+        "map": content_hash,
+        "vehicle": inverse_map.vehicle,
+        "gauges": list(inverse_map.gauge_names),
+        "validity": {one.quantity: one.text for one in all_ranges(inverse_map)},
+    }
+    return {
+        CONTENTS: json.dumps(contents, indent=1).encode(),
+        **{f"documentation/{name}": content for name, content in pages.items()},
+        **terminal_files(description, {"gauges": ("strain", "Strain of every gauge")}, "estimator"),
+        **layered_standard_files(run, description.interface),
+    }
 
 
 def export_plant(
@@ -99,10 +207,23 @@ def export_plant(
         f"A vehicle on its trajectory, with {model.n_gauges} noisy strain gauges: {model.vehicle}",
         plant_interface(model),
         hashlib.sha256(f"{content_hash}{code.digest}".encode() + table).hexdigest(),
-        stop_time=trajectory.stop_time,
-        step_size=_STEP_SIZE,
-        capabilities=CAPABILITIES,
+        trajectory.stop_time,
+        _STEP_SIZE,
+        python_package.CAPABILITIES,
     )
-    documentation = documentation_files(description, plant_sections(model, trajectory, content_hash))
+    pages = documentation_files(description, plant_sections(model, trajectory, content_hash), "python")
+    contents = {
+        "kind": "python",
+        "strainfmu_version": __version__,
+        "flight_model": content_hash,
+        "vehicle": model.vehicle,
+        "gauges": list(model.gauge_names),
+    }
     payload = {"flight_model.h5": flight_model_path.read_bytes(), "trajectory.csv": table}
-    write_fmu(fmu_path, description, code, payload, documentation)
+    entries = {
+        **python_entries(description, code, payload),
+        CONTENTS: json.dumps(contents, indent=1).encode(),
+        **{f"documentation/{name}": content for name, content in pages.items()},
+        **terminal_files(description, {"gauges": ("strain", "Strain of every gauge")}, "plant"),
+    }
+    write_fmu(fmu_path, entries)

@@ -147,7 +147,8 @@ def test_every_command_runs_on_the_result(ic3x_demo: Path, tmp_path: Path, run: 
 def test_build_stops_at_the_map(tmp_path: Path, ogive_demo: Path, run: Run) -> None:
     code, _, _ = run("build", OGIVE, "-o", tmp_path)
     assert code == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json", "map.h5", "snapshots.h5"]
+    made = ["manifest.json", "map.h5", "report.html", "report.json", "report_tables", "snapshots.h5"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == made
     assert (tmp_path / "map.h5").read_bytes() == (ogive_demo / "map.h5").read_bytes()
 
 

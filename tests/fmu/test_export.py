@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import importlib
+import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from fmpy import simulate_fmu
+from fmu_host import OPTIONS
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 
 from strainfmu.cosim.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator import Estimator
-from strainfmu.fmu.export import export_estimator, export_plant
-from strainfmu.fmu.package import with_own_package
+from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
+from strainfmu.fmu.python_package import with_own_package
 from strainfmu.inverse_map import load_inverse_map
 
 
@@ -26,17 +29,66 @@ def test_equal_exports_are_equal_to_the_byte(
 ) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     for name in ("a", "b"):
-        export_estimator(synthetic.map_1, tmp_path / f"{name}.fmu")
+        for kind, options in OPTIONS.items():
+            export_estimator(synthetic.map_1, tmp_path / f"{name}_{kind}.fmu", options)
         export_plant(synthetic.flight_model, synthetic.trajectory, tmp_path / f"{name}_plant.fmu")
         # An FMU that ran leaves its own copy of pythonfmu in the process, without binaries to pack.
-        simulate_fmu(str(tmp_path / f"{name}.fmu"), stop_time=0.01)
-    assert (tmp_path / "a.fmu").read_bytes() == (tmp_path / "b.fmu").read_bytes()
-    assert (tmp_path / "a_plant.fmu").read_bytes() == (tmp_path / "b_plant.fmu").read_bytes()
+        simulate_fmu(str(tmp_path / f"{name}_python.fmu"), stop_time=0.01)
+    for kind in (*OPTIONS, "plant"):
+        assert (tmp_path / f"a_{kind}.fmu").read_bytes() == (tmp_path / f"b_{kind}.fmu").read_bytes()
 
 
-def test_modules_carry_a_hash_and_entries_are_portable(synthetic: SyntheticFiles) -> None:
+@pytest.mark.parametrize("kind", OPTIONS)
+def test_exports_do_not_follow_the_machine(synthetic: SyntheticFiles, tmp_path: Path, kind: str) -> None:
+    """Equal to the byte with the kernels of two processors, in another folder, time zone and hash seed."""
+    images = []
+    for core, zone in (("Prescott", "UTC"), ("Haswell", "Asia/Tokyo")):
+        folder = tmp_path / core
+        folder.mkdir()
+        copy = folder / "map.h5"
+        copy.write_bytes(synthetic.map_1.read_bytes())
+        options = OPTIONS[kind]
+        program = "from strainfmu.cli import main; main()"
+        command = [sys.executable, "-c", program, "export", "map.h5", "-o", "a.fmu"]
+        command += ["--kind", options.kind, "--fmi", options.fmi_version]
+        environment = {**os.environ, "OPENBLAS_CORETYPE": core, "TZ": zone, "PYTHONHASHSEED": str(len(core))}
+        subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True, timeout=60)
+        images.append((folder / "a.fmu").read_bytes())
+    assert images[0] == images[1]
+
+
+def test_platforms_are_chosen_by_either_name(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    for fmi, wanted in (("2", "linux64"), ("3", "x86_64-linux")):
+        for name in ("linux64", "x86_64-linux"):
+            options = ExportOptions(fmi_version=fmi, platforms=[name])
+            export_estimator(synthetic.map_1, tmp_path / "a.fmu", options)
+            with zipfile.ZipFile(tmp_path / "a.fmu") as archive:
+                found = {entry.split("/")[1] for entry in archive.namelist() if entry.startswith("binaries/")}
+            assert found == {wanted}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"kind": "java"}, "kind: 'java' found, must be one of native, python"),
+        ({"fmi_version": "1"}, "fmi: '1' found, must be one of 2, 3"),
+        ({"kind": "python", "fmi_version": "3"}, r"fmi: 3 found, FMUs of kind python are of FMI 2\.0"),
+        ({"kind": "python", "platforms": ["linux64"]}, "platforms: FMUs of kind python have those of PythonFMU"),
+        ({"platforms": ["linux64", "amiga"]}, "platform 'amiga': no library for it, there are .*linux64"),
+        ({"model_name": ""}, "model name: '' found"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(
+    synthetic: SyntheticFiles, tmp_path: Path, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        export_estimator(synthetic.map_1, tmp_path / "a.fmu", ExportOptions(**options))
+    assert not (tmp_path / "a.fmu").exists()
+
+
+def test_modules_carry_a_hash_and_entries_are_portable(fmus: dict[str, Path]) -> None:
     packages = []
-    for path in (synthetic.estimator_1, synthetic.estimator_2, synthetic.plant):
+    for path in (fmus["python"], fmus["python_2"], fmus["plant"]):
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             module = archive.read("resources/slavemodule.txt").decode()
@@ -73,15 +125,15 @@ print(sys.modules["pythonfmu"].__file__)
 """
 
 
-def test_the_fmus_run_where_strainfmu_is_not_installed(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+def test_the_fmus_run_where_strainfmu_is_not_installed(
+    synthetic: SyntheticFiles, fmus: dict[str, Path], tmp_path: Path
+) -> None:
     (tmp_path / "host.py").write_text(HOST)
     done = subprocess.run(
         [
             sys.executable,
             "host.py",
-            str(synthetic.estimator_1),
-            str(synthetic.estimator_2),
-            str(synthetic.plant),
+            *(str(fmus[name]) for name in ("python", "python_2", "plant", "native")),
         ],
         cwd=tmp_path,
         capture_output=True,
@@ -94,14 +146,15 @@ def test_the_fmus_run_where_strainfmu_is_not_installed(synthetic: SyntheticFiles
         inverse_map = load_inverse_map(path)
         estimate = Estimator(inverse_map).estimate(np.zeros(N_GAUGES), inverse_map.nominal_dynamic_pressure)
         assert float(line) == pytest.approx(estimate.coefficients[0], rel=1e-12)
-    assert lines[3] == "[]"
+    assert float(lines[3]) == pytest.approx(float(lines[0]), rel=1e-12)
+    assert lines[4] == "[]"
     # Its own PythonFMU too, from the folder the FMU was unzipped to.
-    assert "resources" in lines[4]
+    assert "resources" in lines[5]
 
 
 def test_packing_leaves_the_interpreter_as_it_was(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     path, modules = list(sys.path), {n for n in sys.modules if "slave" in n or n.startswith("strainfmu_")}
-    export_estimator(synthetic.map_1, tmp_path / "a.fmu")
+    export_estimator(synthetic.map_1, tmp_path / "a.fmu", OPTIONS["python"])
     assert sys.path == path
     assert {n for n in sys.modules if "_slave_" in n or n.startswith("strainfmu_")} <= modules
 
@@ -121,8 +174,6 @@ def test_wrong_names_and_inputs_are_refused(synthetic: SyntheticFiles, tmp_path:
         export_estimator(tmp_path / "none.h5", tmp_path / "a.fmu")
     with pytest.raises(InputError, match=r"schema 'strainfmu\.inverse_map'"):
         export_estimator(synthetic.flight_model, tmp_path / "a.fmu")
-    with pytest.raises(InputError, match="model name: '' found"):
-        export_estimator(synthetic.map_1, tmp_path / "a.fmu", model_name="")
     assert not (tmp_path / "a.fmu").exists()
 
 
@@ -146,8 +197,8 @@ def test_a_failed_write_keeps_the_old_file(
     with pytest.raises(StrainfmuError, match=r"a\.fmu: could not be written: No space left on device"):
         export_estimator(synthetic.map_1, target)
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    with pytest.raises(StrainfmuError, match=r"a\.fmu: could not be packed: No space left on device"):
-        export_estimator(synthetic.map_1, target)
+    with pytest.raises(StrainfmuError, match="the FMU could not be packed: No space left on device"):
+        export_estimator(synthetic.map_1, target, OPTIONS["python"])
     assert target.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -163,4 +214,5 @@ def test_pythonfmu_missing_is_one_line(
 
     monkeypatch.setattr(sys, "meta_path", [Blocker, *sys.meta_path])
     with pytest.raises(StrainfmuError, match=r"PythonFMU is not installed: pip install 'strainfmu\[fmu\]'"):
-        export_estimator(synthetic.map_1, tmp_path / "a.fmu")
+        export_estimator(synthetic.map_1, tmp_path / "a.fmu", OPTIONS["python"])
+    export_estimator(synthetic.map_1, tmp_path / "a.fmu")  # the native kind does without

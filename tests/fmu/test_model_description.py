@@ -9,23 +9,17 @@ from typing import Any
 
 import pytest
 from fmpy import read_model_description
-from fmpy.validation import validate_fmu
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, synthetic_inverse_map
 
 from strainfmu.errors import InputError
-from strainfmu.fmu.model_description import (
-    FmuDescription,
-    generation_time,
-    model_description,
-    model_identifier,
-)
+from strainfmu.fmi_variables import UNITS, Variable
+from strainfmu.fmu.description import FmuDescription, generation_time, model_identifier
+from strainfmu.fmu.model_description import model_description
+from strainfmu.fmu.model_description_3 import model_description_3
+from strainfmu.fmu.reference_run import array_elements
 from strainfmu.health import HealthState
-from strainfmu.interface import HEALTH_ITEMS, UNITS, estimator_interface, plant_interface
-
-
-@pytest.mark.parametrize("name", ["estimator_1", "estimator_2", "plant"])
-def test_fmpy_finds_no_fault(synthetic: SyntheticFiles, name: str) -> None:
-    assert validate_fmu(str(getattr(synthetic, name))) == []
+from strainfmu.interface import HEALTH_ITEMS, PARAMETERS, estimator_arrays, estimator_interface
+from strainfmu.plant_interface import plant_interface
 
 
 def variables(path: Path) -> dict[str, Any]:
@@ -36,7 +30,11 @@ def variables(path: Path) -> dict[str, Any]:
 def test_coefficients_come_first_and_all_is_there(synthetic: SyntheticFiles) -> None:
     estimator, plant = variables(synthetic.estimator_1), variables(synthetic.plant)
     assert list(estimator)[:5] == list(plant)[:5] == ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
-    assert len(estimator) == 23 + N_GAUGES + 1
+    assert len(estimator) == 26 + 2 * N_GAUGES + 2 + 5
+    assert estimator["valid[1]"].type == "Boolean"
+    assert estimator["valid[1]"].start == "true"
+    for name in PARAMETERS:
+        assert (estimator[name].causality, estimator[name].variability) == ("parameter", "tunable")
     assert {v.valueReference for v in estimator.values()} == set(range(len(estimator)))
     assert estimator["force.axial"].unit == "N"
     assert estimator["moment.yaw"].unit == "N.m"
@@ -65,21 +63,64 @@ def test_units_are_declared_in_si(synthetic: SyntheticFiles) -> None:
 def test_dependencies_tell_what_feeds_what(synthetic: SyntheticFiles) -> None:
     description = read_model_description(str(synthetic.estimator_1))
     known = {u.variable.name: ({v.name for v in u.dependencies}, u.dependenciesKind) for u in description.outputs}
-    strains = {f"strain[{i + 1}]" for i in range(N_GAUGES)}
-    assert known["C_A"] == (strains | {"dynamic_pressure"}, ["dependent"] * (N_GAUGES + 1))
-    assert known["force.side"] == (strains, ["constant"] * N_GAUGES)
-    assert known["sigma.C_N"][0] == {"dynamic_pressure"}
-    assert known["sigma.force.axial"][0] == set()
-    assert known["health.state"][0] == strains | {"dynamic_pressure"}
+    gauges = {f"{name}[{i + 1}]" for name in ("strain", "valid") for i in range(N_GAUGES)}
+    flow = {"dynamic_pressure", "dynamic_pressure_std"}
+    assert known["C_A"] == (gauges | flow, ["dependent"] * (2 * N_GAUGES + 2))
+    assert known["force.side"] == (gauges, ["dependent"] * 2 * N_GAUGES)
+    assert known["sigma.C_N"][0] == known["health.state"][0] == gauges | flow
+    assert known["sigma.force.axial"][0] == known["health.valid_gauges"][0] == gauges
+    first = {u.variable.name: {v.name for v in u.dependencies} for u in description.initialUnknowns}
+    assert first["moment.yaw"] - gauges == {"sensor_range", "moment_station"}
+    assert first["M_Y"] - gauges - flow == {*PARAMETERS} - {"alarm_scale"}
+    assert first["health.chi_square_limit"] - gauges == {"sensor_range", "alarm_scale"}
     plant = read_model_description(str(synthetic.plant))
     first = {u.variable.name: {v.name for v in u.dependencies} for u in plant.initialUnknowns}
     assert first["strain[1]"] == {"noise_std", "seed"}
     assert first["altitude"] == set()
 
 
-def test_states_of_health_are_those_of_the_enumeration() -> None:
-    """The four with all gauges; the slave reports a state beyond them as one of them."""
-    assert [state for state, _ in HEALTH_ITEMS] == [state for state in HealthState if state <= HealthState.INVALID]
+def test_states_of_health_are_those_of_the_enumeration(fmus: dict[str, Path]) -> None:
+    assert [state for state, _ in HEALTH_ITEMS] == list(HealthState)
+    for kind in ("native", "native_3", "python"):
+        (declared,) = read_model_description(str(fmus[kind])).typeDefinitions
+        assert [(item.name, int(item.value)) for item in declared.items] == [
+            (s.name, s.value) for s in HealthState
+        ]
+
+
+def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> None:
+    scalars, arrays = variables(fmus["native"]), variables(fmus["native_3"])
+    expected = [
+        ("coefficients", 5),
+        ("sigma.coefficients", 5),
+        ("force", 3),
+        ("moment", 2),
+        ("sigma.force", 3),
+        ("sigma.moment", 2),
+        *((name, None) for name in scalars if name.startswith("health.")),
+        ("strain", N_GAUGES),
+        ("valid", N_GAUGES),
+        *((name, None) for name in ("dynamic_pressure", "dynamic_pressure_std", *PARAMETERS, "time")),
+    ]
+    found = [(name, int(v.dimensions[0].start) if v.dimensions else None) for name, v in arrays.items()]
+    assert found == expected
+    assert [v.valueReference for v in arrays.values()] == list(range(len(arrays)))
+    in_order = [
+        name for v in estimator_arrays(estimator_interface(synthetic_inverse_map())) for name in array_of(v)
+    ]
+    assert in_order == list(scalars)
+    for name in ("dynamic_pressure", *PARAMETERS):
+        assert (arrays[name].unit, arrays[name].start) == (scalars[name].unit, scalars[name].start)
+    assert arrays["moment"].unit == "N.m"
+    outputs = {
+        u.variable.name: {v.name for v in u.dependencies}
+        for u in read_model_description(str(fmus["native_3"])).outputs
+    }
+    assert outputs["moment"] == {"strain", "valid"}
+
+
+def array_of(variable: Variable) -> tuple[str, ...]:
+    return (variable.name,) if variable.dimension is None else array_elements(variable)
 
 
 @pytest.mark.parametrize(
@@ -101,13 +142,14 @@ def test_the_guid_follows_the_content() -> None:
         replace(base, content_hash="other"),
         replace(base, interface=base.interface[1:]),
         replace(base, model_name="N"),
+        replace(base, fmi_version="3"),
     ]
-    assert len({base.guid, *(other.guid for other in changed)}) == 4
+    assert len({base.guid, *(other.guid for other in changed)}) == 5
 
 
-def test_the_guid_follows_the_map(synthetic: SyntheticFiles) -> None:
-    guids = {read_model_description(str(p)).guid for p in (synthetic.estimator_1, synthetic.estimator_2)}
-    assert len(guids) == 2
+def test_the_guid_follows_the_map_and_the_kind(fmus: dict[str, Path]) -> None:
+    descriptions = [read_model_description(str(path)) for path in fmus.values()]
+    assert len({d.guid or d.instantiationToken for d in descriptions}) == len(fmus) == 7
 
 
 def test_model_identifiers_are_c_names() -> None:
@@ -118,29 +160,39 @@ def test_model_identifiers_are_c_names() -> None:
 
 
 def test_the_time_stamp_ends_in_z_and_honours_the_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
-    root = model_description(FmuDescription("M", "d", (), "hash", 1.0, 0.1))
-    assert root.get("generationDateAndTime") == "1970-01-01T00:00:00Z"
-    assert root.get("variableNamingConvention") == "structured"
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    for describe in (model_description, model_description_3):
+        root = describe(FmuDescription("M", "d", (), "hash", 1.0, 0.1))
+        assert root.get("generationDateAndTime") == "2023-11-14T22:13:20Z"
+        assert root.get("variableNamingConvention") == "structured"
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
     with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: 'today' found"):
         generation_time()
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
-    assert generation_time().year >= 2024
+    assert generation_time() == "1980-01-01T00:00:00Z"
 
 
-def test_the_documentation_is_complete_and_stands_alone(synthetic: SyntheticFiles) -> None:
-    with zipfile.ZipFile(synthetic.estimator_1) as archive:
+@pytest.mark.parametrize("kind", ["native", "native_3", "python"])
+def test_the_documentation_is_complete_and_stands_alone(fmus: dict[str, Path], kind: str) -> None:
+    with zipfile.ZipFile(fmus[kind]) as archive:
         page = archive.read("documentation/index.html").decode()
         names = set(archive.namelist())
-    assert {
-        "documentation/externalDependencies.txt",
-        "documentation/licenses/license.txt",
-        "documentation/licenses/pythonfmu.txt",
-    } <= names
-    for variable in estimator_interface(synthetic_inverse_map()):
-        assert f"<td>{variable.name}</td>" in page
-    for word in ("numpy and h5py", "INCONSISTENT", "C_N -1 to 1", "synthetic vehicle 1 &lt;&amp;&gt;"):
+    licences = {"license", "pythonfmu"} if kind == "python" else {"license", "zig", "mingw-w64"}
+    assert {f"documentation/licenses/{name}.txt" for name in licences} <= names
+    assert ("documentation/externalDependencies.txt" in names) is (kind == "python")
+    interface = estimator_interface(synthetic_inverse_map())
+    for variable in interface if kind != "native_3" else estimator_arrays(interface):
+        assert f"<td>{variable.name}</td>" in page or f"<td>{variable.name}[{variable.dimension}]</td>" in page
+    words = [
+        "INCONSISTENT",
+        "UNIDENTIFIED",
+        "<td>C_N</td><td>-1 to 1</td>",
+        "synthetic vehicle 1 &lt;&amp;&gt;",
+        "<svg",
+    ]
+    words += ["lag by one communication step", "2408.15286", "<td>G5</td>"]
+    words += ["numpy and h5py"] if kind == "python" else ["compiled code"]
+    for word in words:
         assert word in page
     assert "src=" not in page
     assert "href=" not in page

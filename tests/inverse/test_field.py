@@ -1,8 +1,6 @@
-"""Modes, projections, variances and samples of the pressure field, and what they need of memory."""
+"""Modes, projections, variances and samples of the pressure field."""
 
 from __future__ import annotations
-
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -16,11 +14,8 @@ from builder.inverse.field import (
     posterior_samples,
     project_on_modes,
 )
-from builder.inverse.noise_model import NoiseModel, gauge_noise
 from builder.inverse.pod import area_weights
-from builder.inverse.prior import LowRankPrior, prior_of_snapshots
-from builder.inverse.solution import Problem, solve
-from builder.map_options import MapEntry
+from builder.inverse.prior import LowRankPrior
 from builder.snapshots import Snapshots
 from strainfmu.errors import InputError
 
@@ -93,28 +88,3 @@ def test_samples_have_the_stated_mean_and_variance(case: Case, prior: LowRankPri
     np.testing.assert_allclose(samples.var(axis=0, ddof=1) / variance, 1.0, atol=4.5 * np.sqrt(2.0 / 4000))
     np.testing.assert_array_equal(posterior_samples(prior, solved, strain, 4000, 5), samples)
     assert not np.allclose(posterior_samples(prior, solved, strain, 3, 6), samples[:3])
-
-
-def test_memory_is_that_of_the_snapshots_at_half_a_million_nodes() -> None:
-    """500,000 nodes, 12 snapshots, 6 gauges: below 6 n_p (N + n_d) numbers; n_p x n_p would be 2 TB."""
-    n_nodes, n_snapshots, n_gauges = 500_000, 12, 6
-    random = np.random.default_rng(0)
-    pressure = random.normal(1e4, 1e3, size=(n_snapshots, n_nodes))
-    strain_operator = 1e-12 * random.normal(size=(n_gauges, n_nodes))
-    loads = 1e-6 * random.normal(size=(5, n_nodes))
-    noise = (gauge_noise(1e-14 * np.eye(n_gauges)),)
-    tracemalloc.start()
-    for entry in (MapEntry(case=2), MapEntry(case=2, prior_modes=5), MapEntry(case=1, modes=3)):
-        solution = solve(Problem(pressure, 0.0, strain_operator, loads, np.ones(n_nodes), noise, True, entry))
-        assert solution.field_modes.shape[0] == n_nodes
-    prior = prior_of_snapshots(pressure)
-    solved = gaussian_map(
-        strain_operator @ prior.factor, strain_operator @ prior.mean, NoiseModel(noise).covariance
-    )
-    modes = data_informed_modes(prior, solved.spectrum)
-    project_on_modes(pressure[:2], prior.mean, modes)
-    field_variance(prior, solved)
-    posterior_samples(prior, solved, solved.mean_strain, 2, 0)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 6 * 8 * n_nodes * (n_snapshots + n_gauges)

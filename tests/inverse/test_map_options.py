@@ -59,6 +59,10 @@ def test_map_entries_out_of_range_are_refused(entries: dict[str, Any], message: 
             {"std_um_per_m": 1.0, "model": "paper", "gauge_gain_percent": 1.0},
             "model 'paper' is gauge noise alone, but gauge_gain_percent is 1",
         ),
+        (
+            {"std_um_per_m": 1.0, "model": "paper", "nuisance_file": "heat.csv"},
+            "model 'paper' is gauge noise alone, but nuisance_file is 'heat.csv'",
+        ),
         ({"std_um_per_m": 1.0, "thermal": 1.0}, "Extra inputs are not permitted"),
     ],
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import combinations
 
 import numpy as np
@@ -11,9 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from runtime_map import N_GAUGES, map_of, missing, random_map, random_model
 
+from builder.aero.loads import ReferenceQuantities, load_operator
+from builder.geometry import chain_segments, surface_grid
+from builder.inverse.coefficients import coefficient_covariance
 from strainfmu.errors import InputError
-from strainfmu.estimator import CACHED_MASKS, LARGEST_SENSOR_RANGE, SENSOR_RANGE, Estimator, LoadEstimate
-from strainfmu.health import HealthState
+from strainfmu.estimator import CACHED_MASKS, Estimator, LoadEstimate, moment_transfer
+from strainfmu.estimator_settings import (
+    LARGEST_SENSOR_RANGE,
+    SENSOR_RANGE,
+    EstimatorSettings,
+    default_settings,
+)
+from strainfmu.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.inverse_map import InverseMap
+from strainfmu.isolation import outlier_threshold
 
 Q = 1.2e5
 
@@ -90,13 +101,140 @@ def test_range_of_the_sensors_is_the_users() -> None:
     strain = inverse_map.mean_strain.copy()
     strain[3] = 2e-3
     assert Estimator(inverse_map).estimate(strain, Q).valid.all()
-    narrow = Estimator(inverse_map, sensor_range=1e-3).estimate(strain, Q)
+    narrow = Estimator(inverse_map, changed(inverse_map, sensor_range=1e-3)).estimate(strain, Q)
     np.testing.assert_array_equal(narrow.valid, ~missing(N_GAUGES, 3))
     strain[3] = 1e100
-    assert Estimator(inverse_map, LARGEST_SENSOR_RANGE).estimate(strain, Q).health is HealthState.INCONSISTENT
-    for wrong in (0.0, -1.0, np.nan, np.inf, 1e101):
-        with pytest.raises(InputError, match=r"sensor_range: .* found, must be positive and at most 1e\+100"):
-            Estimator(inverse_map, sensor_range=wrong)
+    wide = Estimator(inverse_map, changed(inverse_map, sensor_range=LARGEST_SENSOR_RANGE))
+    assert wide.estimate(strain, Q).health is HealthState.INCONSISTENT
+
+
+def changed(inverse_map: InverseMap, **settings: float) -> EstimatorSettings:
+    """The settings of ``inverse_map`` but for those named."""
+    return replace(default_settings(inverse_map), **settings)
+
+
+@pytest.mark.parametrize("name", [entry.name for entry in fields(EstimatorSettings)])
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, np.inf, -np.inf, 1e101])
+def test_settings_that_cannot_be_are_refused(name: str, wrong: float) -> None:
+    if name == "moment_station" and abs(wrong) <= 1.0:
+        assert changed(random_map(), moment_station=wrong).moment_station == wrong
+        return
+    with pytest.raises(InputError, match=rf"{name}: .* found, must be .*1e\+100"):
+        changed(random_map(), **{name: wrong})
+
+
+def test_alarm_scale_moves_both_alarm_levels() -> None:
+    """Four times the level of chi-square, twice that of z; what is estimated stays as it was, bit by bit."""
+    inverse_map = random_map()
+    plain = Estimator(inverse_map)
+    strain = inverse_map.mean_strain.copy()
+    strain[2] += 6.0 / np.linalg.norm(inverse_map.residual_whitening[:, 2])  # |z| of 6, chi-square of 36
+    before = plain.estimate(strain, Q)
+    assert before.health is HealthState.INCONSISTENT
+    assert 2 in before.suspects
+    after = plain.with_settings(changed(inverse_map, alarm_scale=4.0)).estimate(strain, Q)
+    assert after.health is HealthState.OK
+    assert after.suspects == ()
+    assert after.chi_square_limit == 4.0 * before.chi_square_limit
+    for name in ("loads", "loads_std", "coefficients", "coefficients_std", "chi_square", "standardised_residual"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    for factor, alarm in ((0.999, False), (1.001, True)):
+        level = factor * 2.0 * outlier_threshold(N_GAUGES, FALSE_ALARM_PROBABILITY)
+        strain[2] = inverse_map.mean_strain[2] + level / np.linalg.norm(inverse_map.residual_whitening[:, 2])
+        found = Estimator(inverse_map, changed(inverse_map, alarm_scale=4.0)).estimate(strain, Q)
+        assert bool(found.suspects) is alarm
+
+
+def test_reference_area_and_length_scale_the_coefficients() -> None:
+    inverse_map = random_map()
+    strain = inverse_map.mean_strain + 1e-6
+    plain = Estimator(inverse_map).estimate(strain, Q)
+    other = changed(inverse_map, reference_area=0.4, reference_length=2.0)
+    found = Estimator(inverse_map, other).estimate(strain, Q)
+    np.testing.assert_array_equal(found.loads, plain.loads)
+    share = np.array([0.5, 0.5, 0.5, 0.125, 0.125])  # 0.2 m2 and 0.5 m before
+    np.testing.assert_allclose(found.coefficients, share * plain.coefficients, rtol=1e-14)
+    np.testing.assert_allclose(found.coefficients_std, share * plain.coefficients_std, rtol=1e-14)
+
+
+@pytest.mark.parametrize("gamma", [0.0, 1.0])
+@pytest.mark.parametrize("gauges", [(), (3,)])
+def test_another_moment_station_is_a_map_built_about_it(gamma: float, gauges: tuple[int, ...]) -> None:
+    """Loads of every state moved to x = 2.5 m by their own forces; of the map rebuilt of those, 1e-11."""
+    model = random_model(gamma=gamma, n_gauges=N_GAUGES, n_states=3)
+    inverse_map = replace(map_of(model), provenance={"moment_station_m": 2.0})
+    move = np.eye(5)
+    move[3, 1] = move[4, 2] = 0.5
+    rebuilt = map_of(
+        replace(
+            model,
+            load_per_state=move @ model.load_per_state,
+            load_of_mean=move @ model.load_of_mean,
+            strain_load_covariance=model.strain_load_covariance @ move.T,
+            load_noise_covariance=move @ model.load_noise_covariance @ move.T,
+        )
+    )
+    strain, valid = model.draw(1, 4)[0][0], ~missing(N_GAUGES, *gauges)
+    wanted = Estimator(rebuilt).estimate(strain, Q, valid)
+    found = Estimator(inverse_map, changed(inverse_map, moment_station=2.5)).estimate(strain, Q, valid)
+    for name in ("loads", "loads_std", "coefficients", "coefficients_std", "chi_square"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-9)
+    scale = np.outer(wanted.loads_std, wanted.loads_std)
+    np.testing.assert_allclose(found.load_covariance / scale, wanted.load_covariance / scale, rtol=0.0, atol=1e-9)
+
+
+def test_moment_moves_as_a_force_does() -> None:
+    """A force up through x = 1 m: nose-up about 2 m by 1 m times it, nose-down about 0.5 m by half of that."""
+    grid = surface_grid(chain_segments([(1.0, np.radians(10.0), np.radians(10.0))]), 60, 24)
+    about_2, about_half = load_operator(grid, 2.0), load_operator(grid, 0.5)
+    pressure = 1e4 - 2e3 * np.cos(np.tile(grid.roll_angle, len(grid.x)) - 0.3) * np.repeat(grid.x, grid.n_roll)
+    loads = moment_transfer(-1.5) @ about_2 @ pressure
+    np.testing.assert_allclose(loads, about_half @ pressure, rtol=1e-10)
+    assert np.all(loads[1:3] > 0.0)
+
+
+@pytest.mark.parametrize("dynamic_pressure_std", [0.0, 1.0, 2.4e3, 1e5])
+def test_uncertain_dynamic_pressure_widens_sigma(dynamic_pressure_std: float) -> None:
+    """The diagonal of the builder's coefficient covariance, to 1e-14."""
+    inverse_map = random_map()
+    strain = inverse_map.mean_strain + 1e-6
+    plain = Estimator(inverse_map).estimate(strain, Q)
+    found = Estimator(inverse_map).estimate(strain, Q, dynamic_pressure_std=dynamic_pressure_std)
+    reference = ReferenceQuantities(0.2, 0.5, 0.0)
+    wanted = coefficient_covariance(plain.loads, plain.load_covariance, reference, Q, dynamic_pressure_std)
+    np.testing.assert_allclose(found.coefficients_std, np.sqrt(np.diag(wanted)), rtol=1e-14)
+    np.testing.assert_array_equal(found.coefficients, plain.coefficients)
+    np.testing.assert_array_equal(found.loads_std, plain.loads_std)
+
+
+def test_sigma_of_uncertain_dynamic_pressure_covers() -> None:
+    """4000 draws of q_inf alone, 2 %: their spread is C s/q within three times its own 1/sqrt(2 n)."""
+    inverse_map = random_map()
+    estimator = Estimator(inverse_map)
+    loads = estimator.estimate(inverse_map.mean_strain, Q)
+    drawn = Q * (1.0 + 0.02 * np.random.default_rng(2).normal(size=4000))
+    spread = np.std([estimator.estimate(inverse_map.mean_strain, q).coefficients for q in drawn], axis=0)
+    wider = estimator.estimate(inverse_map.mean_strain, Q, dynamic_pressure_std=0.02 * Q).coefficients_std
+    of_pressure = np.sqrt(wider**2 - loads.coefficients_std**2)
+    np.testing.assert_allclose(spread, of_pressure, rtol=3.0 / np.sqrt(8000))
+
+
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf])
+def test_deviation_that_cannot_be_leaves_no_coefficients(bad: float) -> None:
+    inverse_map = random_map()
+    found = Estimator(inverse_map).estimate(inverse_map.mean_strain, Q, dynamic_pressure_std=bad)
+    assert found.health is HealthState.NO_COEFFICIENTS
+    assert np.all(np.isnan(found.coefficients))
+    assert np.all(np.isnan(found.coefficients_std))
+    assert np.all(np.isfinite(found.loads))
+
+
+def test_other_settings_share_what_a_mask_costs() -> None:
+    inverse_map = random_map()
+    one, valid = Estimator(inverse_map), ~missing(N_GAUGES, 2)
+    other = one.with_settings(changed(inverse_map, alarm_scale=2.0))
+    assert other.masked_map(valid) is one.masked_map(valid)
+    assert one.settings == default_settings(inverse_map)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e308])

@@ -1,0 +1,327 @@
+"""The numbers of a build report as tables: those that the page shows, and those that only the files hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.reports.build_report import BuildReport
+from builder.reports.coefficient_sources import coefficient_scales
+from builder.reports.tables import Column, Table, make_table
+from builder.structure.observability import SYMMETRIES, direction_names
+from strainfmu.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.validity import valid_ranges
+
+FloatArray = NDArray[np.float64]
+
+MICRO = 1e6
+MICROSTRAIN_PER_KPA = 1e9
+MOST_PAIRS = 200
+LOAD_UNITS = ("N", "N", "N", "N m", "N m")
+
+
+def report_tables(report: BuildReport) -> dict[str, Table]:
+    """Return every table of ``report`` by its name, in the order of the page."""
+    tables = (
+        validity(report),
+        classes(report),
+        modes(report),
+        singular_values(report),
+        coefficients(report),
+        correlations(report),
+        sources(report),
+        source_sigmas(report),
+        noise(report),
+        gauges(report),
+        worst_losses(report),
+        worst_pairs(report),
+        alike(report),
+        *((gamma_rules(report), eigenvalues(report), l_curve(report)) if report.gamma else ()),
+    )
+    return {table.name: table for table in tables}
+
+
+def first_rows(table: Table, count: int) -> Table:
+    """Return a table's first rows; where some are left out, the caption says so."""
+    if len(table.rows) <= count:
+        return table
+    caption = f"{table.caption} The first {count} of {len(table.rows)}; {table.name}.csv holds all."
+    return replace(table, caption=caption, rows=table.rows[:count])
+
+
+def validity(report: BuildReport) -> Table:
+    rows = [(one.quantity, one.least, one.greatest, one.unit) for one in valid_ranges(report.inverse_map)]
+    columns = (Column("quantity"), Column("least", "", ".6g"), Column("greatest", "", ".6g"), Column("unit"))
+    return make_table("validity", "What the snapshots cover.", columns, rows)
+
+
+def classes(report: BuildReport) -> Table:
+    """One row per class of symmetry, and one of all pressure."""
+    sight = report.sight
+    rows: list[tuple[object, ...]] = [
+        (
+            str(one.symmetry),
+            "blind" if one.blind else "seen",
+            MICROSTRAIN_PER_KPA * one.norm,
+            f"{one.rank} of {len(one.singular_values)}",
+            100.0 * sight.class_share[i],
+            100.0 * sight.class_share_of_kept[i],
+            MICRO * sight.class_strain[i],
+            100.0 * sight.class_removed[i],
+            100.0 * sight.class_removed_at_best[i],
+        )
+        for i, one in enumerate(report.symmetries)
+    ]
+    all_strain = MICRO * float(np.sqrt(np.sum(sight.mode_strain**2)))
+    removed = 100.0 * sight.removed, 100.0 * sight.removed_at_best
+    norm = MICROSTRAIN_PER_KPA * float(report.singular_values[0])
+    rows.append(("all pressure", "", norm, "", 100.0, 100.0, all_strain, *removed))
+    columns = (
+        Column("pressure"),
+        Column("gauges"),
+        Column("greatest response", "um/m per kPa rms", ".3g"),
+        Column("rank"),
+        Column("of the snapshots' variance", "%", ".1f"),
+        Column("of the kept modes' variance", "%", ".1f"),
+        Column("strain it causes, rms", "um/m", ".3g"),
+        Column("variance removed by this map", "%", ".1f"),
+        Column("at best", "%", ".1f"),
+    )
+    return make_table("classes", "Pressure by its symmetry, and what the gauges see of it.", columns, rows)
+
+
+def modes(report: BuildReport) -> Table:
+    sight = report.sight
+    sigma = np.sqrt(np.mean(report.inverse_map.noise_std**2))
+    rows = []
+    for j in range(len(sight.mode_std)):
+        known = np.isfinite(sight.mode_classes[j]).all()
+        main = int(np.argmax(sight.mode_classes[j])) if known else 0
+        rows.append(
+            (
+                j + 1,
+                j < sight.n_kept,
+                sight.mode_std[j],
+                100.0 * sight.mode_share[j],
+                MICRO * sight.mode_strain[j],
+                sight.mode_strain[j] / sigma,
+                str(SYMMETRIES[main]) if known else "",
+                100.0 * sight.mode_classes[j, main],
+                100.0 * sight.mode_removed[j],
+                100.0 * sight.mode_removed_at_best[j],
+            )
+        )
+    columns = (
+        Column("mode"),
+        Column("a state"),
+        Column("pressure, rms", "Pa", ".3g"),
+        Column("of the variance", "%", ".3g"),
+        Column("strain it causes, rms", "um/m", ".3g"),
+        Column("over gauge noise", "1", ".3g"),
+        Column("most of it is"),
+        Column("that part", "%", ".0f"),
+        Column("variance removed by this map", "%", ".1f"),
+        Column("at best", "%", ".1f"),
+    )
+    return make_table("modes", "POD modes of the snapshots at one standard deviation.", columns, rows)
+
+
+def singular_values(report: BuildReport) -> Table:
+    rows = [(i, MICROSTRAIN_PER_KPA * value) for i, value in enumerate(report.singular_values, start=1)]
+    columns = Column("number"), Column("singular value", "um/m per kPa rms")
+    caption = (
+        f"Singular values of Z_p over smooth pressures, degree {report.smooth_degree} in x, "
+        f"{report.smooth_harmonics} harmonics."
+    )
+    return make_table("singular_values", caption, columns, rows)
+
+
+def coefficients(report: BuildReport) -> Table:
+    found, scale = report.coefficients, coefficient_scales(report.inverse_map)
+    rows = [
+        (
+            name,
+            found.std[i],
+            3.0 * found.std[i],
+            *found.range[i],
+            100.0 * found.std_of_range[i],
+            LOAD_NAMES[i].replace("_", " "),
+            found.std[i] / scale[i],
+            LOAD_UNITS[i],
+        )
+        for i, name in enumerate(COEFFICIENT_NAMES)
+    ]
+    columns = (
+        Column("coefficient"),
+        Column("sigma", "1", ".3g"),
+        Column("3 sigma", "1", ".3g"),
+        Column("least of the snapshots", "1", ".4f"),
+        Column("greatest", "1", ".4f"),
+        Column("sigma of that range", "%", ".2f"),
+        Column("load"),
+        Column("sigma of the load", "", ".3g"),
+        Column("unit"),
+    )
+    pressure = 1e-3 * report.inverse_map.nominal_dynamic_pressure
+    caption = f"Coefficients at a dynamic pressure of {pressure:.5g} kPa, and their loads."
+    return make_table("coefficients", caption, columns, rows)
+
+
+def correlations(report: BuildReport) -> Table:
+    rows = [(name, *row) for name, row in zip(COEFFICIENT_NAMES, report.coefficients.correlation, strict=True)]
+    columns = Column("error of"), *(Column(name, "1", ".2f") for name in COEFFICIENT_NAMES)
+    return make_table("correlations", "Correlation of the coefficients' errors.", columns, rows)
+
+
+def sources(report: BuildReport) -> Table:
+    found = report.coefficients
+    share = 100.0 * found.variance / found.std**2
+    rows = [(name, *row) for name, row in zip(found.names, share, strict=True)]
+    columns = Column("cause"), *(Column(name, "%", ".1f") for name in COEFFICIENT_NAMES)
+    return make_table("sources", "Share of each cause in the variance of each coefficient.", columns, rows)
+
+
+def source_sigmas(report: BuildReport) -> Table:
+    found = report.coefficients
+    rows = [(name, *row) for name, row in zip(found.names, np.sqrt(found.variance), strict=True)]
+    rows.append(("all", *found.std))
+    columns = Column("cause"), *(Column(name, "1", ".3g") for name in COEFFICIENT_NAMES)
+    return make_table("source_sigmas", "Sigma of each coefficient by each cause alone.", columns, rows)
+
+
+def noise(report: BuildReport) -> Table:
+    rows = [(one.name, 100.0 * one.share, MICRO * one.rms_strain) for one in report.noise]
+    columns = Column("noise term"), Column("share", "%", ".1f"), Column("rms over the gauges", "um/m", ".3g")
+    caption = "What the states do not explain of the strain; shares of the whitened variance."
+    return make_table("noise", caption, columns, rows)
+
+
+def gauges(report: BuildReport) -> Table:
+    one, value = report.inverse_map, report.gauges
+    position = one.gauge_position
+    roll = [degrees(angle) % 360.0 for angle in np.arctan2(position[:, 1], position[:, 2])]
+    directions = direction_names(position, one.gauge_direction)
+    worst = np.argmax(value.undetected_effect, axis=1)
+    rows = [
+        (
+            name,
+            position[i, 0],
+            # A hair before 360 deg is 0.
+            roll[i] if roll[i] < 360.0 - 1e-9 else 0.0,
+            directions[i],
+            MICRO * one.noise_std[i],
+            MICRO * one.strain_range[i],
+            value.leverage[i],
+            *(100.0 * (value.growth[i] - 1.0)),
+            MICRO * value.detectable_bias[i],
+            MICRO * value.isolable_bias[i],
+            value.undetected_effect[i, worst[i]],
+            COEFFICIENT_NAMES[worst[i]],
+        )
+        for i, name in enumerate(one.gauge_names)
+    ]
+    columns = (
+        Column("gauge"),
+        Column("x", "m"),
+        Column("roll angle", "deg", ".4g"),
+        Column("direction"),
+        Column("noise sigma", "um/m", ".3g"),
+        Column("greatest |strain|", "um/m", ".3g"),
+        Column("leverage", "1", ".3f"),
+        *(Column(f"lost: sigma of {name} grows", "%", ".1f") for name in COEFFICIENT_NAMES),
+        Column("bias that is noticed", "um/m", ".3g"),
+        Column("bias that is blamed on it", "um/m", ".3g"),
+        Column("an unnoticed bias costs up to", "sigma", ".2f"),
+        Column("of"),
+    )
+    return make_table("gauges", "Every gauge: place, worth, and what can be noticed of its faults.", columns, rows)
+
+
+def worst_losses(report: BuildReport) -> Table:
+    """Per coefficient the gauge, and the pair, whose loss costs most; a last row for the worst of all."""
+    value, names = report.gauges, report.inverse_map.gauge_names
+    rows = []
+    for i, coefficient in enumerate((*COEFFICIENT_NAMES, "the worst of them")):
+        single = value.growth.max(axis=1) if i == len(COEFFICIENT_NAMES) else value.growth[:, i]
+        pair = value.pair_growth.max(axis=1) if i == len(COEFFICIENT_NAMES) else value.pair_growth[:, i]
+        one = int(np.argmax(single))
+        two = [names[k] for k in value.pairs[int(np.argmax(pair))]] if len(pair) else []
+        growth = 100.0 * (float(pair.max()) - 1.0) if len(pair) else None
+        rows.append((coefficient, names[one], 100.0 * (single[one] - 1.0), " and ".join(two), growth))
+    columns = (
+        Column("coefficient"),
+        Column("worst gauge to lose"),
+        Column("sigma grows", "%", ".1f"),
+        Column("worst pair to lose"),
+        Column("sigma grows by the pair", "%", ".1f"),
+    )
+    return make_table("worst_losses", "The dearest losses.", columns, rows)
+
+
+def worst_pairs(report: BuildReport) -> Table:
+    value, names = report.gauges, report.inverse_map.gauge_names
+    worst = value.pair_growth.max(axis=1)
+    order = np.argsort(-worst, kind="stable")[:MOST_PAIRS]
+    rows = [(*(names[k] for k in value.pairs[i]), *(100.0 * (value.pair_growth[i] - 1.0))) for i in order.tolist()]
+    columns = (
+        Column("gauge"),
+        Column("and gauge"),
+        *(Column(f"sigma of {name} grows", "%", ".1f") for name in COEFFICIENT_NAMES),
+    )
+    caption = f"Pairs whose loss costs most, {len(rows)} of {len(worst)}."
+    return make_table("worst_pairs", caption, columns, rows)
+
+
+def alike(report: BuildReport) -> Table:
+    names = report.inverse_map.gauge_names
+    rows = [
+        (number, ", ".join(names[k] for k in group)) for number, group in enumerate(report.gauges.groups, start=1)
+    ]
+    caption = "Gauges that cannot be told apart: a fault is blamed on the group."
+    return make_table("groups", caption, (Column("group"), Column("gauges")), rows)
+
+
+def gamma_rules(report: BuildReport) -> Table:
+    assert report.gamma is not None
+    nothing = (None,) * len(COEFFICIENT_NAMES)
+    rows = [
+        (
+            one.rule.replace("_", " "),
+            one.gamma,
+            one.n_recoverable if one.gamma is not None else None,
+            one.degrees_of_freedom,
+            *(nothing if one.coefficient_std is None else one.coefficient_std),
+            one.why_not,
+        )
+        for one in report.gamma.rules
+    ]
+    columns = (
+        Column("rule"),
+        Column("gamma", "1"),
+        Column("eigenvalues above it"),
+        Column("states that the data decide", "1", ".1f"),
+        *(Column(f"sigma of {name}", "1", ".3g") for name in COEFFICIENT_NAMES),
+        Column("remark"),
+    )
+    return make_table("gamma_rules", "Gamma by every rule, and what it would give.", columns, rows)
+
+
+def eigenvalues(report: BuildReport) -> Table:
+    assert report.gamma is not None
+    pairs = zip(report.gamma.eigenvalues, report.gamma.filter_factors, strict=True)
+    rows = [(number, *pair) for number, pair in enumerate(pairs, start=1)]
+    columns = Column("number"), Column("eigenvalue", "1"), Column("filter factor", "1", ".4f")
+    caption = "Eigenvalues of the prior-preconditioned Hessian, and the part of each mode that the data decide."
+    return make_table("eigenvalues", caption, columns, rows)
+
+
+def l_curve(report: BuildReport) -> Table:
+    assert report.gamma is not None
+    curve = report.gamma.curve
+    rows = list(zip(curve.gamma, curve.residual_norm, curve.solution_norm, curve.curvature, strict=True))
+    names = ("gamma", "residual norm", "solution norm", "curvature")
+    caption = "L-curve: norms of whitened residual and of states, root mean square over flights."
+    return make_table("l_curve", caption, [Column(name, "1") for name in names], rows)

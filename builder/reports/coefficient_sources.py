@@ -1,0 +1,85 @@
+"""How sure each coefficient is, and what its variance is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.inverse.solution import Problem, Solution
+from strainfmu.inverse_map import InverseMap
+from strainfmu.load_errors import residual_load_gain
+
+FloatArray = NDArray[np.float64]
+
+OF_STATES = "prior and gamma"
+
+UNCHANGED = 1e-6
+"""Of sigma: a range below it is round-off, as of C_Y without sideslip."""
+
+
+@dataclass(frozen=True)
+class CoefficientSources:
+    """The five coefficients at the nominal dynamic pressure.
+
+    Attributes
+    ----------
+    std : (5,) sigma [1].
+    range : (5, 2) least and greatest over the snapshots [1].
+    correlation : (5, 5) of the errors [1].
+    names : n causes, independent of each other.
+    variance : (n, 5) what each cause adds to the variance of each coefficient [1]; the columns add up to std^2.
+    """
+
+    std: FloatArray
+    range: FloatArray
+    correlation: FloatArray
+    names: tuple[str, ...]
+    variance: FloatArray
+
+    @property
+    def std_of_range(self) -> FloatArray:
+        """(5,) sigma over the width of the range [1]; infinite where the snapshots do not change a coefficient."""
+        width = self.range[:, 1] - self.range[:, 0]
+        share = np.full(5, np.inf)
+        np.divide(self.std, width, out=share, where=width > UNCHANGED * self.std)
+        return share
+
+
+def coefficient_scales(inverse_map: InverseMap) -> FloatArray:
+    """Return (5,) coefficient per load [1/N, 1/(N m)] at the nominal dynamic pressure."""
+    length = inverse_map.reference_length
+    per_force = inverse_map.nominal_dynamic_pressure * inverse_map.reference_area
+    return 1.0 / (per_force * np.array([1.0, 1.0, 1.0, length, length]))
+
+
+def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Solution) -> CoefficientSources:
+    """Return what the variance of each coefficient is made of; the map is that of ``problem`` and ``solution``.
+
+    The terms are those of :func:`builder.inverse.coefficients.load_error_covariance`: G N_i - M_i of each noise
+    term, and in Case 2 what the gain leaves of the states, by the prior and gamma.
+    """
+    scale, gain = coefficient_scales(inverse_map), inverse_map.load_gain
+    # The solution's own states: the map may hold the seen ones only.
+    of_state = problem.load_operator @ solution.field_modes
+    outside = inverse_map.strain_load_covariance
+    if outside is not None:
+        of_residual = residual_load_gain(inverse_map.noise_covariance, outside)
+        of_state = of_state - of_residual @ solution.solved.state_operator
+    parts = {term.name: gain @ term.strain - _load(term.load) for term in solution.noise.terms}
+    if inverse_map.case == "2":
+        parts[OF_STATES] = of_state @ solution.solved.unresolved
+    covariance = inverse_map.load_covariance
+    std = np.sqrt(np.diag(covariance))
+    return CoefficientSources(
+        std=scale * std,
+        range=inverse_map.coefficient_range,
+        correlation=covariance / np.outer(std, std),
+        names=tuple(parts),
+        variance=np.stack([scale**2 * np.sum(part**2, axis=1) for part in parts.values()]),
+    )
+
+
+def _load(load: FloatArray | None) -> FloatArray | float:
+    return 0.0 if load is None else load

@@ -1,0 +1,243 @@
+"""One page of HTML that needs no other file: no script, no font, no picture from elsewhere.
+
+A page is a title and sections; a section holds paragraphs, lists, tables, figures and further sections. All text
+is escaped. Figures travel inside the page as data URIs; as pictures of their own, so that the names inside one SVG
+cannot meet those inside another.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from base64 import b64encode
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from builder.reports.tables import Table, is_number, shown
+from strainfmu.files import write_bytes_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURE_RESOLUTION = 110
+"""Dots per inch of figures as PNG."""
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Plain text."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list of plain texts."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Preformatted:
+    """Text whose spaces and lines stay as they are, as of a file or a command."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Files:
+    """Links to files beside the page, and what each holds.
+
+    ``names_and_contents`` are relative paths with texts. A page is read without them.
+    """
+
+    names_and_contents: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure inside the page.
+
+    Attributes
+    ----------
+    content : the bytes of a PNG or SVG file.
+    kind : "png" or "svg".
+    caption : what is seen, below the figure; number and unit of axes belong into the figure.
+    alternative : what the figure says, for those who do not see it.
+    """
+
+    content: bytes
+    kind: Literal["png", "svg"]
+    caption: str
+    alternative: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands below it, in order; sections inside it get smaller headings."""
+
+    title: str
+    blocks: tuple[Block, ...]
+
+
+Block = Paragraph | Items | Preformatted | Files | Picture | Table | Section
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole page: title, opening blocks, a table of contents, sections."""
+
+    title: str
+    opening: tuple[Block, ...]
+    sections: tuple[Section, ...]
+
+
+def picture(figure: Figure, caption: str, alternative: str, kind: Literal["png", "svg"] = "png") -> Picture:
+    """Draw a matplotlib figure into a page; "svg" where it holds lines only, "png" where it holds meshes."""
+    from matplotlib import rc_context
+
+    stream = io.BytesIO()
+    # Without a date, and with names that are not random, the same figure gives the same bytes.
+    metadata = {"Date": None} if kind == "svg" else {"Software": None}
+    with rc_context({"svg.hashsalt": "strainfmu"}):
+        figure.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)
+    return Picture(stream.getvalue(), kind, caption, alternative)
+
+
+def write_page(page: Page, path: Path) -> None:
+    """Write ``page`` to ``path`` atomically.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+    write_bytes_atomically(path, page_html(page).encode("utf-8"))
+
+
+def page_html(page: Page) -> str:
+    """Return the page as HTML 5."""
+    anchors = _Anchors()
+    body = "\n".join(_section(section, 2, anchors) for section in page.sections)
+    opening = "\n".join(_block(block, 2, anchors) for block in page.opening)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(page.title)}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n"
+        f"<h1>{escape(page.title)}</h1>\n{opening}\n{_contents(anchors)}\n{body}\n</body>\n</html>\n"
+    )
+
+
+class _Anchors:
+    """Names of sections inside a page, each used once, with titles and levels in order."""
+
+    def __init__(self) -> None:
+        self.entries: list[tuple[str, str, int]] = []
+
+    def add(self, title: str, level: int) -> str:
+        stem = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-") or "section"
+        used, name, number = {entry[0] for entry in self.entries}, stem, 1
+        while name in used:
+            number += 1
+            name = f"{stem}-{number}"
+        self.entries.append((name, title, level))
+        return name
+
+
+def _contents(anchors: _Anchors) -> str:
+    """Return the table of contents, two levels deep."""
+    lines = [
+        f'<li class="level{level}"><a href="#{name}">{escape(title)}</a></li>'
+        for name, title, level in anchors.entries
+        if level <= 3
+    ]
+    return '<nav aria-label="Contents">\n<ul>\n' + "\n".join(lines) + "\n</ul>\n</nav>" if lines else ""
+
+
+def _section(section: Section, level: int, anchors: _Anchors) -> str:
+    name = anchors.add(section.title, level)
+    inside = "\n".join(_block(block, level + 1, anchors) for block in section.blocks)
+    heading = f"h{min(level, 6)}"
+    return f'<section id="{name}">\n<{heading}>{escape(section.title)}</{heading}>\n{inside}\n</section>'
+
+
+def _block(block: Block, level: int, anchors: _Anchors) -> str:
+    if isinstance(block, Section):
+        return _section(block, level, anchors)
+    if isinstance(block, Table):
+        return _table(block)
+    if isinstance(block, Picture):
+        return _picture(block)
+    if isinstance(block, Paragraph):
+        return f"<p>{escape(block.text)}</p>"
+    if isinstance(block, Preformatted):
+        return f"<pre>{escape(block.text)}</pre>"
+    if isinstance(block, Files):
+        return _list(
+            f'<a href="{escape(name)}">{escape(name)}</a>: {escape(content)}'
+            for name, content in block.names_and_contents
+        )
+    return _list(escape(item) for item in block.items)
+
+
+def _list(items: Iterator[str]) -> str:
+    return "<ul>\n" + "\n".join(f"<li>{item}</li>" for item in items) + "\n</ul>"
+
+
+def _table(table: Table) -> str:
+    """Return a table; a column is aligned as numbers where all its cells are."""
+    right = [all(is_number(row[i]) for row in table.rows) and bool(table.rows) for i in range(len(table.columns))]
+    marks = [' class="number"' if one else "" for one in right]
+    head = "".join(
+        f'<th scope="col"{mark}>{escape(column.title)}</th>'
+        for mark, column in zip(marks, table.columns, strict=True)
+    )
+    rows = "\n".join(
+        "<tr>"
+        + "".join(
+            f"<td{mark}>{escape(shown(cell, column))}</td>"
+            for mark, cell, column in zip(marks, row, table.columns, strict=True)
+        )
+        + "</tr>"
+        for row in table.rows
+    )
+    return (
+        f'<div class="wide"><table id="table-{escape(table.name)}">\n<caption>{escape(table.caption)}</caption>\n'
+        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table></div>"
+    )
+
+
+def _picture(one: Picture) -> str:
+    kind = "image/svg+xml" if one.kind == "svg" else "image/png"
+    content = b64encode(one.content).decode("ascii")
+    return (
+        f'<figure>\n<img src="data:{kind};base64,{content}" alt="{escape(one.alternative)}">\n'
+        f"<figcaption>{escape(one.caption)}</figcaption>\n</figure>"
+    )
+
+
+STYLE = """\
+body { font: 16px/1.5 system-ui, "Segoe UI", "Liberation Sans", Arial, sans-serif; color: #1a1a1a;
+  background: #fff; max-width: 62rem; margin: 0 auto; padding: 1.5rem; }
+h1 { font-size: 1.7rem; line-height: 1.2; } h2 { font-size: 1.3rem; margin-top: 2.2rem;
+  border-bottom: 1px solid #bbb; } h3 { font-size: 1.08rem; margin-top: 1.6rem; } h4 { font-size: 1rem; }
+p, li { max-width: 46rem; } a { color: #0b4f9c; }
+nav ul { list-style: none; padding: 0.6rem 1rem; border: 1px solid #ccc; }
+nav li.level3 { margin-left: 1.5rem; font-size: 0.93rem; }
+.wide { overflow-x: auto; margin: 1rem 0; }
+table { border-collapse: collapse; font-size: 0.88rem; font-variant-numeric: tabular-nums; }
+caption { text-align: left; padding-bottom: 0.3rem; color: #333; font-weight: 600; }
+th, td { padding: 0.16rem 0.7rem; text-align: left; vertical-align: top; }
+thead th { border-bottom: 2px solid #444; vertical-align: bottom; }
+tbody tr:nth-child(even) { background: #f4f4f4; } tbody tr { border-bottom: 1px solid #e2e2e2; }
+.number { text-align: right; }
+figure { margin: 1.2rem 0; } figure img { max-width: 100%; height: auto; }
+figcaption { font-size: 0.9rem; color: #333; max-width: 46rem; }
+pre { background: #f4f4f4; padding: 0.6rem; overflow-x: auto; font-size: 0.85rem; }
+@media print { body { font-size: 10pt; max-width: none; padding: 0; } .wide { overflow: visible; }
+  h2, h3 { break-after: avoid; } figure, tr { break-inside: avoid; } thead { display: table-header-group; }
+  a { color: inherit; text-decoration: none; } }
+"""

@@ -1,0 +1,132 @@
+"""Tables that hold raw numbers with units: shown rounded, written to CSV and JSON in full."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, isnan
+from typing import Any
+
+import numpy as np
+
+Cell = str | bool | int | float | None
+"""None and NaN are shown as a dash: there is no such number."""
+
+NO_VALUE = "–"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes
+    ----------
+    heading : what it holds.
+    unit : of its numbers, "" for words.
+    digits : format of its numbers that are not whole, as for ``format``.
+    """
+
+    heading: str
+    unit: str = ""
+    digits: str = ".4g"
+
+    @property
+    def title(self) -> str:
+        """Heading and unit as one text."""
+        return f"{self.heading} [{self.unit}]" if self.unit else self.heading
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of raw numbers and words under headings.
+
+    Attributes
+    ----------
+    name : of its CSV file and its entry in JSON: lower case, words joined by underscores.
+    caption : one sentence for the reader.
+    columns : headings with units.
+    rows : as many cells each as there are columns.
+    """
+
+    name: str
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows, start=1):
+            if len(row) != len(self.columns):
+                raise ValueError(
+                    f"table {self.name}: {len(row)} cells in row {number}, {len(self.columns)} columns"
+                )
+
+
+def make_table(name: str, caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> Table:
+    """Return a table of anything that is a number or a word; numpy's numbers become Python's.
+
+    Raises
+    ------
+    ValueError
+        A row has more or fewer cells than there are columns.
+    """
+    return Table(name, caption, tuple(columns), tuple(tuple(_plain(cell) for cell in row) for row in rows))
+
+
+def shown(cell: Cell, column: Column) -> str:
+    """Return a cell as a reader sees it: rounded, a dash where there is no number."""
+    if cell is None or (isinstance(cell, float) and isnan(cell)):
+        return NO_VALUE
+    if isinstance(cell, bool):
+        return "yes" if cell else "no"
+    if isinstance(cell, float):
+        if not isfinite(cell):
+            return "infinite" if cell > 0.0 else "-infinite"
+        text = format(cell, column.digits)
+        # What rounds to 0 has no sign.
+        return text[1:] if text.startswith("-") and float(text) == 0.0 else text
+    return str(cell)
+
+
+def is_number(cell: Cell) -> bool:
+    """Return whether a cell is aligned as a number: where it is one, or stands for one that is missing."""
+    return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))
+
+
+def table_csv(table: Table) -> str:
+    """Return the table as CSV (RFC 4180): headings with units, numbers in full, empty where there is no number."""
+    stream = io.StringIO()
+    writer = csv.writer(stream)
+    writer.writerow([column.title for column in table.columns])
+    writer.writerows([_in_full(cell) for cell in row] for row in table.rows)
+    return stream.getvalue()
+
+
+def table_json(table: Table) -> dict[str, Any]:
+    """Return the table for JSON: caption, columns with units, rows of raw values; no NaN or infinity."""
+    return {
+        "caption": table.caption,
+        "columns": [{"heading": column.heading, "unit": column.unit} for column in table.columns],
+        "rows": [[json_number(cell) for cell in row] for row in table.rows],
+    }
+
+
+def json_number(cell: Cell) -> Cell:
+    """Return a cell as JSON can hold it: infinity as a word, NaN as null."""
+    if isinstance(cell, float) and not isfinite(cell):
+        return None if isnan(cell) else ("infinite" if cell > 0.0 else "-infinite")
+    return cell
+
+
+def _plain(cell: Any) -> Cell:
+    value = cell.item() if isinstance(cell, np.generic) else cell
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise ValueError(f"table: {value!r} is neither a number nor a word")
+
+
+def _in_full(cell: Cell) -> str:
+    if cell is None or (isinstance(cell, float) and isnan(cell)):
+        return ""
+    return repr(cell) if isinstance(cell, float) and isfinite(cell) else shown(cell, Column(""))

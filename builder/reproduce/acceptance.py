@@ -1,0 +1,89 @@
+"""What counts as having reproduced the source, and whether it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from builder.reproduce.parity import Found, found
+from builder.reproduce.published import PUBLISHED
+from builder.reproduce.setups import TITLES
+from builder.reproduce.strain_models import HEXAHEDRA, TETRAHEDRA
+from builder.reproduce.studies import Studies
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One criterion.
+
+    Attributes
+    ----------
+    text : what is asked.
+    key : the number it is asked of (:data:`builder.reproduce.published.PUBLISHED`).
+    holds : of our number.
+    """
+
+    text: str
+    key: str
+    holds: Callable[[Found], bool]
+
+
+def _within_factor(key: str, factor: float) -> Callable[[Found], bool]:
+    wanted = PUBLISHED[key].low or 0.0
+    return lambda one: wanted / factor <= one.low <= wanted * factor
+
+
+CRITERIA = (
+    Criterion("five modes hold at least 99 % of the energy", "energy", lambda one: one.low >= 99.0),
+    Criterion(
+        "Case 1, Configuration 1: median within a factor 1.5 of 7.5 %", "field_1", _within_factor("field_1", 1.5)
+    ),
+    Criterion(
+        "Case 1, Configuration 2: median within a factor 1.5 of 5.5 %", "field_2", _within_factor("field_2", 1.5)
+    ),
+    Criterion("M6 a0 b5: range overlaps 4 to 12 %", "off_set", lambda one: one.low <= 12.0 and one.high >= 4.0),
+    Criterion("M5 a6 b6: C_N under 2 %", "c_n", lambda one: one.high < 2.0),
+    Criterion("M5 a6 b6: C_Y under 2 %", "c_y", lambda one: one.high < 2.0),
+    Criterion("M5 a6 b6: M_P under 3.4 %", "m_p", lambda one: one.high < 3.4),
+    Criterion("M5 a6 b6: M_Y under 3.4 %", "m_y", lambda one: one.high < 3.4),
+    Criterion("M5 a6 b6: mean error of C_A 5 +- 3 %", "c_a_mean", lambda one: 2.0 <= one.low <= 8.0),
+    Criterion("gamma by the source's rule in [1, 10]", "gamma", lambda one: 1.0 <= one.low <= 10.0),
+    Criterion("lambda_1 / lambda_8 at least 1e4", "decay", lambda one: one.low >= 1e4),
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A criterion, our numbers and whether it holds, by set-up."""
+
+    text: str
+    ours: dict[str, str]
+    holds: dict[str, bool]
+
+
+def verdicts(studies: Studies) -> list[Verdict]:
+    """Return all criteria; that of K1/K2 is asked of any documented reading of the gauges' rows."""
+    rows = []
+    for criterion in CRITERIA:
+        ours = {key: found(studies, key, criterion.key) for key in TITLES}
+        unit = PUBLISHED[criterion.key].unit
+        rows.append(
+            Verdict(
+                criterion.text,
+                {key: one.shown(unit) for key, one in ours.items()},
+                {key: criterion.holds(one) for key, one in ours.items()},
+            )
+        )
+    return [rows[0], _of_ratio(studies), *rows[1:]]
+
+
+def _of_ratio(studies: Studies) -> Verdict:
+    wanted = PUBLISHED["k_ratio"].low or 0.0
+    ours, holds = {}, {}
+    for key in TITLES:
+        model = TETRAHEDRA if key == "paper_like" else HEXAHEDRA
+        ratios = [row.ratio for row in studies.measured.readings if row.model == model]
+        inside = [one for one in ratios if abs(one / wanted - 1.0) <= 0.2]
+        ours[key] = f"{len(inside)} of {len(ratios)} readings: " + ", ".join(f"{one:.2f}" for one in inside)
+        holds[key] = bool(inside)
+    return Verdict("K1/K2 within 20 % of 1.87 for at least one documented reading", ours, holds)

@@ -1,0 +1,201 @@
+"""Case 1 of the source: five POD coefficients by least squares, over noisy samples of many flight conditions.
+
+Errors of whole fields follow from errors of coefficients: with V orthonormal in the norm that is used,
+|p_hat - p|^2 = |q_hat - q|^2 + |p - p_mean - V q|^2, so no field is formed per sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
+from builder.inverse.pod import PressureModes, proper_orthogonal_decomposition
+from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDITION, MODES, P1, SEED
+from builder.reproduce.setups import Pressures, SetUp
+from strainfmu.flight_condition import FlightCondition
+
+FloatArray = NDArray[np.float64]
+
+PUBLISHED_STRAIN = 1e-4
+"""Strain per gauge [m/m] in the source's |d| = 100 sqrt(n_d), taken as um/m."""
+
+
+@dataclass(frozen=True)
+class Case1Study:
+    """One configuration in one set-up.
+
+    Attributes
+    ----------
+    energy : (k,) share of the energy of P1 in the first 1, 2, .. modes.
+    relative_condition : K, in the source's scaling.
+    scaling : of K, in words.
+    pod_error : (n, r) normalised difference of coefficients of every sample (eq. of e_POD) [1].
+    pod_bound : (r,) 3 sigma of the same from the covariance of the noise alone [1].
+    covered : (r,) share of the samples within that bound.
+    field_error : (n,) relative error of the pressure field of every sample [1].
+    truncation : (N,) of it that five modes cannot represent, per condition [1].
+    coefficient_error : (n, 5) normalised difference of C_A, C_N, C_Y, M_P, M_Y [1].
+    """
+
+    energy: FloatArray
+    relative_condition: float
+    scaling: str
+    pod_error: FloatArray
+    pod_bound: FloatArray
+    covered: FloatArray
+    field_error: FloatArray
+    truncation: FloatArray
+    coefficient_error: FloatArray
+
+
+@dataclass(frozen=True)
+class Case1Map:
+    """A least-squares map of one configuration.
+
+    Attributes
+    ----------
+    modes : POD of the snapshots it is made of.
+    solved : the map.
+    data_operator : (n_d, n_p) Z_p that gives the data [1/Pa].
+    sigma : of the noise [m/m].
+    """
+
+    modes: PressureModes
+    solved: LeastSquaresMap
+    data_operator: FloatArray
+    sigma: float
+
+    @property
+    def basis(self) -> FloatArray:
+        """(n_p, r) V_r."""
+        return self.modes.modes[:, :MODES]
+
+    def coefficients(self, pressure: FloatArray) -> FloatArray:
+        """Return the first r POD coefficients (.., r) [Pa] of pressures (.., n_p) [Pa]."""
+        weights = self.modes.weights
+        centred = pressure - self.modes.mean
+        found: FloatArray = (centred if weights is None else centred * weights) @ self.basis
+        return found
+
+
+def pod_of(snapshots: FloatArray, weights: FloatArray | None) -> PressureModes:
+    """Return the POD of ``snapshots`` (N, n_p) [Pa] in the norm of ``weights``, Euclidean by default."""
+    return proper_orthogonal_decomposition(snapshots, weights)
+
+
+def case_1_map(modes: PressureModes, setup: SetUp, names: list[str], internal: float) -> Case1Map:
+    """Return the map of the gauges ``names``; ``internal`` is the pressure inside [Pa]."""
+    operator = setup.inversion.of(names)
+    noise = setup.sigma**2 * np.eye(len(names))
+    solved = least_squares_map(
+        operator @ modes.modes[:, :MODES],
+        operator @ (modes.mean - internal),
+        noise,
+        modes.coefficient_std()[:MODES],
+    )
+    return Case1Map(modes, solved, setup.data.of(names), setup.sigma)
+
+
+def study_case_1(
+    of: Case1Map,
+    pressures: Pressures,
+    tested: FloatArray,
+    conditions: tuple[FlightCondition, ...],
+    seed: int = SEED,
+    draws: int = DRAWS_PER_CONDITION,
+) -> Case1Study:
+    """Estimate from ``draws`` noisy strains of each of ``tested`` (N, n_p) [Pa], pressures at ``conditions``."""
+    modes, solved = of.modes, of.solved
+    true = of.coefficients(tested)
+    estimate = _estimates(of, tested - pressures.internal, draws, seed)
+    difference = (estimate - true[:, None]).reshape(-1, MODES)
+    spread = np.ptp(of.coefficients(pressures.p1), axis=0)
+    bound = 3.0 * np.sqrt(np.diag(solved.state_covariance)) / spread
+    weights = 1.0 if modes.weights is None else modes.weights
+    size = np.sum(weights * tested**2, axis=1)
+    # What is left by the projection, not the difference of two squares: that would lose digits.
+    left = tested - modes.mean - true @ of.basis.T
+    truncated = np.sum(weights * left**2, axis=1)
+    square = np.sum(difference.reshape(len(tested), draws, MODES) ** 2, axis=2) + truncated[:, None]
+    n_gauges, std = len(of.data_operator), modes.coefficient_std()[:MODES]
+    relative = relative_condition(
+        solved.state_operator, PUBLISHED_STRAIN * np.sqrt(n_gauges), 1.0, float(np.linalg.norm(std))
+    )
+    return Case1Study(
+        energy=modes.energy[: 4 * MODES],
+        relative_condition=relative.value,
+        scaling=relative.scaling,
+        pod_error=difference / spread,
+        pod_bound=bound,
+        covered=np.mean(np.abs(difference / spread) <= bound, axis=0),
+        field_error=np.sqrt(square / size[:, None]).ravel(),
+        truncation=np.sqrt(truncated / size),
+        coefficient_error=_coefficient_error(of, pressures, tested, conditions, estimate),
+    )
+
+
+def _estimates(of: Case1Map, net: FloatArray, draws: int, seed: int) -> FloatArray:
+    """Return (N, draws, r) estimated coefficients [Pa] from noisy strains of ``net`` (N, n_p) [Pa]."""
+    strain = net @ of.data_operator.T
+    noise = of.sigma * np.random.default_rng(seed).normal(size=(len(net), draws, strain.shape[1]))
+    estimate: FloatArray = (strain[:, None] + noise) @ of.solved.strain_gain.T + of.solved.state_offset
+    return estimate
+
+
+def _coefficient_error(
+    of: Case1Map,
+    pressures: Pressures,
+    tested: FloatArray,
+    conditions: tuple[FlightCondition, ...],
+    estimate: FloatArray,
+) -> FloatArray:
+    """Return (n, 5) the normalised differences; loads are those of p - p_internal."""
+    scale = pressures.scale(conditions)
+    true = pressures.coefficients(tested - pressures.internal, conditions)
+    of_mean = pressures.loads @ (of.modes.mean - pressures.internal)
+    loads = of_mean + estimate @ (pressures.loads @ of.basis).T
+    floor = COEFFICIENT_FLOOR * np.abs(
+        pressures.coefficients(pressures.p1 - pressures.internal, P1.conditions)
+    ).max(axis=0)
+    error = (loads * scale[:, None] - true[:, None]) / np.maximum(floor, np.abs(true))[:, None]
+    return np.asarray(error.reshape(-1, error.shape[-1]))
+
+
+@dataclass(frozen=True)
+class FieldExample:
+    """A field, what came out of noisy strain, and how far off.
+
+    Attributes
+    ----------
+    reference, estimate : (n_p,) [Pa]; the estimate is that of median error among the draws.
+    projection : (n_p,) the reference on the modes that are kept [Pa], or the estimate's own basis in Case 1.
+    errors : (n,) relative error of each draw [1].
+    shown : that of ``estimate``.
+    """
+
+    reference: FloatArray
+    estimate: FloatArray
+    projection: FloatArray
+    errors: FloatArray
+    shown: float
+
+
+def field_example(
+    of: Case1Map, tested: FloatArray, internal: float, seed: int = SEED, draws: int = DRAWS
+) -> FieldExample:
+    """Return the estimates of one ``tested`` field (n_p,) [Pa] over ``draws`` of noise."""
+    estimate = _estimates(of, (tested - internal)[None], draws, seed)[0]
+    modes = of.modes
+    true = of.coefficients(tested)
+    weights = np.ones(len(tested)) if modes.weights is None else modes.weights
+    projection = modes.mean + of.basis @ true
+    truncated = float(weights @ (tested - projection) ** 2)
+    size = float(weights @ tested**2)
+    errors = np.sqrt((np.sum((estimate - true) ** 2, axis=1) + truncated) / size)
+    middle = int(np.argsort(errors)[len(errors) // 2])
+    return FieldExample(
+        tested, modes.mean + of.basis @ estimate[middle], projection, errors, float(errors[middle])
+    )

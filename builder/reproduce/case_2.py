@@ -1,0 +1,231 @@
+"""Case 2 of the source: the whole field with the snapshots of P2 as prior, its modes, gamma, three examples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.loads import load_operator
+from builder.geometry import SurfaceGrid
+from builder.inverse.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
+from builder.inverse.field import data_informed_modes, project_on_modes
+from builder.inverse.gamma_rules import RULES, Rule
+from builder.inverse.prior import LowRankPrior
+from builder.inverse.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
+from builder.reproduce.case_1 import FieldExample
+from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
+from builder.reproduce.setups import SetUp
+from strainfmu.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+
+
+@dataclass(frozen=True)
+class LoadReading:
+    """How coefficients are taken from a field; the source does not say.
+
+    Attributes
+    ----------
+    name : in words.
+    moment_station : of the moments [m from the nose tip].
+    absolute : whether p itself is integrated over the open surface, or p - p_internal.
+    """
+
+    name: str
+    moment_station: float
+    absolute: bool
+
+
+LITERAL = LoadReading("p over the open fore-body, moments about the nose tip", 0.0, True)
+"""The source's words: f = C_map p, q_coeff = G f, and no pressure inside; the moment point is not given."""
+
+
+def load_readings(moment_station: float) -> tuple[LoadReading, ...]:
+    """Return the readings that are compared; ``moment_station`` [m] is the vehicle file's."""
+    here = f"x = {moment_station:g} m"
+    return (
+        LITERAL,
+        LoadReading(f"p over the open fore-body, moments about {here}", moment_station, True),
+        LoadReading("p - p_internal, moments about the nose tip", 0.0, False),
+        LoadReading(f"p - p_internal, moments about {here} (vehicle file)", moment_station, False),
+    )
+
+
+@dataclass(frozen=True)
+class Case2Map:
+    """The map of one layout in one set-up.
+
+    Attributes
+    ----------
+    prior : of the snapshots.
+    spectrum : of the whitened Z_p F.
+    state_operator, mean_strain : (n_d, N) Z_p F [1], (n_d,) [m/m].
+    data_operator : (n_d, n_p) Z_p that gives the data [1/Pa].
+    sigma : of the noise [m/m].
+    internal : pressure inside [Pa].
+    """
+
+    prior: LowRankPrior
+    spectrum: WhitenedSpectrum
+    state_operator: FloatArray
+    mean_strain: FloatArray
+    data_operator: FloatArray
+    sigma: float
+    internal: float
+
+    def at(self, gamma: float) -> GaussianMap:
+        """Return the map with ``gamma``."""
+        noise = self.sigma**2 * np.eye(len(self.data_operator))
+        return gaussian_map(self.state_operator, self.mean_strain, noise, gamma, self.spectrum)
+
+    def modes_above(self, gamma: float) -> int:
+        """Return how many eigenvalues are at least ``gamma``."""
+        return int(np.sum(self.spectrum.eigenvalues >= gamma))
+
+
+def case_2_map(prior: LowRankPrior, setup: SetUp, names: list[str], internal: float) -> Case2Map:
+    """Return the map of the gauges ``names``; ``internal`` is the pressure inside [Pa]."""
+    operator = setup.inversion.of(names)
+    state_operator = operator @ prior.factor
+    spectrum = whitened_spectrum(state_operator, setup.sigma**2 * np.eye(len(names)))
+    mean_strain = operator @ (prior.mean - internal)
+    return Case2Map(prior, spectrum, state_operator, mean_strain, setup.data.of(names), setup.sigma, internal)
+
+
+@dataclass(frozen=True)
+class GammaStudy:
+    """gamma by each rule.
+
+    Attributes
+    ----------
+    by_rule : over an ensemble of noisy strains; ``"morozov, expected"`` on what prior and noise lead to expect,
+        ``"morozov, M5 a6 b6"`` on draws of that flight alone; NaN where a rule finds none.
+    eigenvalues : (k,) of the prior-preconditioned Hessian, falling.
+    """
+
+    by_rule: dict[str, float]
+    eigenvalues: FloatArray
+
+
+def study_gamma(of: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: int = SEED) -> GammaStudy:
+    """Return gamma by the source's rule and by three others.
+
+    Parameters
+    ----------
+    of : the map.
+    ensemble : (n, n_d) strains of many flights, without noise [m/m].
+    flight : (n_d,) strains of M5 a6 b6 [m/m].
+    seed : of the noise, 50 draws of which are added to each flight of the ensemble, 100 to the one.
+    """
+    random = np.random.default_rng(seed)
+
+    def noisy(strain: FloatArray, draws: int) -> DataSpectrum:
+        repeated = np.repeat(np.atleast_2d(strain), draws, axis=0)
+        return measured_data(of.spectrum, repeated + of.sigma * random.normal(size=repeated.shape), of.mean_strain)
+
+    data = noisy(ensemble, DRAWS_PER_CONDITION)
+    found: dict[str, float] = {rule: _gamma(rule, data) for rule in RULES}
+    found["morozov, expected"] = _gamma("morozov", expected_data(of.spectrum))
+    found["morozov, M5 a6 b6"] = _gamma("morozov", noisy(flight, DRAWS))
+    return GammaStudy(found, of.spectrum.eigenvalues)
+
+
+def _gamma(rule: Rule, data: DataSpectrum) -> float:
+    try:
+        return select_gamma(rule, data)
+    except InputError:
+        return float("nan")
+
+
+def drawn_modes(of: Case2Map) -> FloatArray:
+    """Return (n_p, 5) the eigenvectors that the source draws, of unit Euclidean norm."""
+    modes = data_informed_modes(of.prior, of.spectrum)[:, [k - 1 for k in DRAWN_MODES]]
+    unit: FloatArray = modes / np.linalg.norm(modes, axis=0)
+    return unit
+
+
+@dataclass(frozen=True)
+class FieldStudy(FieldExample):
+    """One flight condition, estimated from many draws of noise or from none.
+
+    Attributes
+    ----------
+    load_error : (n, 5, n_readings) relative error of each coefficient of each draw, by each load reading [1].
+    odd_share : (2,) share of |p| that is odd both in y and in z: of the reference, of the estimate's error.
+    """
+
+    load_error: FloatArray
+    odd_share: FloatArray
+
+
+def study_field(
+    of: Case2Map,
+    tested: FloatArray,
+    gamma: float,
+    noisy: bool,
+    grid: SurfaceGrid,
+    readings: tuple[LoadReading, ...],
+    draws: int = DRAWS,
+    seed: int = SEED,
+) -> FieldStudy:
+    """Estimate one ``tested`` field (n_p,) [Pa]; without noise there is one draw."""
+    solved = of.at(gamma)
+    strain = of.data_operator @ (tested - of.internal)
+    noise = np.zeros((1, len(strain)))
+    if noisy:
+        noise = of.sigma * np.random.default_rng(seed).normal(size=(draws, len(strain)))
+    states = (strain + noise) @ solved.strain_gain.T + solved.state_offset
+    error = of.prior.mean + states @ of.prior.factor.T - tested
+    relative = np.linalg.norm(error, axis=1) / np.linalg.norm(tested)
+    middle = int(np.argsort(relative)[len(relative) // 2])
+    kept = max(1, of.modes_above(gamma))
+    projection = project_on_modes(tested, of.prior.mean, data_informed_modes(of.prior, of.spectrum, kept))
+    shares = [odd_part(field, grid) for field in (tested, error[middle])]
+    return FieldStudy(
+        reference=tested,
+        estimate=tested + error[middle],
+        projection=projection,
+        errors=relative,
+        shown=float(relative[middle]),
+        load_error=np.stack([_load_errors(error, tested, of.internal, grid, one) for one in readings], axis=-1),
+        odd_share=np.array([np.linalg.norm(odd) for odd in shares]) / np.linalg.norm(tested),
+    )
+
+
+def _load_errors(
+    error: FloatArray, tested: FloatArray, internal: float, grid: SurfaceGrid, reading: LoadReading
+) -> FloatArray:
+    """Return (n, 5) relative errors of the coefficients; q_inf and reference lengths cancel."""
+    loads = load_operator(grid, reading.moment_station)
+    true = loads @ (tested if reading.absolute else tested - internal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative: FloatArray = np.abs(error @ loads.T / true)
+    # Where symmetry makes a load 0 there is no relative error.
+    relative[:, np.abs(true) < 1e-9 * np.abs(true).max()] = np.nan
+    return relative
+
+
+def odd_part(field: FloatArray, grid: SurfaceGrid) -> FloatArray:
+    """Return the part (.., n_p) of a field (.., n_p) that is odd in y and odd in z.
+
+    With roll angle phi, y -> -y turns phi to -phi and z -> -z to pi - phi; nodes are mapped onto nodes where the
+    number of roll angles is even.
+
+    Raises
+    ------
+    InputError
+        It is odd.
+    """
+    n = grid.n_roll
+    if n % 2:
+        raise InputError(f"surface: {n} roll angles found, an even number is wanted")
+    by_ring = grid.as_map(field)
+    k = np.arange(n)
+    in_y, in_z = (-k) % n, (n // 2 - k) % n
+    both = (k + n // 2) % n
+    part: FloatArray = 0.25 * (by_ring - by_ring[..., in_y] - by_ring[..., in_z] + by_ring[..., both])
+    return part.reshape(field.shape)

@@ -1,0 +1,245 @@
+"""What the differences from the source come from, measured one cause at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.geometry import SurfaceGrid
+from builder.inverse.case_1 import relative_condition
+from builder.inverse.pod import PressureModes
+from builder.inverse.prior import LowRankPrior
+from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
+from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
+from builder.reproduce.protocol import EXAMPLES, MODES, NOISE_FREE_GAMMA, P1
+from builder.reproduce.readings import READINGS, SHIPPED, Reading
+from builder.reproduce.setups import INDEPENDENT, Pressures, SetUp, noise_sigma
+from builder.reproduce.strain_models import StrainModel
+from builder.structure.observability import SYMMETRIES, smooth_response, symmetry_responses
+
+FloatArray = NDArray[np.float64]
+
+SMOOTH_DEGREE = 6
+"""Of the pressures in x by which symmetry classes are told apart."""
+
+EXAMPLE = list(EXAMPLES).index("m5_a6_b6")
+
+
+@dataclass(frozen=True)
+class ReadingRow:
+    """What one reading of the layout gives with one model.
+
+    Attributes
+    ----------
+    model, reading : names.
+    k_1, k_2 : relative condition numbers with the Euclidean POD.
+    area_ratio : K1/K2 with the area-weighted POD.
+    median_1, median_2 : median field error of Case 1 [1], Euclidean; NaN where not computed.
+    """
+
+    model: str
+    reading: str
+    k_1: float
+    k_2: float
+    area_ratio: float
+    median_1: float
+    median_2: float
+
+    @property
+    def ratio(self) -> float:
+        """K1/K2."""
+        return self.k_1 / self.k_2
+
+
+def relative_condition_of(model: StrainModel, modes: PressureModes, names: list[str]) -> float:
+    """Return K of the gauges ``names`` in the source's scaling (|d| = 100 um/m per gauge, q of unit rms norm)."""
+    z = model.of(names) @ modes.modes[:, :MODES]
+    scale = float(np.linalg.norm(modes.coefficient_std()[:MODES]))
+    return relative_condition(z, PUBLISHED_STRAIN * np.sqrt(len(names)), 1.0, scale).value
+
+
+def reading_rows(models: Mapping[str, StrainModel], pressures: Pressures) -> list[ReadingRow]:
+    """Return K and Case 1's medians for the eight readings of the rows, model by model."""
+    euclidean, area = pod_of(pressures.p1, None), pod_of(pressures.p1, pressures.weights)
+    rows = []
+    for model in models.values():
+        sigma = noise_sigma(model, pressures.p1 - pressures.internal)
+        setup = SetUp(model.name, model, model, sigma)
+        for reading in READINGS:
+            names = [reading.configuration(number) for number in (1, 2)]
+            k = [relative_condition_of(model, euclidean, one) for one in names]
+            by_area = [relative_condition_of(model, area, one) for one in names]
+            medians = [_median(euclidean, setup, one, pressures) for one in names]
+            rows.append(
+                ReadingRow(model.name, reading.name, k[0], k[1], by_area[0] / by_area[1], medians[0], medians[1])
+            )
+    return rows
+
+
+def _median(modes: PressureModes, setup: SetUp, names: list[str], pressures: Pressures) -> float:
+    of = case_1_map(modes, setup, names, pressures.internal)
+    study = study_case_1(of, pressures, pressures.p1, P1.conditions)
+    return float(np.median(study.field_error))
+
+
+def span_row(span: str, model: StrainModel, pressures: Pressures, reading: Reading) -> ReadingRow:
+    """Return K of one reading with rows of another ``span``."""
+    euclidean, area = pod_of(pressures.p1, None), pod_of(pressures.p1, pressures.weights)
+    names = [reading.configuration(number) for number in (1, 2)]
+    k = [relative_condition_of(model, euclidean, one) for one in names]
+    by_area = [relative_condition_of(model, area, one) for one in names]
+    label = f"{reading.name}, stations {span}"
+    return ReadingRow(model.name, label, k[0], k[1], by_area[0] / by_area[1], float("nan"), float("nan"))
+
+
+@dataclass(frozen=True)
+class HoopRow:
+    """How one model reads hoop and axial gauges, against the Fourier model over P1.
+
+    Attributes
+    ----------
+    model : name.
+    hoop_gain, axial_gain : least-squares factor on the Fourier model's strain [1].
+    hoop_error, axial_error : rms difference over sigma of the Fourier model [1].
+    """
+
+    model: str
+    hoop_gain: float
+    axial_gain: float
+    hoop_error: float
+    axial_error: float
+
+
+def hoop_rows(models: Mapping[str, StrainModel], true: StrainModel, pressures: Pressures) -> list[HoopRow]:
+    """Compare strains of the models over P1 with those of ``true``, gauges of Configuration 2."""
+    net = pressures.p1 - pressures.internal
+    sigma = noise_sigma(true, net)
+    names = SHIPPED.configuration(2)
+    rows = []
+    for model in models.values():
+        found = []
+        for kind in ("hoop", "axial"):
+            chosen = [name for name in names if name.startswith(kind)]
+            strain, wanted = net @ model.of(chosen).T, net @ true.of(chosen).T
+            found.append((np.sum(strain * wanted) / np.sum(wanted**2), np.std(strain - wanted) / sigma))
+        rows.append(
+            HoopRow(model.name, float(found[0][0]), float(found[1][0]), float(found[0][1]), float(found[1][1]))
+        )
+    return rows
+
+
+@dataclass(frozen=True)
+class CrimeRow:
+    """The field at M5 a6 b6 without noise, gamma 1e-6: map of one model, data of another.
+
+    Attributes
+    ----------
+    inversion, data : names of the models.
+    field_error : [1].
+    odd_error : of it, odd both in y and in z [1].
+    odd_strain : |Z_p F_oo| / |Z_p F|, how much of the prior's strain its doubly odd part causes in the map [1].
+    """
+
+    inversion: str
+    data: str
+    field_error: float
+    odd_error: float
+    odd_strain: float
+
+
+def crime_rows(
+    pairs: list[tuple[StrainModel, StrainModel]],
+    names: list[str],
+    prior: LowRankPrior,
+    pressures: Pressures,
+    grid: SurfaceGrid,
+) -> list[CrimeRow]:
+    """Estimate the example without noise for every pair of models (map, data); the condition is in the prior."""
+    tested, rows = pressures.examples[EXAMPLE], []
+    odd_factor = odd_part(prior.factor.T, grid).T
+    for inversion, data in pairs:
+        setup = SetUp(INDEPENDENT, inversion, data, noise_sigma(inversion, pressures.p1 - pressures.internal))
+        of = case_2_map(prior, setup, names, pressures.internal)
+        error = _noise_free_error(of, tested)
+        size = float(np.linalg.norm(tested))
+        rows.append(
+            CrimeRow(
+                inversion.name,
+                data.name,
+                float(np.linalg.norm(error)) / size,
+                float(np.linalg.norm(odd_part(error, grid))) / size,
+                float(np.linalg.norm(inversion.of(names) @ odd_factor) / np.linalg.norm(of.state_operator)),
+            )
+        )
+    return rows
+
+
+def _noise_free_error(of: Case2Map, tested: FloatArray) -> FloatArray:
+    solved = of.at(NOISE_FREE_GAMMA)
+    states = solved.strain_gain @ (of.data_operator @ (tested - of.internal)) + solved.state_offset
+    error: FloatArray = of.prior.mean + of.prior.factor @ states - tested
+    return error
+
+
+@dataclass(frozen=True)
+class ClassRow:
+    """What one layout sees of one symmetry class of pressures.
+
+    Attributes
+    ----------
+    model, layout, symmetry : names.
+    response : greatest strain norm per rms pressure [1/Pa].
+    rank : singular values above 1 % of the greatest of all classes.
+    prior_share : share of the prior's variance in the class [1].
+    """
+
+    model: str
+    layout: str
+    symmetry: str
+    response: float
+    rank: int
+    prior_share: float
+
+
+def class_rows(
+    model: StrainModel, layouts: Mapping[str, list[str]], prior: LowRankPrior, grid: SurfaceGrid, area: FloatArray
+) -> list[ClassRow]:
+    """Return the four symmetry classes of each layout; ``area`` (n_p,) is that of the nodes [m2]."""
+    point = np.column_stack(
+        [
+            np.repeat(grid.x, grid.n_roll),
+            np.outer(grid.radius, np.sin(grid.roll_angle)).ravel(),
+            np.outer(grid.radius, np.cos(grid.roll_angle)).ravel(),
+        ]
+    )
+    every = smooth_response(model.operator, point, area, SMOOTH_DEGREE)
+    shares = _class_shares(prior, grid)
+    rows = []
+    for layout, names in layouts.items():
+        seen = symmetry_responses(every.of(np.array(model.places(names))))
+        rows += [
+            ClassRow(model.name, layout, str(one.symmetry), one.norm, one.rank, shares[str(one.symmetry)])
+            for one in seen
+        ]
+    return rows
+
+
+def _class_shares(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
+    """Return the share of the prior's variance in each symmetry class."""
+    by_ring = grid.as_map(prior.factor.T)
+    n = grid.n_roll
+    k = np.arange(n)
+    mirrored_y, mirrored_z, both = (
+        by_ring[..., (-k) % n],
+        by_ring[..., (n // 2 - k) % n],
+        by_ring[..., (k + n // 2) % n],
+    )
+    total, shares = float(np.sum(by_ring**2)), {}
+    for symmetry in SYMMETRIES:
+        y, z = (1.0 if even else -1.0 for even in (symmetry.even_in_y, symmetry.even_in_z))
+        part = 0.25 * (by_ring + y * mirrored_y + z * mirrored_z + y * z * both)
+        shares[str(symmetry)] = float(np.sum(part**2)) / total
+    return shares

@@ -1,0 +1,148 @@
+"""The comparison: every published number beside ours in three set-ups, and what a difference comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.reproduce.case_2 import COEFFICIENTS
+from builder.reproduce.published import PUBLISHED, Published
+from builder.reproduce.reasons import REASONS
+from builder.reproduce.setups import TITLES
+from builder.reproduce.studies import Studies
+
+FloatArray = NDArray[np.float64]
+
+LITERAL_READING = 0
+"""Of the loads: that of the source's words comes first."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Our number, or both ends of our range; NaN where a set-up has none."""
+
+    low: float
+    high: float
+
+    def shown(self, unit: str) -> str:
+        """Return it as text in ``unit``."""
+        if np.isnan(self.low):
+            return "–"
+        end = " %" if unit == "%" else ""
+        if self.low == self.high:
+            return f"{_digits(self.low)}{end}"
+        return f"{_digits(self.low)} to {_digits(self.high)}{end}"
+
+
+@dataclass(frozen=True)
+class ParityRow:
+    """One published number and ours.
+
+    Attributes
+    ----------
+    published : what the source says.
+    ours : by set-up.
+    why : what a difference comes from, with the measurement behind it; empty where there is none to speak of.
+    """
+
+    published: Published
+    ours: dict[str, Found]
+    why: str
+
+
+def parity_rows(studies: Studies) -> list[ParityRow]:
+    """Return one row per published number, in the order of the source."""
+    rows = []
+    for key, published in PUBLISHED.items():
+        ours = {setup: found(studies, setup, key) for setup in TITLES}
+        reason = REASONS.get(key)
+        rows.append(ParityRow(published, ours, reason(studies) if reason else ""))
+    return rows
+
+
+def found(studies: Studies, setup: str, key: str) -> Found:
+    """Return our value of a published number in one set-up, in the unit of the published one."""
+    if key == "surface_nodes":
+        return _one(studies.measured.surface_nodes)
+    if key == "structure_dofs":
+        return _one(studies.measured.dofs["tetrahedra" if setup == "paper_like" else "hexahedra"])
+    if key in _OF_CASE_1:
+        number, value = _OF_CASE_1[key]
+        return _one(value(studies, setup, number))
+    if key in ("example_1", "example_2"):
+        errors = studies.examples[f"{setup}-{'m5_a6_b5' if key == 'example_1' else 'm7_a2_b8'}"].errors
+        return _range(errors)
+    if key in ("eigenvalues", "decay", "gamma", "modes_kept"):
+        return _of_spectrum(studies, setup, key)
+    if key in ("noise_free", "noisy", "off_set"):
+        return _range(studies.fields[f"{setup}-{key}"].errors)
+    return _of_loads(studies, setup, key)
+
+
+def _energy(studies: Studies, setup: str, number: int) -> float:
+    return 100.0 * float(studies.case_1[f"{setup}-{number}"].energy[4])
+
+
+def _k(studies: Studies, setup: str, number: int) -> float:
+    return studies.case_1[f"{setup}-{number}"].relative_condition
+
+
+def _ratio(studies: Studies, setup: str, number: int) -> float:
+    return _k(studies, setup, 1) / _k(studies, setup, 2)
+
+
+def _median(studies: Studies, setup: str, number: int) -> float:
+    return 100.0 * float(np.median(studies.case_1[f"{setup}-{number}"].field_error))
+
+
+def _worst(studies: Studies, setup: str, number: int) -> float:
+    return 100.0 * float(np.max(studies.case_1[f"{setup}-{number}"].field_error))
+
+
+_OF_CASE_1 = {
+    "energy": (2, _energy),
+    "k_1": (1, _k),
+    "k_2": (2, _k),
+    "k_ratio": (2, _ratio),
+    "field_1": (1, _median),
+    "field_1_worst": (1, _worst),
+    "field_2": (2, _median),
+    "field_2_worst": (2, _worst),
+}
+
+
+def _of_spectrum(studies: Studies, setup: str, key: str) -> Found:
+    of = studies.gamma[setup]
+    if key == "eigenvalues":
+        return _one(len(of.eigenvalues))
+    if key == "decay":
+        return _one(of.eigenvalues[0] / of.eigenvalues[7])
+    if key == "gamma":
+        return _one(of.by_rule["morozov"])
+    return _one(int(np.sum(of.eigenvalues >= (PUBLISHED["gamma"].low or 0.0))))
+
+
+def _of_loads(studies: Studies, setup: str, key: str) -> Found:
+    """Return errors of the coefficients of the noisy example, by the reading that the source's words give."""
+    error = 100.0 * studies.fields[f"{setup}-noisy"].load_error[:, :, LITERAL_READING]
+    name = {"c_a": "C_A", "c_n": "C_N", "c_y": "C_Y", "m_p": "M_P", "m_y": "M_Y"}[key[:3]]
+    column = error[:, COEFFICIENTS.index(name)]
+    return _one(column.mean() if key.endswith("_mean") else column.max())
+
+
+def _one(value: float) -> Found:
+    return Found(float(value), float(value))
+
+
+def _range(errors: FloatArray) -> Found:
+    return Found(100.0 * float(errors.min()), 100.0 * float(errors.max()))
+
+
+def _digits(value: float) -> str:
+    if value >= 1e5 and value != round(value):
+        return f"{value:.1e}"
+    if value == round(value) and value >= 6:
+        return f"{value:,.0f}"
+    return f"{value:.3g}" if value < 100 else f"{value:.0f}"

@@ -1,0 +1,192 @@
+"""The report: one page of HTML, the same tables as CSV, all numbers as JSON, figures as PNG."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from builder.figures import save
+from builder.geometry import SurfaceGrid
+from builder.reports.html import Block, Items, Page, Paragraph, Picture, Section, write_page
+from builder.reports.tables import Table, table_csv, table_json
+from builder.reproduce import figures_case_1, figures_case_2, tables
+from builder.reproduce.acceptance import verdicts
+from builder.reproduce.parity import parity_rows
+from builder.reproduce.protocol import Sizes
+from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH
+from builder.reproduce.studies import Studies
+from strainfmu.files import write_bytes_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Keep = Callable[[str, Callable[[Path], object]], Path]
+
+SETUP_TEXT = (
+    "Paper-like: linear tetrahedra, strain constant in each element and read from the one that a gauge lies on; "
+    "the "
+    "data come from the map's own mesh and, as in the source, from flight conditions of the snapshots where the "
+    "source takes them there.",
+    "Converged, same mesh: quadratic hexahedra, gauges at their places; otherwise the same.",
+    "Independent data: the map is that of the quadratic hexahedra; the strains come from the Fourier model, "
+    "another "
+    "discretisation with its own load map, under pressures of a finer flow grid, at conditions whose flows are "
+    "not "
+    "among the snapshots. Statistics of Case 1 are then over 40 conditions between those of P1; for M5 a6 b5 and "
+    "M5 a6 b6 the condition, and its mirror images, are left out of the snapshots.",
+)
+
+
+def figure_makers(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[[], Figure], str]]:
+    """Return, by name, what draws each figure and its caption, in the order of the source."""
+    made: dict[str, tuple[Callable[[], Figure], str]] = {
+        "pod_differences": (
+            partial(figures_case_1.pod_differences, studies),
+            "Source's figure of the differences in POD coefficients with 3 sigma marks.",
+        ),
+        "reconstruction_errors": (
+            partial(figures_case_1.reconstruction_errors, studies),
+            "Source's figure of the errors of the reconstructed field.",
+        ),
+    }
+    for example, number in (("m5_a6_b5", 1), ("m7_a2_b8", 2)):
+        for setup in (PAPER_LIKE, INDEPENDENT):
+            made[f"field_{example}_{setup}"] = (
+                partial(figures_case_1.field_comparison, studies, setup, example, number, grid),
+                f"Source's field comparison, Configuration {number}, set-up {setup.replace('_', ' ')}.",
+            )
+    made["coefficient_differences"] = (
+        partial(figures_case_1.coefficient_differences, studies),
+        "Source's figure of the differences in force and moment coefficients.",
+    )
+    made["eigenvalues"] = (
+        partial(figures_case_2.eigenvalue_decay, studies),
+        "Source's figure of the eigenvalues.",
+    )
+    made["eigenvectors"] = (
+        partial(figures_case_2.eigenvectors, studies, grid),
+        "Source's figure of eigenvectors 1, 3, 6, 23 and 53.",
+    )
+    for what, modes in (("noise_free", 54), ("noisy", None), ("off_set", None)):
+        for setup in (PAPER_LIKE, SAME_MESH, INDEPENDENT):
+            kept = modes or int((studies.gamma[setup].eigenvalues >= 10**0.5).sum())
+            made[f"field_{what}_{setup}"] = (
+                partial(figures_case_2.field_comparison, studies, setup, what, kept, grid),
+                f"Source's field comparison, {what.replace('_', ' ')}, set-up {setup.replace('_', ' ')}.",
+            )
+    made["draw_ranges"] = (partial(figures_case_2.draw_ranges, studies), "Errors of the hundred draws.")
+    made["noise_free_errors"] = (partial(figures_case_2.noise_free_errors, studies), "Where the 2.8 % come from.")
+    made["reading_ratios"] = (partial(figures_case_2.reading_ratios, studies), "Where K1/K2 comes from.")
+    return made
+
+
+def all_tables(studies: Studies, moment_station: float) -> dict[str, Table]:
+    """Return all tables by name; ``moment_station`` [m] is the vehicle file's."""
+    rows = parity_rows(studies)
+    made = (
+        tables.parity_table(rows),
+        tables.parity_numbers(rows),
+        tables.verdict_table(verdicts(studies)),
+        tables.reading_table(studies),
+        tables.hoop_table(studies),
+        tables.crime_table(studies),
+        tables.class_table(studies),
+        tables.layout_table(studies),
+        tables.load_table(studies, moment_station),
+        tables.gamma_table(studies),
+        tables.coverage_table(studies),
+    )
+    return {table.name: table for table in made}
+
+
+def write_numbers(made: dict[str, Table], folder: Path) -> None:
+    """Write each table to ``tables/NAME.csv`` and all of them to ``numbers.json``.
+
+    Raises
+    ------
+    StrainfmuError
+        A file could not be written.
+    """
+    for name, table in made.items():
+        write_bytes_atomically(folder / "tables" / f"{name}.csv", table_csv(table).encode())
+    content = {name: table_json(table) for name, table in made.items()}
+    write_bytes_atomically(folder / "numbers.json", json.dumps(content, indent=1, allow_nan=False).encode())
+
+
+def write_report(
+    studies: Studies, grid: SurfaceGrid, sizes: Sizes, moment_station: float, folder: Path, keep: Keep
+) -> None:
+    """Draw what figures are not there and write ``report.html``, ``numbers.json`` and ``tables/`` into ``folder``.
+
+    Parameters
+    ----------
+    keep : called with the name of a figure's file and what makes it at a path; returns the path.
+
+    Raises
+    ------
+    StrainfmuError
+        matplotlib is not installed, or a file could not be written.
+    """
+    made = all_tables(studies, moment_station)
+    write_numbers(made, folder)
+    pictures = {}
+    for name, (draw, caption) in figure_makers(studies, grid).items():
+        path = keep(f"figures/{name}.png", partial(_draw, draw))
+        pictures[name] = Picture(path.read_bytes(), "png", caption, caption)
+    write_page(_page(studies, sizes, made, pictures), folder / "report.html")
+
+
+def _draw(draw: Callable[[], Figure], path: Path) -> None:
+    save(draw(), path)
+
+
+def _page(studies: Studies, sizes: Sizes, made: dict[str, Table], pictures: dict[str, Picture]) -> Page:
+    measured = studies.measured
+    opening: tuple[Block, ...] = (
+        Paragraph(
+            'Pham, Ghattas, Clemens and Willcox, "Real-time aerodynamic load estimation for hypersonics via '
+            'strain-based inverse maps", done again on the IC3X surrogate: a body of our own, because the source '
+            "gives one number of its geometry. Agreement is therefore agreement of method and size, not of digits."
+        ),
+        Paragraph(
+            f"Sizes: '{sizes.name}', {measured.surface_nodes:,} pressure nodes; "
+            + ", ".join(f"{name} {dofs:,} dofs" for name, dofs in measured.dofs.items())
+            + ". sigma: "
+            + ", ".join(
+                f"{1e6 * sigma:.3f} um/m ({key.replace('_', ' ')})" for key, sigma in measured.sigma.items()
+            )
+            + "."
+        ),
+        Paragraph("Every accuracy is given for three set-ups:"),
+        Items(SETUP_TEXT),
+    )
+    case_1 = ["pod_differences", "reconstruction_errors", *(n for n in pictures if n.startswith("field_m"))]
+    case_2 = ["eigenvalues", "eigenvectors", *(n for n in pictures if n.startswith(("field_n", "field_o")))]
+    blind = Paragraph(
+        "Gauges at 0, 90, 180 and 270 deg along and across the meridian have no response to pressure that is odd "
+        "both in y and in z, on any body with both planes of symmetry, and the prior of P2 correlates such "
+        "pressure "
+        "with nothing that they see. No linear estimator can find it."
+    )
+    sections = (
+        Section("Published and ours", (made["parity"], made["criteria"])),
+        Section(
+            "Case 1: five POD coefficients",
+            (made["coverage"], *(pictures[n] for n in [*case_1, "coefficient_differences"])),
+        ),
+        Section(
+            "Case 2: the whole field",
+            (made["gamma"], made["loads"], *(pictures[n] for n in [*case_2, "draw_ranges"])),
+        ),
+        Section("Which rows hold the hoop gauges", (made["readings"], pictures["reading_ratios"])),
+        Section("What linear tetrahedra lose", (made["hoop_strain"],)),
+        Section("The noise-free example", (made["noise_free"], pictures["noise_free_errors"])),
+        Section(
+            "What the published layout is blind to, and the layout '45'",
+            (blind, made["symmetry_classes"], made["layout_45"]),
+        ),
+    )
+    return Page("The source, side by side", opening, sections)

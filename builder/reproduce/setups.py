@@ -1,0 +1,144 @@
+"""The three set-ups that every accuracy is measured in: which model the map is of, which one the data are of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.loads import ReferenceQuantities, coefficient_scale, load_operator
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.inverse.pod import area_weights
+from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_SHARE, P1, P2
+from builder.reproduce.readings import SHIPPED
+from builder.reproduce.strain_models import StrainModel
+from builder.snapshots import Snapshots
+from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
+
+FloatArray = NDArray[np.float64]
+
+PAPER_LIKE, SAME_MESH, INDEPENDENT = "paper_like", "same_mesh", "independent"
+
+TITLES = {
+    PAPER_LIKE: "paper-like: linear tetrahedra, same mesh",
+    SAME_MESH: "converged: quadratic hexahedra, same mesh",
+    INDEPENDENT: "independent data",
+}
+
+
+@dataclass(frozen=True)
+class Pressures:
+    """Pressure snapshots on common nodes, and what turns them into loads and coefficients.
+
+    Attributes
+    ----------
+    p1, p2 : (90, n_p), (243, n_p) snapshots that maps are made of [Pa].
+    held_out : (40, n_p) at conditions between those of P1, on a finer flow grid [Pa].
+    examples, fine_examples : (4, n_p) of :data:`~builder.reproduce.protocol.EXAMPLES`, on the snapshots' flow grid
+        and on the finer one [Pa].
+    internal : inside the body [Pa].
+    loads : (5, n_p) loads per nodal pressure [m2, m3].
+    weights : (n_p,) of the area-weighted inner product [1].
+    reference : what coefficients are referred to.
+    """
+
+    p1: FloatArray
+    p2: FloatArray
+    held_out: FloatArray
+    examples: FloatArray
+    fine_examples: FloatArray
+    internal: float
+    loads: FloatArray
+    weights: FloatArray
+    reference: ReferenceQuantities
+
+    def coefficients(self, net: FloatArray, conditions: tuple[FlightCondition, ...]) -> FloatArray:
+        """Return (N, 5) C_A, C_N, C_Y, M_P, M_Y of p - p_internal (N, n_p) [Pa]."""
+        coefficients: FloatArray = net @ self.loads.T * self.scale(conditions)
+        return coefficients
+
+    def scale(self, conditions: tuple[FlightCondition, ...]) -> FloatArray:
+        """Return (N, 5) factors from loads [N, N m] to coefficients."""
+        return np.array([coefficient_scale(one.dynamic_pressure, self.reference) for one in conditions])
+
+
+def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
+    """Take the sets apart: P1, P2 and the examples of ``snapshots``, held-out conditions and examples of ``fine``.
+
+    Raises
+    ------
+    InputError
+        The files do not hold these sets, or their nodes differ.
+    """
+    grid = snapshots.grid
+    if grid is None or not np.array_equal(snapshots.point, fine.point):
+        raise InputError("snapshots: both files must be on the same stations and roll angles")
+    n_1, n_2 = len(P1.conditions), len(P2.conditions)
+    for held, sets in ((snapshots, (P1.conditions, P2.conditions)), (fine, (HELD_OUT.conditions,))):
+        wanted = [one.as_tuple() for part in (*sets, tuple(EXAMPLES.values())) for one in part]
+        if not np.array_equal(held.condition, wanted):
+            raise InputError("snapshots: not the conditions of the source's protocol")
+    reference = snapshots.reference_quantities
+    area = _node_area(mesh_of_grid(grid).node_area, grid.n_roll)
+    return Pressures(
+        p1=snapshots.pressure[:n_1],
+        p2=snapshots.pressure[n_1 : n_1 + n_2],
+        held_out=fine.pressure[: len(HELD_OUT.conditions)],
+        examples=snapshots.pressure[n_1 + n_2 :],
+        fine_examples=fine.pressure[len(HELD_OUT.conditions) :],
+        internal=float(snapshots.internal_pressure[0]),
+        loads=load_operator(grid, reference.moment_station),
+        weights=area_weights(area),
+        reference=reference,
+    )
+
+
+def _node_area(area: FloatArray, n_roll: int) -> FloatArray:
+    """Share the area of a ring evenly among its nodes: how its quadrilaterals were cut must not break symmetry."""
+    ring = area.reshape(-1, n_roll).mean(axis=1)
+    return np.repeat(ring, n_roll)
+
+
+@dataclass(frozen=True)
+class SetUp:
+    """One way to make a map and data for it.
+
+    Attributes
+    ----------
+    key : key of :data:`TITLES`.
+    inversion, data : model whose Z the map holds, and model that gives the strains.
+    sigma : of the noise [m/m].
+    """
+
+    key: str
+    inversion: StrainModel
+    data: StrainModel
+    sigma: float
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the data's flows are none of those that the map is made of."""
+        return self.key == INDEPENDENT
+
+
+def noise_sigma(model: StrainModel, p1_net: FloatArray) -> float:
+    """Return sigma [m/m]: 1 % of the median |strain| over P1 and Configuration 2 of the shipped reading."""
+    strain = p1_net @ model.of(SHIPPED.configuration(2)).T
+    return NOISE_SHARE * float(np.median(np.abs(strain)))
+
+
+def make_setups(
+    tetrahedra: StrainModel, hexahedra: StrainModel, fourier: StrainModel, p1_net: FloatArray
+) -> dict[str, SetUp]:
+    """Return the set-ups by key; ``p1_net`` (90, n_p) [Pa] sets sigma."""
+    pairs = {
+        PAPER_LIKE: (tetrahedra, tetrahedra),
+        SAME_MESH: (hexahedra, hexahedra),
+        INDEPENDENT: (hexahedra, fourier),
+    }
+    return {
+        key: SetUp(key, inversion, data, noise_sigma(inversion, p1_net))
+        for key, (inversion, data) in pairs.items()
+    }

@@ -1,0 +1,165 @@
+"""Three discretisations of one structure, referred to the same pressure nodes and the same gauges."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.reporting import Progress
+from builder.reproduce.protocol import Sizes
+from builder.reproduce.readings import ALL
+from builder.snapshots import Snapshots
+from builder.structural_model import structural_model, wall_of
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.mapped_structure import mapped_operator
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_layouts import solid_gauges
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
+from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_triangles import triangulated_surface
+from builder.structure.solid.swept_mesh import SweptSector, full_mesh, swept_wall
+from builder.structure.solid.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.vehicle import Vehicle
+from strainfmu.errors import InputError
+from strainfmu.records import load_record, save_record
+
+FloatArray = NDArray[np.float64]
+
+SCHEMA = "strainfmu.reproduce.strain_model"
+SCHEMA_VERSION = 1
+
+CHECKED_SNAPSHOTS = 8
+"""Snapshots, evenly spread, on which the transfer of pressure to the structure's surface is checked."""
+
+TETRAHEDRA, RECOVERED, HEXAHEDRA, FOURIER = "tetrahedra", "tetrahedra_recovered", "hexahedra", "fourier"
+
+
+@dataclass(frozen=True)
+class StrainModel:
+    """Strain of every gauge per pressure at the snapshots' nodes.
+
+    Attributes
+    ----------
+    name : which model.
+    gauge_names : (n_g,) of all readings.
+    position, direction : (n_g, 3) [m] and unit vectors, body axes, as asked for.
+    operator : (n_g, n_p) Z_p [1/Pa].
+    facts : size of the mesh.
+    """
+
+    name: str
+    gauge_names: tuple[str, ...]
+    position: FloatArray
+    direction: FloatArray
+    operator: FloatArray
+    facts: dict[str, Any]
+
+    def of(self, names: Sequence[str]) -> FloatArray:
+        """Return Z_p (n_d, n_p) [1/Pa] of the gauges ``names``, in their order."""
+        return self.operator[self.places(names)]
+
+    def places(self, names: Sequence[str]) -> list[int]:
+        """Return the rows of gauges.
+
+        Raises
+        ------
+        InputError
+            There is no gauge of a name.
+        """
+        place = {name: i for i, name in enumerate(self.gauge_names)}
+        missing = [name for name in names if name not in place]
+        if missing:
+            raise InputError(f"strain model {self.name}: no gauge '{missing[0]}'")
+        return [place[name] for name in names]
+
+
+def save_model(model: StrainModel, path: Path) -> None:
+    """Write a model atomically."""
+    save_record(model, path, SCHEMA, SCHEMA_VERSION, {"position": "m", "operator": "1/Pa"})
+
+
+def load_model(path: Path) -> StrainModel:
+    """Read a model.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or of another schema or version.
+    """
+    return load_record(StrainModel, path, SCHEMA, SCHEMA_VERSION)
+
+
+def tetrahedral_model(
+    vehicle: Vehicle, sizes: Sizes, snapshots: Snapshots, recovered: bool, progress: Progress | None = None
+) -> StrainModel:
+    """Return linear tetrahedra, their gauges read element by element, or by patch recovery where ``recovered``.
+
+    The first is what the source's words describe: "maps the discrete displacements to discrete strains using the
+    strain-displacement relation" at the places of the gauges, on linear elements.
+    """
+    sector = tetrahedral_sector(swept_wall(vehicle.body(), wall_of(vehicle), sizes.tetrahedra))
+    mesh, gauges = full_mesh(sector), _gauges(vehicle)
+    rows = gauge_rows(mesh, gauges, near_surface=True) if recovered else element_strain_rows(mesh, gauges)
+    return _solid_model(RECOVERED if recovered else TETRAHEDRA, vehicle, sector, gauges, snapshots, rows, progress)
+
+
+def hexahedral_model(
+    vehicle: Vehicle, sizes: Sizes, snapshots: Snapshots, progress: Progress | None = None
+) -> StrainModel:
+    """Return swept hexahedra of second order, gauges at their places by patch recovery."""
+    sector = swept_wall(vehicle.body(), wall_of(vehicle), sizes.hexahedra)
+    gauges = _gauges(vehicle)
+    rows = cyclic_gauge_rows(sector, gauges)
+    return _solid_model(HEXAHEDRA, vehicle, sector, gauges, snapshots, rows, progress)
+
+
+def fourier_model(vehicle: Vehicle, progress: Progress | None = None) -> StrainModel:
+    """Return the semi-analytic model; its resolution and pressure nodes are the vehicle's."""
+    model = structural_model(vehicle, vehicle.resolution.map, [ALL], progress)
+    layout = model.layouts[ALL]
+    used = vehicle.resolution.map
+    facts = {"element_length_mm": used.element_length_mm, "layers": used.wall_layers, "harmonics": used.harmonics}
+    return StrainModel(FOURIER, layout.names, layout.position, layout.direction, model.strain_operator(ALL), facts)
+
+
+def _gauges(vehicle: Vehicle) -> Gauges:
+    return solid_gauges(vehicle, ALL, shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length))
+
+
+def _solid_model(
+    name: str,
+    vehicle: Vehicle,
+    sector: SweptSector,
+    gauges: Gauges,
+    snapshots: Snapshots,
+    rows: Any,
+    progress: Progress | None,
+) -> StrainModel:
+    """Solve for the strain of ``rows`` per pressure at the snapshots' nodes, base ring clamped."""
+    solved = solve_strain(sector, wall_of(vehicle).material, None, Clamped(SUPPORT), rows, None, progress)
+    surface = triangulated_surface(full_mesh(sector), EXTERNAL)
+    _, operator = mapped_operator(solved.strain_operator, surface, _some(snapshots))
+    facts = {
+        "elements": len(sector.element) * sector.n_sectors,
+        "nodes": sector.n_nodes * sector.n_sectors,
+        "dofs": sector.n_dof * sector.n_sectors,
+        "element_type": sector.element_type,
+        **solved.statistics,
+    }
+    return StrainModel(name, gauges.name, gauges.position, gauges.direction, operator, facts)
+
+
+def _some(snapshots: Snapshots) -> Snapshots:
+    """Return a few of the snapshots, on which a transfer is checked."""
+    n = len(snapshots.condition)
+    chosen = np.unique(np.linspace(0, n - 1, CHECKED_SNAPSHOTS).astype(int))
+    per_snapshot = ("condition", "pressure", "internal_pressure", "solved", "momentum_error", "repairs")
+    kept = {name: getattr(snapshots, name)[chosen] for name in per_snapshot}
+    return replace(snapshots, flow=np.arange(len(chosen)), **kept)

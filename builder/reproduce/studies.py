@@ -1,0 +1,275 @@
+"""All studies of both cases in all set-ups, and the measurements that explain them: what the report is made of."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.flight_conditions import flow_key
+from builder.geometry import SurfaceGrid
+from builder.inverse.prior import LowRankPrior, prior_of_snapshots
+from builder.reproduce.case_1 import (
+    Case1Map,
+    Case1Study,
+    FieldExample,
+    case_1_map,
+    field_example,
+    pod_of,
+    study_case_1,
+)
+from builder.reproduce.case_2 import (
+    FieldStudy,
+    GammaStudy,
+    case_2_map,
+    drawn_modes,
+    load_readings,
+    study_field,
+    study_gamma,
+)
+from builder.reproduce.measurements import (
+    ClassRow,
+    CrimeRow,
+    HoopRow,
+    ReadingRow,
+    class_rows,
+    crime_rows,
+    hoop_rows,
+    reading_rows,
+    span_row,
+)
+from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FREE_GAMMA, P1, P2, PUBLISHED_GAMMA
+from builder.reproduce.published import PUBLISHED
+from builder.reproduce.readings import READINGS, SHIPPED, SPANS, Reading
+from builder.reproduce.setups import SAME_MESH, Pressures, SetUp
+from builder.reproduce.store import load_studies, save_studies
+from builder.reproduce.strain_models import FOURIER, HEXAHEDRA, RECOVERED, TETRAHEDRA, StrainModel
+from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+LAYOUT_2, LAYOUT_45 = "configuration_2", "configuration_45"
+
+FIELDS = {
+    # What: condition, layout, gamma, noise.
+    "noise_free": ("m5_a6_b6", LAYOUT_2, NOISE_FREE_GAMMA, False),
+    "noisy": ("m5_a6_b6", LAYOUT_2, PUBLISHED_GAMMA, True),
+    "off_set": ("m6_a0_b5", LAYOUT_2, PUBLISHED_GAMMA, True),
+    "noise_free_45": ("m5_a6_b6", LAYOUT_45, NOISE_FREE_GAMMA, False),
+    "noisy_45": ("m5_a6_b6", LAYOUT_45, PUBLISHED_GAMMA, True),
+    "off_set_45": ("m6_a0_b5", LAYOUT_45, PUBLISHED_GAMMA, True),
+}
+"""The fields of Case 2 that are estimated."""
+
+
+@dataclass(frozen=True)
+class DrawnModes:
+    """(n_p, 5) eigenvectors that the source draws, of unit norm."""
+
+    modes: FloatArray
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """One list of rows per cause.
+
+    Attributes
+    ----------
+    readings : of the gauges' rows, per model; spans beside them.
+    spans : the shipped and the best reading with rows that begin and end elsewhere.
+    hoop : how much of the hoop strain each model returns.
+    crime : the noise-free example for pairs of models.
+    classes : what the layouts see per symmetry class.
+    surface_nodes, dofs : sizes.
+    sigma : per set-up [m/m].
+    conditions_left_out : of P2, in the independent set-up.
+    """
+
+    readings: list[ReadingRow]
+    spans: list[ReadingRow]
+    hoop: list[HoopRow]
+    crime: list[CrimeRow]
+    classes: list[ClassRow]
+    surface_nodes: int
+    dofs: dict[str, int]
+    sigma: dict[str, float]
+    conditions_left_out: int
+
+
+@dataclass(frozen=True)
+class Studies:
+    """Everything that was computed; studies by ``"set-up-what"``."""
+
+    case_1: dict[str, Case1Study]
+    examples: dict[str, FieldExample]
+    gamma: dict[str, GammaStudy]
+    fields: dict[str, FieldStudy]
+    modes: FloatArray
+    measured: Measurements
+
+
+def run_case_1(
+    setups: Mapping[str, SetUp], pressures: Pressures, path: Path, progress: Progress | None = None
+) -> None:
+    """Study Case 1 in all set-ups and both configurations, and write the studies to ``path``."""
+    modes = pod_of(pressures.p1, None)
+    example_1 = EXAMPLES["m5_a6_b5"]
+    kept = np.array([flow_key(one) != flow_key(example_1) for one in P1.conditions])
+    without = pod_of(pressures.p1[kept], None)
+    found: dict[str, Any] = {}
+    for done, (key, setup) in enumerate(setups.items(), start=1):
+        fields = pressures.fine_examples if setup.held_out else pressures.examples
+        tested = (pressures.held_out, HELD_OUT) if setup.held_out else (pressures.p1, P1)
+        maps = {n: case_1_map(modes, setup, SHIPPED.configuration(n), pressures.internal) for n in (1, 2)}
+        for number, of in maps.items():
+            found[f"study/{key}-{number}"] = study_case_1(of, pressures, tested[0], tested[1].conditions)
+        used = without if setup.held_out else modes
+        first = case_1_map(used, setup, SHIPPED.configuration(1), pressures.internal)
+        for name, of in (("m5_a6_b5", first), ("m7_a2_b8", maps[2])):
+            found[f"example/{key}-{name}"] = _example(of, name, fields, pressures.internal)
+        if progress is not None:
+            progress(done, len(setups))
+    save_studies(found, path)
+
+
+def _example(of: Case1Map, name: str, fields: FloatArray, internal: float) -> FieldExample:
+    return field_example(of, fields[list(EXAMPLES).index(name)], internal)
+
+
+def run_case_2(
+    setups: Mapping[str, SetUp],
+    pressures: Pressures,
+    grid: SurfaceGrid,
+    layouts: Mapping[str, list[str]],
+    path: Path,
+    progress: Progress | None = None,
+) -> None:
+    """Study Case 2 in all set-ups, the published layout and "45", and write the studies to ``path``."""
+    readings = load_readings(pressures.reference.moment_station)
+    priors = {False: prior_of_snapshots(pressures.p2), True: prior_of_snapshots(pressures.p2[~left_out()])}
+    found: dict[str, Any] = {}
+    for done, (key, setup) in enumerate(setups.items(), start=1):
+        prior = priors[setup.held_out]
+        maps = {name: case_2_map(prior, setup, names, pressures.internal) for name, names in layouts.items()}
+        fields = pressures.fine_examples if setup.held_out else pressures.examples
+        ensemble = (pressures.held_out if setup.held_out else pressures.p2) - pressures.internal
+        flight = fields[list(EXAMPLES).index("m5_a6_b6")] - pressures.internal
+        for layout, suffix in ((LAYOUT_2, ""), (LAYOUT_45, "-45")):
+            read = maps[layout].data_operator.T
+            found[f"gamma/{key}{suffix}"] = study_gamma(maps[layout], ensemble @ read, flight @ read)
+        for what, (condition, layout, gamma, noisy) in FIELDS.items():
+            tested = fields[list(EXAMPLES).index(condition)]
+            found[f"field/{key}-{what}"] = study_field(maps[layout], tested, gamma, noisy, grid, readings)
+        if key == SAME_MESH:
+            found["modes/drawn"] = DrawnModes(drawn_modes(maps[LAYOUT_2]))
+        if progress is not None:
+            progress(done, len(setups))
+    save_studies(found, path)
+
+
+def left_out() -> NDArray[np.bool_]:
+    """Return (243,) which of P2 share the flow of the example M5 a6 b6: itself and its mirror images."""
+    wanted = flow_key(EXAMPLES["m5_a6_b6"])
+    return np.array([flow_key(one) == wanted for one in P2.conditions])
+
+
+def run_measurements(
+    models: Mapping[str, StrainModel],
+    spans: Mapping[str, StrainModel],
+    setups: Mapping[str, SetUp],
+    pressures: Pressures,
+    grid: SurfaceGrid,
+    layouts: Mapping[str, list[str]],
+    area: FloatArray,
+    path: Path,
+) -> None:
+    """Measure the causes and write them as JSON to ``path``.
+
+    Parameters
+    ----------
+    models : by name: both readings of the tetrahedra, hexahedra, Fourier.
+    spans : the Fourier model with rows of other spans.
+    area : (n_p,) of the nodes [m2].
+    """
+    prior = prior_of_snapshots(pressures.p2)
+    solid = {name: models[name] for name in (TETRAHEDRA, HEXAHEDRA)}
+    rows = reading_rows(solid, pressures)
+    best = best_reading(rows, HEXAHEDRA)
+    measured = Measurements(
+        readings=rows,
+        spans=[
+            span_row(span, model, pressures, reading)
+            for span, model in {next(iter(SPANS)): models[FOURIER], **spans}.items()
+            for reading in dict.fromkeys((SHIPPED, best))
+        ],
+        hoop=hoop_rows(
+            {name: models[name] for name in (TETRAHEDRA, RECOVERED, HEXAHEDRA)}, models[FOURIER], pressures
+        ),
+        crime=_crimes(models, layouts[LAYOUT_2], prior, pressures, grid),
+        classes=[
+            row for name in (HEXAHEDRA, TETRAHEDRA) for row in class_rows(models[name], layouts, prior, grid, area)
+        ],
+        surface_nodes=pressures.p1.shape[1],
+        dofs={name: int(model.facts["dofs"]) for name, model in models.items() if "dofs" in model.facts},
+        sigma={key: setup.sigma for key, setup in setups.items()},
+        conditions_left_out=int(left_out().sum()),
+    )
+    write_bytes_atomically(path, json.dumps(asdict(measured), indent=1).encode())
+
+
+def best_reading(rows: list[ReadingRow], model: str) -> Reading:
+    """Return the reading whose K1/K2 is nearest to the published one."""
+    wanted = PUBLISHED["k_ratio"].low or 0.0
+    own = {row.reading: abs(np.log(row.ratio / wanted)) for row in rows if row.model == model}
+    return min(READINGS, key=lambda reading: own[reading.name])
+
+
+def _crimes(
+    models: Mapping[str, StrainModel],
+    names: list[str],
+    prior: LowRankPrior,
+    pressures: Pressures,
+    grid: SurfaceGrid,
+) -> list[CrimeRow]:
+    """Map and data of one model, then of two."""
+    pairs = [
+        (TETRAHEDRA, TETRAHEDRA),
+        (RECOVERED, RECOVERED),
+        (HEXAHEDRA, HEXAHEDRA),
+        (FOURIER, FOURIER),
+        (HEXAHEDRA, FOURIER),
+        (TETRAHEDRA, RECOVERED),
+        (TETRAHEDRA, FOURIER),
+    ]
+    return crime_rows([(models[a], models[b]) for a, b in pairs], names, prior, pressures, grid)
+
+
+def load_all(case_1: Path, case_2: Path, measurements: Path) -> Studies:
+    """Read back what the stages wrote.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged.
+    """
+    try:
+        held = json.loads(measurements.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{measurements}: cannot be read") from error
+    kinds = {"readings": ReadingRow, "spans": ReadingRow, "hoop": HoopRow, "crime": CrimeRow, "classes": ClassRow}
+    rows = {name: [kind(**row) for row in held[name]] for name, kind in kinds.items()}
+    return Studies(
+        case_1=load_studies(Case1Study, case_1, "study"),
+        examples=load_studies(FieldExample, case_1, "example"),
+        gamma=load_studies(GammaStudy, case_2, "gamma"),
+        fields=load_studies(FieldStudy, case_2, "field"),
+        modes=load_studies(DrawnModes, case_2, "modes")["drawn"].modes,
+        measured=Measurements(**{**held, **rows}),
+    )

@@ -1,0 +1,231 @@
+"""The tables of the report, raw numbers with units."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.reports.tables import Column, Table, make_table
+from builder.reproduce.acceptance import Verdict
+from builder.reproduce.case_2 import COEFFICIENTS, load_readings
+from builder.reproduce.parity import ParityRow
+from builder.reproduce.setups import TITLES
+from builder.reproduce.studies import Studies
+
+
+def parity_table(rows: list[ParityRow]) -> Table:
+    """Return published against ours, with the reasons."""
+    columns = [
+        Column("quantity"),
+        Column("published"),
+        Column("place"),
+        *(Column(title) for title in TITLES.values()),
+    ]
+    cells = [
+        [
+            row.published.quantity,
+            row.published.value,
+            row.published.place,
+            *(row.ours[key].shown(row.published.unit) for key in TITLES),
+            row.why,
+        ]
+        for row in rows
+    ]
+    return make_table(
+        "parity",
+        "Every published number beside ours, in three set-ups",
+        [*columns, Column("why they differ")],
+        cells,
+    )
+
+
+def parity_numbers(rows: list[ParityRow]) -> Table:
+    """Return the same as raw numbers, one row per number and set-up."""
+    columns = [
+        Column("key"),
+        Column("quantity"),
+        Column("unit"),
+        Column("published low"),
+        Column("published high"),
+        Column("set-up"),
+        Column("our low"),
+        Column("our high"),
+    ]
+    cells = [
+        [
+            row.published.key,
+            row.published.quantity,
+            row.published.unit,
+            row.published.low,
+            row.published.high,
+            key,
+            row.ours[key].low,
+            row.ours[key].high,
+        ]
+        for row in rows
+        for key in TITLES
+    ]
+    return make_table("parity_numbers", "Published numbers and ours, both ends of every range", columns, cells)
+
+
+def verdict_table(verdicts: list[Verdict]) -> Table:
+    """Return the criteria with our numbers and whether each holds."""
+    columns = [Column("criterion")]
+    for title in TITLES.values():
+        columns += [Column(title), Column("holds")]
+    cells = [[one.text, *(cell for key in TITLES for cell in (one.ours[key], one.holds[key]))] for one in verdicts]
+    return make_table("criteria", "Criteria of parity, the source's protocol", columns, cells)
+
+
+def reading_table(studies: Studies) -> Table:
+    """Return K and Case 1's medians per reading of the gauges' rows."""
+    columns = [
+        Column("model"),
+        Column("reading"),
+        Column("K1", "1", ".1f"),
+        Column("K2", "1", ".1f"),
+        Column("K1/K2", "1", ".2f"),
+        Column("K1/K2, area-weighted POD", "1", ".2f"),
+        Column("median field error, Configuration 1", "%", ".1f"),
+        Column("median field error, Configuration 2", "%", ".1f"),
+    ]
+    rows = [*studies.measured.readings, *studies.measured.spans]
+    cells = [
+        [
+            row.model,
+            row.reading,
+            row.k_1,
+            row.k_2,
+            row.ratio,
+            row.area_ratio,
+            100.0 * row.median_1,
+            100.0 * row.median_2,
+        ]
+        for row in rows
+    ]
+    caption = "The readings of the gauges' rows (published: K1 89.61, K2 47.96, ratio 1.87; medians 7.5 and 5.5 %)"
+    return make_table("readings", caption, columns, cells)
+
+
+def hoop_table(studies: Studies) -> Table:
+    """Return what each model makes of hoop and axial strain."""
+    columns = [
+        Column("model"),
+        Column("hoop strain returned", "%", ".1f"),
+        Column("axial strain returned", "%", ".2f"),
+        Column("rms difference, hoop", "sigma", ".3g"),
+        Column("rms difference, axial", "sigma", ".3g"),
+    ]
+    cells = [
+        [row.model, 100.0 * row.hoop_gain, 100.0 * row.axial_gain, row.hoop_error, row.axial_error]
+        for row in studies.measured.hoop
+    ]
+    caption = (
+        "Strain of Configuration 2 over P1 against the Fourier model; same mesh for map and data hides all of it"
+    )
+    return make_table("hoop_strain", caption, columns, cells)
+
+
+def crime_table(studies: Studies) -> Table:
+    """Return the noise-free example for pairs of models."""
+    columns = [
+        Column("map"),
+        Column("data"),
+        Column("field error", "%"),
+        Column("of it odd in y and z", "%"),
+        Column("strain of the doubly odd prior", "of all", ".2e"),
+    ]
+    cells = [
+        [row.inversion, row.data, 100.0 * row.field_error, 100.0 * row.odd_error, row.odd_strain]
+        for row in studies.measured.crime
+    ]
+    caption = (
+        "M5 a6 b6 without noise, gamma 1e-6 (published: 2.8 %); the condition is in the prior, as in the source"
+    )
+    return make_table("noise_free", caption, columns, cells)
+
+
+def class_table(studies: Studies) -> Table:
+    """Return what the layouts see of each symmetry class."""
+    columns = [
+        Column("model"),
+        Column("layout"),
+        Column("pressure"),
+        Column("greatest response", "1/Pa", ".2e"),
+        Column("rank"),
+        Column("share of the prior's variance", "%", ".2f"),
+    ]
+    cells = [
+        [row.model, row.layout, row.symmetry, row.response, row.rank, 100.0 * row.prior_share]
+        for row in studies.measured.classes
+    ]
+    caption = "What the layouts see of smooth pressures, by symmetry; rank 0: blind"
+    return make_table("symmetry_classes", caption, columns, cells)
+
+
+def layout_table(studies: Studies) -> Table:
+    """Return the field errors of the published layout and of "45"."""
+    columns = [
+        Column("set-up"),
+        Column("condition"),
+        Column("published layout: least", "%", ".1f"),
+        Column("median", "%", ".1f"),
+        Column("largest", "%", ".1f"),
+        Column("layout '45': least", "%", ".1f"),
+        Column("median", "%", ".1f"),
+        Column("largest", "%", ".1f"),
+    ]
+    cells = []
+    for key, title in TITLES.items():
+        for what, condition in (
+            ("noise_free", "M5 a6 b6, no noise, gamma 1e-6"),
+            ("noisy", "M5 a6 b6, 100 draws"),
+            ("off_set", "M6 a0 b5, 100 draws"),
+        ):
+            ours = [100.0 * studies.fields[f"{key}-{name}"].errors for name in (what, f"{what}_45")]
+            cells.append([title, condition, *(f(e) for e in ours for f in (np.min, np.median, np.max))])
+    return make_table("layout_45", "What the layout '45' changes: relative error of the field", columns, cells)
+
+
+def load_table(studies: Studies, moment_station: float) -> Table:
+    """Return errors of the coefficients at M5 a6 b6 by each reading of the loads."""
+    columns = [Column("set-up"), Column("loads")]
+    columns += [Column(f"{name} {end}", "%", ".2f") for name in COEFFICIENTS for end in ("mean", "largest")]
+    cells = []
+    for key, title in TITLES.items():
+        error = 100.0 * studies.fields[f"{key}-noisy"].load_error
+        for i, reading in enumerate(load_readings(moment_station)):
+            numbers = [f(error[:, k, i]) for k in range(len(COEFFICIENTS)) for f in (np.mean, np.max)]
+            cells.append([title, reading.name, *numbers])
+    caption = "Relative errors of the coefficients at M5 a6 b6, 100 draws, by what the source leaves open"
+    return make_table("loads", caption, columns, cells)
+
+
+def gamma_table(studies: Studies) -> Table:
+    """Return gamma by each rule."""
+    rules = list(next(iter(studies.gamma.values())).by_rule)
+    columns = [Column("set-up"), Column("layout"), *(Column(rule, "1", ".3g") for rule in rules)]
+    cells = [
+        [title, layout, *(studies.gamma[f"{key}{suffix}"].by_rule[rule] for rule in rules)]
+        for key, title in TITLES.items()
+        for suffix, layout in (("", "published"), ("-45", "'45'"))
+    ]
+    return make_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like one)", columns, cells)
+
+
+def coverage_table(studies: Studies) -> Table:
+    """Return how often Case 1's 3 sigma of the noise alone cover."""
+    columns = [Column("set-up"), Column("configuration"), Column("K", "1", ".2f")]
+    columns += [Column(f"q_{i} covered", "%", ".1f") for i in range(1, 6)]
+    columns += [Column("scaling of K")]
+    cells = [
+        [title, n, study.relative_condition, *(100.0 * study.covered), study.scaling]
+        for key, title in TITLES.items()
+        for n in (1, 2)
+        for study in [studies.case_1[f"{key}-{n}"]]
+    ]
+    return make_table(
+        "coverage",
+        "Case 1: samples within the 3 sigma of the noise alone (99.73 % if they were all)",
+        columns,
+        cells,
+    )

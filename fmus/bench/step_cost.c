@@ -1,0 +1,120 @@
+/* Time of one step of an estimator FMU (FMI 2.0) in a C host, beside the bare product it stands for.
+
+   step_cost LIBRARY GUID RESOURCES N_GAUGES: prints two times in seconds, of the bare 5 x n product and of a whole
+   step: fmi2SetReal of n strains, fmi2DoStep, fmi2GetReal of five coefficients, fmi2GetInteger of the health state. */
+
+#define _POSIX_C_SOURCE 199309L
+#include <dlfcn.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#include "fmi2FunctionTypes.h"
+
+enum { REPEATS = 31, CALLS = 20000, N_OUTPUTS = 5, HEALTH_STATE = 20, FIRST_STRAIN = 26 };
+
+static void logger(fmi2ComponentEnvironment e, fmi2String n, fmi2Status s, fmi2String c, fmi2String message, ...)
+{
+    va_list arguments;
+    (void)e, (void)n, (void)s, (void)c;
+    va_start(arguments, message);
+    vfprintf(stderr, message, arguments);
+    va_end(arguments);
+    fputc('\n', stderr);
+}
+
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static int by_size(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values)
+{
+    qsort(values, REPEATS, sizeof *values, by_size);
+    return values[REPEATS / 2];
+}
+
+static double bare_product(size_t n, double *strain)
+{
+    double *gain = calloc(N_OUTPUTS * n, sizeof *gain), means[REPEATS];
+    volatile double out[N_OUTPUTS];
+    for (size_t k = 0; k < N_OUTPUTS * n; k++) gain[k] = 1.0 / (double)(k + 1);
+    for (int r = 0; r < REPEATS; r++) {
+        double start = now();
+        for (int c = 0; c < CALLS; c++) {
+            strain[c % n] += 1e-12;
+            for (int i = 0; i < N_OUTPUTS; i++) {
+                double sum = 0.0;
+                for (size_t j = 0; j < n; j++) sum += gain[i * n + j] * strain[j];
+                out[i] = sum;
+            }
+        }
+        means[r] = (now() - start) / CALLS;
+    }
+    (void)out;
+    free(gain);
+    return median(means);
+}
+
+int main(int count, char **words)
+{
+    if (count != 5) return 2;
+    void *library = dlopen(words[1], RTLD_NOW);
+    if (!library) {
+        fprintf(stderr, "%s\n", dlerror());
+        return 1;
+    }
+    size_t n = (size_t)strtoul(words[4], NULL, 10);
+#define LOAD(name) name##TYPE *name = (name##TYPE *)dlsym(library, #name)
+    LOAD(fmi2Instantiate);
+    LOAD(fmi2SetupExperiment);
+    LOAD(fmi2EnterInitializationMode);
+    LOAD(fmi2ExitInitializationMode);
+    LOAD(fmi2SetReal);
+    LOAD(fmi2DoStep);
+    LOAD(fmi2GetReal);
+    LOAD(fmi2GetInteger);
+    LOAD(fmi2Terminate);
+    LOAD(fmi2FreeInstance);
+    fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
+    double start = now();
+    fmi2Component fmu = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 1);
+    double instantiation = now() - start;
+    if (!fmu) return 1;
+    fmi2SetupExperiment(fmu, 0, 0.0, 0.0, 0, 0.0);
+    fmi2EnterInitializationMode(fmu);
+    fmi2ExitInitializationMode(fmu);
+    double *strain = calloc(n, sizeof *strain), means[REPEATS], out[N_OUTPUTS];
+    fmi2ValueReference *inputs = calloc(n, sizeof *inputs), outputs[] = {0, 1, 2, 3, 4}, state[] = {HEALTH_STATE};
+    fmi2Integer health;
+    for (size_t k = 0; k < n; k++) inputs[k] = (fmi2ValueReference)(FIRST_STRAIN + k);
+    double product = bare_product(n, strain);
+    int status = 0;
+    for (int r = 0; r < REPEATS; r++) {
+        start = now();
+        for (int c = 0; c < CALLS; c++) {
+            strain[c % n] += 1e-12;
+            status |= fmi2SetReal(fmu, inputs, n, strain);
+            status |= fmi2DoStep(fmu, c * 1e-3, 1e-3, 1);
+            status |= fmi2GetReal(fmu, outputs, N_OUTPUTS, out);
+            status |= fmi2GetInteger(fmu, state, 1, &health);
+        }
+        means[r] = (now() - start) / CALLS;
+    }
+    fmi2Terminate(fmu);
+    fmi2FreeInstance(fmu);
+    if (status > fmi2Warning) return 1;
+    printf("%.6e %.6e %.6e\n", product, median(means), instantiation);
+    free(strain);
+    free(inputs);
+    return 0;
+}

@@ -1,0 +1,350 @@
+#include "estimator.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "triangles.h"
+
+static const char *const SETTING_NAMES[] = {
+    "dynamic_pressure", "dynamic_pressure_std", "sensor_range",    "alarm_scale",
+    "reference_area",   "reference_length",     "moment_station",
+};
+
+/* One block for all arrays: doubles, then places, then bytes. */
+static int allocate(Estimator *e) {
+    const Map *map = &e->map;
+    const size_t n = map->n_gauges;
+    const size_t n_doubles =
+        CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + n + N_SCALAR_INPUTS + 3 * n;
+    const size_t n_places = CACHED_MASKS * masked_map_places(map) + n;
+    e->memory = calloc(1, n_doubles * sizeof(double) + n_places * sizeof(size_t) + (CACHED_MASKS + 2) * n);
+    if (e->memory == NULL) {
+        return 0;
+    }
+    double *doubles = e->memory;
+    size_t *places = (size_t *)(void *)(doubles + n_doubles);
+    unsigned char *flags = (unsigned char *)(places + n_places);
+    for (int k = 0; k < CACHED_MASKS; k++) {
+        e->cache[k].mask = flags + (size_t)k * n;
+        masked_map_arrays(map, &e->cache[k], &doubles, &places);
+    }
+    workspace_arrays(map, &e->work, &doubles, &places);
+    e->input = doubles;
+    e->residual = e->input + n + N_SCALAR_INPUTS;
+    e->whitened = e->residual + n;
+    e->z = e->whitened + n;
+    e->valid = flags + CACHED_MASKS * n;
+    e->mask = e->valid + n;
+    return 1;
+}
+
+Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MAP_TEXT_SIZE]) {
+    Estimator *e = calloc(1, sizeof *e);
+    if (e == NULL) {
+        snprintf(text, MAP_TEXT_SIZE, "needs more memory than there is");
+        free(bytes);
+        return NULL;
+    }
+    e->bytes = bytes;
+    if (!map_parse(bytes, length, &e->map, text)) {
+        estimator_free(e);
+        return NULL;
+    }
+    if (!allocate(e)) {
+        snprintf(text, MAP_TEXT_SIZE, "needs more memory than there is");
+        estimator_free(e);
+        return NULL;
+    }
+    estimator_reset(e);
+    return e;
+}
+
+void estimator_free(Estimator *e) {
+    if (e != NULL) {
+        free(e->memory);
+        free(e->bytes);
+        free(e);
+    }
+}
+
+void estimator_reset(Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    double *scalar = e->input + n;
+    memset(e->input, 0, n * sizeof *e->input);
+    memset(e->valid, 1, n);
+    scalar[DYNAMIC_PRESSURE] = e->map.dynamic_pressure;
+    scalar[DYNAMIC_PRESSURE_STD] = 0.0;
+    scalar[SENSOR_RANGE] = e->map.sensor_range;
+    scalar[ALARM_SCALE] = 1.0;
+    scalar[REFERENCE_AREA] = e->map.reference_area;
+    scalar[REFERENCE_LENGTH] = e->map.reference_length;
+    scalar[MOMENT_STATION] = e->map.moment_station;
+    e->outdated = 1;
+}
+
+int estimator_accepts(const Estimator *e, size_t place, double value, char text[MAP_TEXT_SIZE]) {
+    if (place < e->map.n_gauges + SENSOR_RANGE) {
+        return 1;
+    }
+    const size_t setting = place - e->map.n_gauges;
+    const double largest = setting == SENSOR_RANGE ? e->map.largest_sensor_range : e->map.largest_setting;
+    if (setting == MOMENT_STATION) {
+        if (fabs(value) <= largest) {
+            return 1;
+        }
+        snprintf(text, MAP_TEXT_SIZE, "%s: %g found, must be between %g and %g", SETTING_NAMES[setting], value,
+                 -largest, largest);
+        return 0;
+    }
+    if (value > 0.0 && value <= largest) {
+        return 1;
+    }
+    snprintf(text, MAP_TEXT_SIZE, "%s: %g found, must be positive and at most %g", SETTING_NAMES[setting], value,
+             largest);
+    return 0;
+}
+
+/* The matrices for the gauges of e->mask, from the cache if they are there. */
+static const MaskedMap *masked_map(Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    if (e->masked != NULL && memcmp(e->masked->mask, e->mask, n) == 0) {
+        return e->masked;
+    }
+    int oldest = 0;
+    e->uses++;
+    for (int k = 0; k < CACHED_MASKS; k++) {
+        if (e->last_use[k] > 0 && memcmp(e->cache[k].mask, e->mask, n) == 0) {
+            e->last_use[k] = e->uses;
+            return &e->cache[k];
+        }
+        oldest = e->last_use[k] < e->last_use[oldest] ? k : oldest;
+    }
+    e->last_use[oldest] = e->uses;
+    memcpy(e->cache[oldest].mask, e->mask, n);
+    masked_map_prepare(&e->map, &e->cache[oldest], &e->work);
+    return &e->cache[oldest];
+}
+
+/* 1 / (q S) for forces, 1 / (q S L) for moments. */
+static double coefficient_scale(const double *scalar, size_t load) {
+    const double reference = load < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
+    return 1.0 / (scalar[DYNAMIC_PRESSURE] * reference);
+}
+
+/* No number, for outputs from `first` up to, not including, `end`. */
+static void set_unknown(double *output, int first, int end) {
+    for (int i = first; i < end; i++) {
+        output[i] = NAN;
+    }
+}
+
+/* Sum of the gains of the gauges in use, weighted with x: loads that strains x stand for. */
+static void gain_times(const MaskedMap *m, const double *restrict x, double *restrict loads) {
+    double even[LOAD_STRIDE] = {0.0}, odd[LOAD_STRIDE] = {0.0};
+    size_t k = 0;
+    for (; k + 2 <= m->n_used; k += 2) {
+        const double *restrict gain = m->load_gain + LOAD_STRIDE * k;
+        for (size_t i = 0; i < LOAD_STRIDE; i++) {
+            even[i] += gain[i] * x[k];
+            odd[i] += gain[i + LOAD_STRIDE] * x[k + 1];
+        }
+    }
+    if (k < m->n_used) {
+        for (size_t i = 0; i < LOAD_STRIDE; i++) {
+            even[i] += m->load_gain[LOAD_STRIDE * k + i] * x[k];
+        }
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        loads[i] = even[i] + odd[i];
+    }
+}
+
+/* M_P' = M_P + shift F_N and M_Y' = M_Y + shift F_Y about a point further aft. */
+static void move_moments(double shift, double *loads) {
+    loads[3] += shift * loads[1];
+    loads[4] += shift * loads[2];
+}
+
+static double moment_shift(const Estimator *e) {
+    return e->input[e->map.n_gauges + MOMENT_STATION] - e->map.moment_station;
+}
+
+/* Variance of moment `load` about the shifted point, and in *with_force its covariance with the force that comes in:
+   of B C B' the entries that are needed. */
+static double moved_variance(const double *covariance, size_t load, double shift, double *with_force) {
+    const size_t force = load - 2;
+    const double cross = covariance[load * N_LOADS + force], of_force = covariance[force * N_LOADS + force];
+    *with_force = cross + shift * of_force;
+    return (covariance[load * N_LOADS + load] + shift * cross) + shift * *with_force;
+}
+
+static void set_loads(const Estimator *e, double *output) {
+    const MaskedMap *m = e->masked;
+    const double shift = moment_shift(e);
+    gain_times(m, e->residual, output + LOADS);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        output[LOADS + i] += e->map.load_of_mean[i];
+    }
+    move_moments(shift, output + LOADS);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        double with_force;
+        const double variance =
+            i < 3 ? m->load_covariance[i * N_LOADS + i] : moved_variance(m->load_covariance, i, shift, &with_force);
+        output[LOADS_STD + i] = sqrt(variance);
+    }
+}
+
+/* Whether the dynamic pressure gives coefficients; if so, set them. */
+static int set_coefficients(const Estimator *e, double *output) {
+    const double *scalar = e->input + e->map.n_gauges;
+    const double pressure = scalar[DYNAMIC_PRESSURE], deviation = scalar[DYNAMIC_PRESSURE_STD];
+    const int usable = pressure >= e->map.least_dynamic_pressure && pressure < INFINITY && deviation >= 0.0
+                    && deviation < INFINITY;
+    if (!usable) {
+        set_unknown(output, COEFFICIENTS, LOADS);
+        return 0;
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double scale = coefficient_scale(scalar, i);
+        const double coefficient = scale * output[LOADS + i], of_loads = scale * output[LOADS_STD + i];
+        const double of_pressure = coefficient * (deviation / pressure);
+        output[COEFFICIENTS + i] = coefficient;
+        output[COEFFICIENTS_STD + i] =
+            deviation > 0.0 ? sqrt(of_loads * of_loads + of_pressure * of_pressure) : of_loads;
+    }
+    return 1;
+}
+
+/* The gauge of the largest |z| and those it cannot be told from. */
+static void set_suspects(Estimator *e, double alarm_scale, double *output) {
+    const MaskedMap *m = e->masked;
+    triangle_transposed_times(m->n_used, m->triangle_rows, e->whitened, e->z);
+    size_t worst = 0;
+    double largest = 0.0;
+    for (size_t k = 0; k < m->n_used; k++) {
+        const double size = fabs(e->z[k] * m->z_scale[k]);
+        if (size > largest) {
+            largest = size;
+            worst = k;
+        }
+    }
+    if (!(largest > sqrt(alarm_scale) * m->outlier_threshold)) {
+        return;
+    }
+    output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
+    for (size_t k = 0; k < m->n_used; k++) {
+        output[SUSPECTS] += m->group[k] == m->group[worst] ? 1.0 : 0.0;
+    }
+}
+
+static int health_state(const Estimator *e, const double *output) {
+    if (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT]) {
+        return INCONSISTENT;
+    }
+    if (output[SUSPECTS] > 0.0) {
+        return SUSPECT;
+    }
+    return e->masked->n_used == e->map.n_gauges ? OK : DEGRADED;
+}
+
+/* The gauges in use: those that the caller trusts and whose strain is a number within the sensor range. */
+static void set_mask(Estimator *e) {
+    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        e->mask[i] = (unsigned char)(e->valid[i] & (fabs(e->input[i]) <= range));
+    }
+}
+
+static void update(Estimator *e) {
+    double *output = e->output;
+    set_mask(e);
+    const MaskedMap *m = e->masked = masked_map(e);
+    output[VALID_GAUGES] = (double)m->n_used;
+    output[SUSPECT_GAUGE] = output[SUSPECTS] = 0.0;
+    if (!m->identified) {
+        set_unknown(output, COEFFICIENTS, HEALTH_STATE);
+        set_unknown(output, CHI_SQUARE, VALID_GAUGES);
+        output[HEALTH_STATE] = m->n_used > 0 ? UNIDENTIFIED : INVALID;
+        return;
+    }
+    for (size_t k = 0; k < m->n_used; k++) {
+        e->residual[k] = e->input[m->used[k]] - m->mean_strain[k];
+    }
+    const double alarm_scale = e->input[e->map.n_gauges + ALARM_SCALE];
+    triangle_times(m->n_used, m->triangle, e->residual, e->whitened);
+    output[CHI_SQUARE] = dot(m->n_used, e->whitened, e->whitened);
+    output[CHI_SQUARE_LIMIT] = alarm_scale * m->chi_square_limit;
+    set_suspects(e, alarm_scale, output);
+    set_loads(e, output);
+    output[HEALTH_STATE] = set_coefficients(e, output) ? health_state(e, output) : NO_COEFFICIENTS;
+}
+
+const double *estimator_outputs(Estimator *e) {
+    if (e->outdated) {
+        update(e);
+        e->outdated = 0;
+    }
+    return e->output;
+}
+
+/* Derivatives of loads, their deviations and chi-square; d_residual is that of the strains in use. */
+static void derive_loads(Estimator *e, const double *d_residual, double d_shift, double *d_output) {
+    const MaskedMap *m = e->masked;
+    const double shift = moment_shift(e);
+    gain_times(m, d_residual, d_output + LOADS);
+    move_moments(shift, d_output + LOADS);
+    for (size_t i = 3; i < N_LOADS; i++) {
+        double with_force;
+        const double variance = moved_variance(m->load_covariance, i, shift, &with_force);
+        d_output[LOADS + i] += d_shift * e->output[LOADS + i - 2];
+        d_output[LOADS_STD + i] = with_force * d_shift / sqrt(variance);
+    }
+    /* d|W r|^2 = 2 (W r)' W dr; e->z serves as scratch. */
+    triangle_times(m->n_used, m->triangle, d_residual, e->z);
+    d_output[CHI_SQUARE] = 2.0 * dot(m->n_used, e->whitened, e->z);
+}
+
+static void derive_coefficients(const Estimator *e, const double *d_scalar, double *d_output) {
+    const double *scalar = e->input + e->map.n_gauges, *output = e->output;
+    const double pressure = scalar[DYNAMIC_PRESSURE];
+    const double share = scalar[DYNAMIC_PRESSURE_STD] / pressure;
+    const double d_share = (d_scalar[DYNAMIC_PRESSURE_STD] - share * d_scalar[DYNAMIC_PRESSURE]) / pressure;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double scale = coefficient_scale(scalar, i);
+        double growth = d_scalar[DYNAMIC_PRESSURE] / pressure + d_scalar[REFERENCE_AREA] / scalar[REFERENCE_AREA];
+        growth += i < 3 ? 0.0 : d_scalar[REFERENCE_LENGTH] / scalar[REFERENCE_LENGTH];
+        const double coefficient = output[COEFFICIENTS + i];
+        const double derivative = scale * d_output[LOADS + i] - coefficient * growth;
+        const double of_loads = scale * output[LOADS_STD + i], of_pressure = coefficient * share;
+        const double d_of_loads = scale * d_output[LOADS_STD + i] - of_loads * growth;
+        const double d_of_pressure = derivative * share + coefficient * d_share;
+        d_output[COEFFICIENTS + i] = derivative;
+        d_output[COEFFICIENTS_STD + i] =
+            (of_loads * d_of_loads + of_pressure * d_of_pressure) / output[COEFFICIENTS_STD + i];
+    }
+}
+
+void estimator_derivative(Estimator *e, const double *d_input, double d_output[N_OUTPUTS]) {
+    const double *output = estimator_outputs(e), *d_scalar = d_input + e->map.n_gauges;
+    const MaskedMap *m = e->masked;
+    memset(d_output, 0, N_OUTPUTS * sizeof *d_output);
+    if (!m->identified) {
+        set_unknown(d_output, COEFFICIENTS, HEALTH_STATE);
+        set_unknown(d_output, CHI_SQUARE, VALID_GAUGES);
+        return;
+    }
+    for (size_t k = 0; k < m->n_used; k++) {
+        e->residual[k] = d_input[m->used[k]];
+    }
+    derive_loads(e, e->residual, d_scalar[MOMENT_STATION], d_output);
+    if (d_scalar[ALARM_SCALE] != 0.0) { /* the limit may be infinite */
+        d_output[CHI_SQUARE_LIMIT] = d_scalar[ALARM_SCALE] * m->chi_square_limit;
+    }
+    if (isnan(output[COEFFICIENTS])) {
+        set_unknown(d_output, COEFFICIENTS, LOADS);
+    } else {
+        derive_coefficients(e, d_scalar, d_output);
+    }
+}

@@ -1,0 +1,97 @@
+#include "elementary.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+/* pi/2 and ln 2 in two parts, of which the first has zeros at its end, so that small multiples of it are exact
+   (Cody & Waite, Software Manual for the Elementary Functions, 1980). */
+static const double HALF_PI_HIGH = 1.5707963267341256, HALF_PI_LOW = 6.0771005065061922e-11;
+static const double LN_2_HIGH = 0.69314718036912382, LN_2_LOW = 1.9082149292705877e-10;
+static const double HALF_PI = 1.5707963267948966, LN_2 = 0.69314718055994531;
+
+static int32_t nearest(double x) {
+    return (int32_t)(x < 0.0 ? x - 0.5 : x + 0.5);
+}
+
+void sine_cosine(double angle, double *sine, double *cosine) {
+    if (!(angle > -1e5 && angle < 1e5)) {
+        *sine = *cosine = NAN;
+        return;
+    }
+    const int32_t quarter = nearest(angle / HALF_PI);
+    const double r = (angle - quarter * HALF_PI_HIGH) - quarter * HALF_PI_LOW, square = r * r;
+    /* Taylor series on |r| <= pi/4, from the smallest term. */
+    double s = 1.0, c = 1.0;
+    for (int k = 18; k > 0; k -= 2) {
+        s = 1.0 - s * square / (k * (k + 1));
+        c = 1.0 - c * square / (k * (k - 1));
+    }
+    s *= r;
+    switch (quarter & 3) {
+    case 0: *sine = s, *cosine = c; break;
+    case 1: *sine = c, *cosine = -s; break;
+    case 2: *sine = -s, *cosine = -c; break;
+    default: *sine = -c, *cosine = s; break;
+    }
+}
+
+/* atan t for 0 <= t <= 1: halved twice, tan(x/2) = t/(1 + sqrt(1 + t^2)), then the series. */
+static double arc_tangent(double t) {
+    for (int k = 0; k < 2; k++) {
+        t /= 1.0 + sqrt(1.0 + t * t);
+    }
+    double sum = 0.0;
+    for (int k = 23; k > 0; k -= 2) {
+        sum = 1.0 / k - t * t * sum;
+    }
+    return 4.0 * t * sum;
+}
+
+double angle_of(double y, double x) {
+    const double size = x < 0.0 ? -x : x;
+    if (y == 0.0 && size == 0.0) {
+        return 0.0;
+    }
+    const double angle = y <= size ? arc_tangent(y / size) : HALF_PI - arc_tangent(size / y);
+    return x < 0.0 ? 2.0 * HALF_PI - angle : angle;
+}
+
+/* 2 to a power from -1022 to 1023. */
+static double power_of_two(int32_t power) {
+    const uint64_t bits = (uint64_t)(power + 1023) << 52;
+    double value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+double exponential(double x) {
+    if (!(x > -700.0 && x < 700.0)) {
+        return NAN;
+    }
+    const int32_t power = nearest(x / LN_2);
+    const double r = (x - power * LN_2_HIGH) - power * LN_2_LOW;
+    double sum = 1.0;
+    for (int k = 14; k > 0; k--) {
+        sum = 1.0 + sum * r / k;
+    }
+    return sum * power_of_two(power);
+}
+
+double logarithm(double x) {
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    int32_t power = (int32_t)(bits >> 52) - 1022;
+    double fraction = x * power_of_two(-power); /* 1/2 <= fraction < 1 */
+    if (fraction < 0.70710678118654752) {
+        fraction *= 2.0;
+        power--;
+    }
+    /* ln f = 2 artanh((f - 1)/(f + 1)). */
+    const double s = (fraction - 1.0) / (fraction + 1.0);
+    double sum = 0.0;
+    for (int k = 25; k > 0; k -= 2) {
+        sum = 1.0 / k + s * s * sum;
+    }
+    return 2.0 * s * sum + power * LN_2_LOW + power * LN_2_HIGH;
+}

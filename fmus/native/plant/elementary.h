@@ -1,0 +1,18 @@
+/* Elementary functions that give the same bits on every platform: plain arithmetic and square roots, no libm. */
+
+#ifndef ELEMENTARY_H
+#define ELEMENTARY_H
+
+/* Sine and cosine of an angle [rad] below 1e5 in size; NaN beyond. */
+void sine_cosine(double angle, double *sine, double *cosine);
+
+/* Angle of the point (x, y) from the positive x axis, for y >= 0: 0 to pi. */
+double angle_of(double y, double x);
+
+/* e^x for |x| < 700; NaN beyond. */
+double exponential(double x);
+
+/* Natural logarithm of a positive, normal x. */
+double logarithm(double x);
+
+#endif

@@ -1,0 +1,242 @@
+/* The plant: the vehicle's strains, with noise and gauge faults, and its true coefficients.
+
+   Its flight condition comes from inputs, from a trajectory, or, angle of attack and pitch rate, from the short-period
+   motion that the aerodynamic and a control moment drive. */
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "flight_model.h"
+#include "gauge_noise.h"
+#include "model.h"
+
+enum { FROM_INPUTS, FROM_TRAJECTORY, SHORT_PERIOD };
+enum { NO_FAULT, DROPOUT, BIAS, DRIFT, STUCK, FROZEN };
+
+/* Places of the variables after the coefficients and strains, then, after one fault_kind and one fault_value per
+   gauge, those of the short-period motion. */
+enum { DYNAMIC_PRESSURE, MACH_NUMBER, ANGLE_OF_ATTACK, SIDESLIP_ANGLE, ALTITUDE, NOISE_STD, SEED, N_COMMON };
+enum { PITCH_RATE, CONTROL_MOMENT, MASS, PITCH_INERTIA, PITCH_DAMPING, INITIAL_ANGLE, N_SHORT_PERIOD };
+
+/* States before the four of each gauge: kind and onset of its fault, its last reading, and the reading it holds. */
+enum { SAMPLE, ANGLE, RATE, N_OWN_STATES };
+#define STATES_PER_GAUGE 4
+
+#define ROW_SIZE 9           /* of the trajectory: time, four quantities, their slopes */
+#define LARGEST_SUBSTEP 1e-3 /* [s] of the integration */
+#define LARGEST_STEPS 1e6
+
+typedef struct {
+    FlightModel flight;
+    int motion;
+    const double *noise_table, *row;
+    size_t n_rows;
+    const double *common, *fault_kind, *fault_value, *own; /* variables */
+    double *strain, *output;                               /* variables */
+    double *gauge_state;
+} Plant;
+
+/* Where everything lies; 0 if the data do not fit. */
+static int view(const Model *model, Plant *plant) {
+    const size_t head = 2 + NOISE_TABLE_SIZE;
+    if (model->n_data < head) {
+        return 0;
+    }
+    const double *data = model->data;
+    const size_t used = flight_model_take(&plant->flight, data + head, model->n_data - head);
+    const size_t rest = model->n_data - head - used, n = plant->flight.n_gauges;
+    if (used == 0 || data[0] < FROM_INPUTS || data[0] > SHORT_PERIOD || data[1] < 0.0 || data[1] > 1e6) {
+        return 0;
+    }
+    plant->motion = (int)data[0];
+    plant->n_rows = (size_t)data[1];
+    plant->noise_table = data + 2;
+    plant->row = data + head + used;
+    const size_t variables = N_COEFFICIENTS + 3 * n + N_COMMON + (plant->motion == SHORT_PERIOD ? N_SHORT_PERIOD : 0);
+    if (rest != plant->n_rows * ROW_SIZE || (plant->motion == FROM_TRAJECTORY && plant->n_rows < 2)
+        || model->n_variables != variables) {
+        return 0;
+    }
+    if (model->value != NULL) {
+        plant->output = model->value;
+        plant->strain = model->value + N_COEFFICIENTS;
+        plant->common = plant->strain + n;
+        plant->fault_kind = plant->common + N_COMMON;
+        plant->fault_value = plant->fault_kind + n;
+        plant->own = plant->fault_value + n;
+        plant->gauge_state = model->state + N_OWN_STATES;
+    }
+    return 1;
+}
+
+static int prepare(Model *model, char text[MODEL_TEXT_SIZE]) {
+    Plant plant;
+    if (!view(model, &plant)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a plant whose sizes do not fit each other");
+        return STATUS_ERROR;
+    }
+    model->n_states = N_OWN_STATES + STATES_PER_GAUGE * plant.flight.n_gauges;
+    model->n_work = flight_model_work(&plant.flight);
+    return STATUS_OK;
+}
+
+static void begin(Model *model) {
+    Plant plant;
+    view(model, &plant);
+    memset(model->state, 0, model->n_states * sizeof *model->state);
+    if (plant.motion == SHORT_PERIOD) {
+        model->state[ANGLE] = plant.own[INITIAL_ANGLE];
+    }
+}
+
+/* The trajectory at a time: strainfmu/cosim/trajectory.py. */
+static FlightCondition on_trajectory(const Plant *plant, double time) {
+    const double stop = plant->row[(plant->n_rows - 1) * ROW_SIZE];
+    const double t = time < 0.0 ? 0.0 : time > stop ? stop : time;
+    size_t i = 0;
+    while (i + 2 < plant->n_rows && t >= plant->row[(i + 1) * ROW_SIZE]) {
+        i++;
+    }
+    const double *a = plant->row + i * ROW_SIZE, *b = a + ROW_SIZE;
+    const double width = b[0] - a[0], s = (t - a[0]) / width;
+    double value[4];
+    for (int k = 0; k < 4; k++) {
+        const double rise = b[1 + k] - a[1 + k];
+        value[k] = a[1 + k]
+                 + s * (width * a[5 + k] * ((1.0 - s) * (1.0 - s)) + rise * s * (3.0 - 2.0 * s)
+                        - width * b[5 + k] * s * (1.0 - s));
+    }
+    return (FlightCondition){value[0], value[1], value[2], value[3]};
+}
+
+static FlightCondition condition_of(const Model *model, const Plant *plant) {
+    if (plant->motion == FROM_TRAJECTORY) {
+        return on_trajectory(plant, model->time);
+    }
+    const double angle = plant->motion == SHORT_PERIOD ? model->state[ANGLE] : plant->common[ANGLE_OF_ATTACK];
+    return (FlightCondition){plant->common[MACH_NUMBER], angle, plant->common[SIDESLIP_ANGLE], plant->common[ALTITUDE]};
+}
+
+/* What a gauge reads. `own` holds its four states; a fault begins when it is first seen here. */
+static double reading(double *own, double healthy, double kind, double value, double time) {
+    if (kind != own[0]) {
+        own[0] = kind;
+        own[1] = time;
+        own[3] = own[2];
+    }
+    switch ((int)kind) {
+    case DROPOUT: return NAN;
+    case BIAS: return healthy + value;
+    case DRIFT: return healthy + value * (time - own[1]);
+    case STUCK: return value;
+    case FROZEN: return own[3];
+    default: return healthy;
+    }
+}
+
+/* A count that a damaged state cannot turn into something undefined. */
+static uint64_t whole(double count) {
+    return count >= 0.0 && count < 9e15 ? (uint64_t)count : 0;
+}
+
+static void outputs(Model *model) {
+    Plant plant;
+    FlightPoint point;
+    view(model, &plant);
+    const FlightCondition condition = condition_of(model, &plant);
+    const int inside = flight_point(&plant.flight, &condition, &point);
+    const size_t n = plant.flight.n_gauges;
+    memcpy(plant.output, point.coefficient, sizeof point.coefficient);
+    if (inside) {
+        flight_strains(&plant.flight, &point, model->work, plant.strain);
+    }
+    const uint64_t seed = (uint64_t)plant.common[SEED], sample = whole(model->state[SAMPLE]);
+    for (size_t g = 0; g < n; g++) {
+        const double noise = plant.common[NOISE_STD] * gauge_noise(plant.noise_table, seed, sample, g);
+        const double healthy = inside ? plant.strain[g] + noise : NAN;
+        plant.strain[g] = reading(plant.gauge_state + STATES_PER_GAUGE * g, healthy, plant.fault_kind[g],
+                                  plant.fault_value[g], model->time);
+    }
+    double *common = plant.strain + n;
+    common[DYNAMIC_PRESSURE] = point.dynamic_pressure;
+    common[ANGLE_OF_ATTACK] = condition.angle_of_attack;
+    if (plant.motion == FROM_TRAJECTORY) {
+        common[MACH_NUMBER] = condition.mach_number;
+        common[SIDESLIP_ANGLE] = condition.sideslip_angle;
+        common[ALTITUDE] = condition.altitude;
+    }
+    if (plant.motion == SHORT_PERIOD) {
+        common[N_COMMON + 2 * n + PITCH_RATE] = model->state[RATE];
+    }
+}
+
+/* Rates of angle of attack and pitch rate; 0 outside the envelope. */
+static int motion_rates(const Plant *plant, const double angle_and_rate[2], double rates[2]) {
+    const FlightModel *flight = &plant->flight;
+    const FlightCondition condition = {plant->common[MACH_NUMBER], angle_and_rate[0], plant->common[SIDESLIP_ANGLE],
+                                       plant->common[ALTITUDE]};
+    FlightPoint point;
+    if (!flight_point(flight, &condition, &point)) {
+        return 0;
+    }
+    const double speed = condition.mach_number * point.speed_of_sound, rate = angle_and_rate[1];
+    const double force_scale = point.dynamic_pressure * flight->reference_area;
+    const double damping = plant->own[PITCH_DAMPING] * rate * flight->reference_length / (2.0 * speed);
+    rates[0] = rate - force_scale * point.coefficient[1] / (plant->own[MASS] * speed);
+    rates[1] = (force_scale * flight->reference_length * (point.coefficient[3] + damping) + plant->own[CONTROL_MOMENT])
+             / plant->own[PITCH_INERTIA];
+    return 1;
+}
+
+/* One step of the classical Runge-Kutta method of fourth order. */
+static int integrate(const Plant *plant, double *state, double h) {
+    static const double PART[] = {0.0, 0.5, 0.5, 1.0}, WEIGHT[] = {1.0, 2.0, 2.0, 1.0};
+    double rates[2] = {0.0, 0.0}, sum[2] = {0.0, 0.0};
+    for (int k = 0; k < 4; k++) {
+        const double at[2] = {state[0] + PART[k] * h * rates[0], state[1] + PART[k] * h * rates[1]};
+        if (!motion_rates(plant, at, rates)) {
+            return 0;
+        }
+        sum[0] += WEIGHT[k] * rates[0];
+        sum[1] += WEIGHT[k] * rates[1];
+    }
+    state[0] += h / 6.0 * sum[0];
+    state[1] += h / 6.0 * sum[1];
+    return 1;
+}
+
+static int move(const Plant *plant, double *state, double width) {
+    const double wanted = width / LARGEST_SUBSTEP * (1.0 - 1e-9);
+    const double steps = wanted > LARGEST_STEPS ? LARGEST_STEPS : (double)(long)wanted + 1.0;
+    for (double k = 0.0; k < steps; k += 1.0) {
+        if (!integrate(plant, state, width / steps)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static int step(Model *model, double end, char text[MODEL_TEXT_SIZE]) {
+    Plant plant;
+    view(model, &plant);
+    for (size_t g = 0; g < plant.flight.n_gauges; g++) {
+        plant.gauge_state[STATES_PER_GAUGE * g + 2] = plant.strain[g];
+    }
+    int inside = plant.motion != SHORT_PERIOD || move(&plant, model->state + ANGLE, end - model->time);
+    model->time = end;
+    model->state[SAMPLE] += 1.0;
+    FlightPoint point;
+    const FlightCondition condition = condition_of(model, &plant);
+    inside = inside && flight_point(&plant.flight, &condition, &point);
+    if (!inside) {
+        snprintf(text, MODEL_TEXT_SIZE,
+                 "the flight condition at %g s is outside the envelope of the flight model: Mach number %g, angle of "
+                 "attack %g rad, sideslip %g rad, altitude %g m",
+                 end, condition.mach_number, condition.angle_of_attack, condition.sideslip_angle, condition.altitude);
+        return STATUS_DISCARD;
+    }
+    return STATUS_OK;
+}
+
+const Behaviour PLANT = {prepare, begin, outputs, step};

@@ -1,0 +1,145 @@
+"""A python-can bus as the bridge needs it: opened with one clear line on failure, with room for bursts."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from strainfmu.errors import InputError, StrainfmuError
+
+RECEIVE_BUFFER = 4 << 20
+"""Bytes asked of the system for a socket's receive buffer: the default holds 166 CAN FD frames."""
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """Which bus.
+
+    Attributes
+    ----------
+    interface, channel : as python-can names them.
+    options : further keyword arguments of the interface.
+    fd : CAN FD frames can be sent and received.
+    """
+
+    interface: str
+    channel: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    fd: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.interface}:{self.channel}"
+
+
+OpenBus = Callable[[], Any]
+"""Returns a new, open python-can bus; raises StrainfmuError."""
+
+
+def import_can() -> Any:
+    """Return the package python-can.
+
+    Raises
+    ------
+    StrainfmuError
+        It is not installed.
+    """
+    try:
+        import can
+    except ImportError as error:
+        raise StrainfmuError("python-can is not installed: pip install 'strainfmu[can]'") from error
+    return can
+
+
+def open_bus(settings: BusSettings) -> Any:
+    """Open the bus.
+
+    Raises
+    ------
+    InputError
+        python-can knows no such interface.
+    StrainfmuError
+        The bus cannot be opened; the line says why.
+    """
+    can = import_can()
+    options = dict(settings.options)
+    if settings.interface == "udp_multicast":
+        # Frames stay on this host unless asked otherwise.
+        options = {"hop_limit": 0, "fd": settings.fd, **options}
+    elif settings.fd and settings.interface not in ("virtual",):
+        options = {"fd": True, **options}
+    try:
+        bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
+    except (can.CanInterfaceNotImplementedError, ModuleNotFoundError) as error:
+        known = ", ".join(sorted(can.interfaces.VALID_INTERFACES))
+        raise InputError(f"{settings}: {_reason(error)}; interfaces: {known}") from error
+    except Exception as error:  # every interface raises its own
+        raise StrainfmuError(f"{settings}: cannot be opened: {_reason(error)}{_advice(settings)}") from error
+    _enlarge_receive_buffer(bus)
+    return bus
+
+
+def shut_down(bus: Any) -> None:
+    """Shut ``bus`` down; whatever it says, it is gone."""
+    try:
+        bus.shutdown()
+    except Exception:  # a bus that failed fails here again, each interface in its own way
+        return
+
+
+def kernel_drops(bus: Any) -> int | None:
+    """Return how many datagrams the system dropped before ``bus`` took them; None where that is not known.
+
+    Source: column "drops" of Linux's /proc/net/udp and udp6, found by the socket's inode.
+    """
+    try:
+        handle = bus.fileno()
+        inode = str(os.fstat(handle).st_ino) if handle >= 0 else ""
+    except (OSError, NotImplementedError, AttributeError, ValueError):
+        return None
+    for table in (Path("/proc/net/udp"), Path("/proc/net/udp6")):
+        if not inode or not table.is_file():
+            continue
+        for line in table.read_text().splitlines()[1:]:
+            columns = line.split()
+            if len(columns) > 12 and columns[9] == inode:
+                return int(columns[-1])
+    return None
+
+
+def _enlarge_receive_buffer(bus: Any) -> None:
+    """Ask for a larger receive buffer where the bus is a socket; buses without one are left alone."""
+    try:
+        handle = bus.fileno()
+        duplicate = socket.socket(fileno=os.dup(handle)) if handle >= 0 else None
+    except (OSError, NotImplementedError, AttributeError, ValueError):
+        return
+    if duplicate is None:
+        return
+    with duplicate:
+        try:
+            duplicate.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        except OSError:
+            return
+
+
+def _reason(error: BaseException) -> str:
+    """Return an error and what is behind it on one line."""
+    texts = [" ".join(str(error).split()) or type(error).__name__]
+    cause = error.__cause__ or error.__context__
+    while cause is not None and len(texts) < 3:
+        text = " ".join(str(cause).split())
+        if text and text not in texts:
+            texts.append(text)
+        cause = cause.__cause__ or cause.__context__
+    return ": ".join(texts)
+
+
+def _advice(settings: BusSettings) -> str:
+    """Return what most often helps."""
+    if settings.interface == "udp_multicast":
+        return "; without a default route: ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
+    return ""

@@ -1,0 +1,409 @@
+"""A user's DBC file and a mapping of its signals to gauges, made into the frames that the bridge reads.
+
+The mapping is TOML; docs/can.md describes it. The DBC file is read by cantools; frames are decoded by our plan,
+which tests hold against cantools.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from strainfmu.can.crc import Protection
+from strainfmu.can.frame import FD_LENGTHS
+from strainfmu.can.frame_layout import (
+    BIG,
+    FLOAT,
+    LITTLE,
+    SIGNED,
+    UNSIGNED,
+    FrameLayout,
+    InputFrame,
+    InputLayout,
+    SignalLayout,
+)
+from strainfmu.can.signal_plan import SignalPlan
+from strainfmu.errors import InputError, StrainfmuError
+
+E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
+"""Message attributes of a DBC file that state the end-to-end protection; 0: none."""
+
+STRAIN_UNITS = {
+    **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
+    **dict.fromkeys(("mm/m",), 1e-3),
+    **dict.fromkeys(("m/m", "1", "strain"), 1.0),
+}
+PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "mbar": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6, "psi": 6894.757293168361}
+TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s": 1.0}
+
+_TABLES = {
+    "strain",
+    "dynamic_pressure",
+    "units",
+    "end_to_end",
+    "sample_time",
+    "status",
+    "configuration",
+    "cycle_time_ms",
+}
+_NOT_AVAILABLE = re.compile(r"sna|not[ _]?available|invalid|error|signal[ _]?not[ _]?available", re.IGNORECASE)
+
+
+def load_mapping(path: Path) -> dict[str, Any]:
+    """Return the mapping file at ``path``.
+
+    Raises
+    ------
+    InputError
+        It is missing, no TOML, or holds an entry that does not exist.
+    """
+    try:
+        mapping = tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    return mapping
+
+
+def load_database(path: Path) -> Any:
+    """Return cantools' database of the DBC file at ``path``.
+
+    Raises
+    ------
+    InputError
+        It is missing or cannot be read.
+    StrainfmuError
+        cantools is not installed.
+    """
+    try:
+        # As DBC tools write them: Windows-1252; every byte means something.
+        return database_of(path.read_text("cp1252", errors="replace"), str(path))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def database_of(text: str, name: str) -> Any:
+    """Return cantools' database of the DBC file with content ``text``; ``name`` is for messages.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    StrainfmuError
+        cantools is not installed.
+    """
+    try:
+        import cantools
+    except ImportError as error:
+        raise StrainfmuError("cantools is not installed: pip install 'strainfmu[can]'") from error
+    try:
+        return cantools.database.load_string(text, database_format="dbc")
+    except Exception as error:  # its parser raises what it meets
+        raise InputError(f"{name}: cannot be read as a DBC file: {' '.join(str(error).split())[:300]}") from error
+
+
+def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> InputLayout:
+    """Return the frames that ``mapping`` names in ``database``.
+
+    Parameters
+    ----------
+    gauge_names : gauges in the order of the FMU's strains; the mapping may also call them strain[1], strain[2] ...
+    name : of the mapping, for messages.
+
+    Raises
+    ------
+    InputError
+        The mapping names what does not exist, leaves a gauge out, or a signal cannot be used.
+    """
+    return _Mapper(database, mapping, gauge_names, name).layout()
+
+
+class _Mapper:
+    """One mapping on its way to a layout."""
+
+    def __init__(self, database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> None:
+        self._database, self._mapping, self._name = database, mapping, name
+        self._gauges = {gauge: place for place, gauge in enumerate(gauge_names)}
+        self._gauges |= {f"strain[{place + 1}]": place for place in range(len(gauge_names))}
+        self._names = tuple(gauge_names)
+        unknown = sorted(set(mapping) - _TABLES)
+        if unknown:
+            raise InputError(f"{name}: entry '{unknown[0]}' found, one of {', '.join(sorted(_TABLES))} wanted")
+
+    def layout(self) -> InputLayout:
+        """Return the whole input."""
+        by_message: dict[tuple[str, int | None], list[tuple[int, Any]]] = {}
+        for gauge, path in self._table("strain").items():
+            message, signal = self._signal(path, f"strain, '{gauge}'")
+            by_message.setdefault((message.name, _selector_value(signal, self._name)), []).append(
+                (self._gauge(gauge), signal)
+            )
+        gauges = [place for items in by_message.values() for place, _ in items]
+        for place, gauge in enumerate(self._names):
+            if gauges.count(place) != 1:
+                found = "no signal" if place not in gauges else f"{gauges.count(place)} signals"
+                raise InputError(f"{self._name}: strain: {found} for gauge '{gauge}' found, one wanted")
+        frames = tuple(self._strain_frame(*key, items) for key, items in sorted(by_message.items(), key=_by_name))
+        timed = [frame.sample_time is not None for frame in frames]
+        if any(timed) and not all(timed):
+            missing = frames[timed.index(False)].layout.name
+            raise InputError(
+                f"{self._name}: sample_time: none for '{missing}' found, one for every frame of strains"
+            )
+        pressure = self._pressure_frame()
+        if pressure is not None and pressure.layout.key in {frame.layout.key for frame in frames}:
+            raise InputError(
+                f"{self._name}: dynamic_pressure: found in '{pressure.layout.name}', which holds strains; "
+                "a frame of its own wanted"
+            )
+        return InputLayout(self._name, len(self._names), frames, pressure, cycle_time=self._cycle_time(frames))
+
+    def _strain_frame(self, message_name: str, selector: int | None, items: list[tuple[int, Any]]) -> InputFrame:
+        """Return one frame of strains."""
+        message = self._database.get_message_by_name(message_name)
+        used = [signal for _, signal in items]
+        factors = [self._factor(message, signal, STRAIN_UNITS, "a unit of strain") for signal in used]
+        if len({signal.name for signal in used}) < len(used):
+            twice = next(s.name for s in used if [t.name for t in used].count(s.name) > 1)
+            raise InputError(f"{self._name}: strain: signal '{message_name}.{twice}' found for two gauges")
+        extra, places = self._extras(message, len(used))
+        layout = self._frame_layout(message, [*used, *extra], selector, used)
+        return InputFrame(
+            layout,
+            tuple(range(len(used))),
+            tuple(gauge for gauge, _ in items),
+            tuple(factors),
+            sample_time=places.get("sample_time"),
+            tick=self._tick(message, extra, places, len(used)),
+            status=places.get("status"),
+            configuration=places.get("configuration"),
+        )
+
+    def _pressure_frame(self) -> InputFrame | None:
+        """Return the frame of q_inf, None if the mapping names none."""
+        table = self._table("dynamic_pressure", optional=True)
+        if not table:
+            return None
+        if set(table) != {"signal"}:
+            raise InputError(f"{self._name}: dynamic_pressure: {', '.join(table)} found, 'signal' wanted")
+        message, signal = self._signal(table["signal"], "dynamic_pressure")
+        factor = self._factor(message, signal, PRESSURE_UNITS, "a unit of pressure")
+        extra, places = self._extras(message, 1)
+        layout = self._frame_layout(message, [signal, *extra], _selector_value(signal, self._name), [])
+        return InputFrame(
+            layout,
+            dynamic_pressure=0,
+            to_pascal=factor,
+            sample_time=places.get("sample_time"),
+            tick=self._tick(message, extra, places, 1),
+            status=places.get("status"),
+            configuration=places.get("configuration"),
+        )
+
+    def _frame_layout(
+        self, message: Any, signals: list[Any], selector: int | None, strains: list[Any]
+    ) -> FrameLayout:
+        """Return our description of ``message`` with ``signals``."""
+        where = f"{self._name}: frame '{message.name}'"
+        allowed = FD_LENGTHS if message.is_fd else FD_LENGTHS[:9]
+        if message.length not in allowed:
+            raise InputError(f"{where}: {message.length} bytes found, {', '.join(map(str, allowed))} allowed")
+        multiplexer = None
+        if selector is not None:
+            chosen = next(s for s in signals if s.multiplexer_ids)
+            switch = message.get_signal_by_name(chosen.multiplexer_signal)
+            multiplexer = signal_layout(switch), selector
+            signals = [*signals, *([] if switch in signals else [switch])]
+        layout = FrameLayout(
+            message.name if selector is None else f"{message.name}[{selector}]",
+            message.frame_id,
+            message.length,
+            tuple(signal_layout(signal, with_ends=signal in strains) for signal in signals),
+            message.is_extended_frame,
+            bool(message.is_fd),
+            self._protection(message),
+            _period(message, where),
+            message.senders[0] if message.senders else "",
+            multiplexer=multiplexer,
+        )
+        SignalPlan(layout)  # refuses what cannot be decoded
+        return layout
+
+    def _protection(self, message: Any) -> Protection | None:
+        """Return the end-to-end protection that the mapping states, or else the DBC file's attributes."""
+        where = f"{self._name}: end_to_end.{message.name}"
+        stated = self._table("end_to_end", optional=True).get(message.name)
+        if stated is None:
+            attributes = message.dbc.attributes if message.dbc is not None else {}
+            stated = {
+                "profile": attributes[E2E_PROFILE].value if E2E_PROFILE in attributes else 0,
+                "data_id": attributes[E2E_DATA_ID].value if E2E_DATA_ID in attributes else 0,
+            }
+        elif not isinstance(stated, Mapping) or set(stated) != {"profile", "data_id"}:
+            raise InputError(f"{where}: 'profile' and 'data_id' wanted")
+        profile, data_id = stated["profile"], stated["data_id"]
+        if profile in (0, "") and profile is not False:
+            return None
+        least = {1: 2, 5: 3}.get(profile) if isinstance(profile, int) else None
+        if least is None or isinstance(profile, bool):
+            raise InputError(f"{where}: profile {profile!r} found, 1 or 5 allowed")
+        if not isinstance(data_id, int) or isinstance(data_id, bool) or not 0 <= data_id <= 0xFFFF:
+            raise InputError(f"{where}: data_id {data_id!r} found, 0 to 65535 allowed")
+        if message.length < least:
+            raise InputError(f"{where}: a frame of {message.length} bytes found, CRC and counter need {least}")
+        return Protection(profile, data_id)
+
+    def _extras(self, message: Any, first: int) -> tuple[list[Any], dict[str, int]]:
+        """Return the signals of ``message`` that are no strains, and their places from ``first`` on."""
+        signals: list[Any] = []
+        places: dict[str, int] = {}
+        for role in ("sample_time", "status", "configuration"):
+            table = self._table(role, optional=True)
+            if message.name not in table:
+                continue
+            entry = table[message.name]
+            path = entry.get("signal") if isinstance(entry, Mapping) else entry
+            owner, signal = self._signal(path, f"{role}.{message.name}")
+            if owner.name != message.name:
+                raise InputError(
+                    f"{self._name}: {role}.{message.name}: '{path}' found, a signal of that frame wanted"
+                )
+            if signal.is_float or signal.is_signed or (role == "sample_time" and signal.length < 8):
+                raise InputError(f"{self._name}: {role}.{message.name}: unsigned integer of 8 to 64 bits wanted")
+            places[role] = first + len(signals)
+            signals.append(signal)
+        return signals, places
+
+    def _tick(self, message: Any, extra: list[Any], places: dict[str, int], first: int) -> float:
+        """Return the unit of the sample time [s]."""
+        if "sample_time" not in places:
+            return 1e-6
+        signal = extra[places["sample_time"] - first]
+        tick = self._factor(message, signal, TIME_UNITS, "a unit of time") * float(signal.scale)
+        if not tick > 0.0:
+            raise InputError(f"{self._name}: signal '{message.name}.{signal.name}': scale {signal.scale} found")
+        return tick
+
+    def _factor(self, message: Any, signal: Any, units: Mapping[str, float], what: str) -> float:
+        """Return the factor to SI of a signal's unit; the mapping's word goes before the DBC file's."""
+        path = f"{message.name}.{signal.name}"
+        unit = self._table("units", optional=True).get(path, signal.unit or "")
+        if not isinstance(unit, str) or unit.strip() not in units:
+            raise InputError(
+                f"{self._name}: signal '{path}': unit {unit!r} found, {what} wanted "
+                f"({', '.join(units)}); state it under [units]"
+            )
+        return units[unit.strip()]
+
+    def _signal(self, path: Any, where: str) -> tuple[Any, Any]:
+        """Return message and signal that "Message.Signal" names."""
+        message_name, dot, signal_name = path.partition(".") if isinstance(path, str) else ("", "", "")
+        if not dot:
+            raise InputError(f"{self._name}: {where}: {path!r} found, 'Message.Signal' wanted")
+        try:
+            message = self._database.get_message_by_name(message_name)
+        except KeyError as error:
+            raise InputError(f"{self._name}: {where}: no frame '{message_name}' in the DBC file") from error
+        try:
+            return message, message.get_signal_by_name(signal_name)
+        except KeyError as error:
+            known = ", ".join(signal.name for signal in message.signals)[:200]
+            raise InputError(
+                f"{self._name}: {where}: no signal '{signal_name}' in frame '{message_name}': {known or 'none'}"
+            ) from error
+
+    def _gauge(self, gauge: str) -> int:
+        if gauge not in self._gauges:
+            raise InputError(
+                f"{self._name}: strain: gauge '{gauge}' found, names of the FMU's gauges wanted: "
+                f"{', '.join(self._names[:4])} .. or strain[1] .. strain[{len(self._names)}]"
+            )
+        return self._gauges[gauge]
+
+    def _cycle_time(self, frames: tuple[InputFrame, ...]) -> float:
+        """Return the period of the strains [s]."""
+        stated = self._mapping.get("cycle_time_ms")
+        if stated is None:
+            periods = {frame.layout.cycle_time for frame in frames}
+            if len(periods) != 1 or None in periods:
+                raise InputError(
+                    f"{self._name}: cycle_time_ms wanted: the DBC file gives the frames of strains no common one"
+                )
+            return float(periods.pop() or 0.0)
+        if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 1e6:
+            raise InputError(f"{self._name}: cycle_time_ms: {stated!r} found, a positive number wanted")
+        return float(stated) / 1e3
+
+    def _table(self, name: str, optional: bool = False) -> Mapping[str, Any]:
+        table = self._mapping.get(name, {} if optional else None)
+        if not isinstance(table, Mapping) or (not table and not optional):
+            raise InputError(f"{self._name}: table [{name}] wanted")
+        return table
+
+
+def _period(message: Any, where: str) -> float | None:
+    """Return the cycle time of a frame [s], None if the DBC file does not give it."""
+    stated = message.cycle_time
+    if not stated:
+        return None
+    if not isinstance(stated, int | float) or not 0.0 < stated < 1e6:
+        raise InputError(f"{where}: cycle time {stated!r} ms found, a positive number wanted")
+    return float(stated) / 1e3
+
+
+def signal_layout(signal: Any, with_ends: bool = False) -> SignalLayout:
+    """Return our description of cantools' ``signal``; ``with_ends`` looks for its "not available" as well.
+
+    Raises
+    ------
+    InputError
+        Its numbers cannot be used.
+    """
+    try:
+        none = _not_available(signal) if with_ends else None
+        return SignalLayout(
+            signal.name,
+            int(signal.start),
+            int(signal.length),
+            LITTLE if signal.byte_order == "little_endian" else BIG,
+            FLOAT if signal.is_float else SIGNED if signal.is_signed else UNSIGNED,
+            float(signal.scale),
+            float(signal.offset),
+            signal.unit or "",
+            None if signal.minimum is None else float(signal.minimum),
+            None if signal.maximum is None else float(signal.maximum),
+            none,
+            None if signal.raw_initial is None else int(signal.raw_initial),
+        )
+    except (OverflowError, ValueError, TypeError) as error:
+        raise InputError(f"signal '{signal.name}': numbers that cannot be used: {error}") from error
+
+
+def _not_available(signal: Any) -> int | None:
+    """Return the raw number that the DBC file names "not available" or the like."""
+    for number, text in (signal.choices or {}).items():
+        if _NOT_AVAILABLE.fullmatch(str(text).strip()) and -(2**63) <= int(number) < 2**63:
+            return int(number)
+    return None
+
+
+def _selector_value(signal: Any, name: str) -> int | None:
+    """Return the multiplexer's value that ``signal`` comes with, None if it always comes."""
+    identifiers = signal.multiplexer_ids
+    if not identifiers:
+        return None
+    if len(identifiers) != 1:
+        raise InputError(f"{name}: signal '{signal.name}': {len(identifiers)} multiplexer values found, 1 allowed")
+    return int(identifiers[0])
+
+
+def _by_name(item: tuple[tuple[str, int | None], Any]) -> tuple[str, int]:
+    """Sort frames by name and multiplexer value."""
+    (message, selector), _ = item
+    return message, -1 if selector is None else selector

@@ -1,0 +1,63 @@
+"""How far one published result may be believed, and why not further."""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+
+
+class Quality(IntEnum):
+    """Verdict on one result. The numbers go over the bus and never change; 15 is kept for "not available"."""
+
+    NO_DATA = 0
+    """Nothing that can be believed was received since the start. No coefficients."""
+    VALID = 1
+    """Every gauge valid, fresh and end-to-end protected; the estimate is healthy."""
+    UNPROTECTED = 2
+    """As VALID, but the input has no end-to-end protection: complete, fresh and plausible, not proven."""
+    DEGRADED = 3
+    """Some gauges are left out, or the bridge is at its limits; sigma says what that costs."""
+    SUSPECT = 4
+    """The strains fit no known pressure, or one gauge does not fit the others. Coefficients for information."""
+    STALE = 5
+    """The input is too old, or does not change. No coefficients."""
+    INVALID = 6
+    """Nothing can be computed. No coefficients."""
+
+    @property
+    def has_coefficients(self) -> bool:
+        """Coefficients go out with this quality."""
+        return self in (Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT)
+
+
+class Cause(IntFlag):
+    """Why a result is not VALID; 16 bits that go over the bus and never change."""
+
+    NONE = 0
+    PARTIAL_CYCLE = 1 << 0
+    """Frames of the cycle are missing."""
+    GAUGE_INVALID = 1 << 1
+    """A gauge reports no value, is out of range, frozen, exactly zero or jumps."""
+    NOT_TRUSTED = 1 << 2
+    """The E2E state machine of a frame is not VALID."""
+    CYCLE_CRC = 1 << 3
+    """The CRC or counter over the cycle does not fit."""
+    OLD = 1 << 4
+    """The strains are older than allowed."""
+    FROZEN = 1 << 5
+    """No gauge of the cycle has changed for longer than allowed."""
+    SILENT = 1 << 6
+    """No cycle was received in time."""
+    DYNAMIC_PRESSURE = 1 << 7
+    """q_inf is missing, too old or not plausible."""
+    CLOCK_JUMP = 1 << 8
+    """The sender's clock or counter jumped: a restart."""
+    SENDER_STATUS = 1 << 9
+    """The sender itself says that its values are degraded or not to be used."""
+    HEALTH = 1 << 10
+    """The estimator says so: health.state."""
+    STEP_FAILED = 1 << 11
+    """The FMU refused the step, or answered what is no number."""
+    OVERLOAD = 1 << 12
+    """Frames were dropped or shed for want of time."""
+    BUS = 1 << 13
+    """The bus is passive, off, or was reopened."""

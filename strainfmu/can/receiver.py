@@ -1,0 +1,149 @@
+"""One thread that receives, and the bounded queue behind it. Nothing that a bus does ends the thread silently."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+from strainfmu.can.acceptance import Acceptance
+from strainfmu.can.bus import import_can
+from strainfmu.can.clock import Clock
+from strainfmu.can.frame import Frame, from_message
+from strainfmu.can.frame_account import FrameAccount, FrameClass
+
+RECEIVE_TIMEOUT = 0.1
+"""Longest wait in one call [s]: so long does a stop take at most."""
+
+ERRORS_PER_SECOND = 200
+"""Failed receptions within a second after which the bus is taken for broken; single ones are passed over."""
+
+
+@dataclass(frozen=True)
+class BusFault:
+    """The bus cannot be received from any more.
+
+    Attributes
+    ----------
+    reason : one line.
+    time : when it was found [s].
+    """
+
+    reason: str
+    time: float
+
+
+class FrameQueue:
+    """A bounded queue between the receiving and the stepping thread; a full one drops the oldest cycle.
+
+    Parameters
+    ----------
+    capacity : frames.
+    block : frames dropped at once: those of a cycle, so that one cycle is lost and not the ends of two.
+    """
+
+    def __init__(self, capacity: int, block: int) -> None:
+        # Whoever stamps and queues a frame holds it, so that no frame is older than a time already handed out.
+        self.lock = threading.RLock()
+        self._items: deque[Frame | BusFault] = deque()
+        self._capacity, self._block = max(capacity, block), block
+        self._ready = threading.Condition(self.lock)
+        self.highest = 0
+
+    def put(self, item: Frame | BusFault) -> int:
+        """Add ``item``; return how many frames were dropped for it."""
+        with self._ready:
+            dropped = 0
+            if len(self._items) >= self._capacity:
+                for _ in range(self._block):
+                    oldest = self._items.popleft()
+                    dropped += isinstance(oldest, Frame)
+            self._items.append(item)
+            self.highest = max(self.highest, len(self._items))
+            self._ready.notify()
+        return dropped
+
+    def take_all(self, timeout: float, clock: Clock) -> tuple[list[Frame | BusFault], float]:
+        """Wait up to ``timeout`` [s] for an item; return all, and a time that no later item is before."""
+        with self._ready:
+            if not self._items and timeout > 0.0:
+                self._ready.wait(timeout)
+            items = list(self._items)
+            self._items.clear()
+            return items, clock()
+
+
+class Receiver:
+    """Receives from one bus until it is stopped or the bus fails, then says so through the queue.
+
+    ``account`` holds the frames that went no further than here; it may be read once the thread has ended, or
+    roughly while it runs.
+    """
+
+    def __init__(self, bus: Any, queue: FrameQueue, acceptance: Acceptance, clock: Clock) -> None:
+        self._bus, self._queue, self._acceptance, self._clock = bus, queue, acceptance, clock
+        self.account = FrameAccount()
+        self.failures = 0
+        self.last_failure = ""
+        self._failure_times: deque[float] = deque(maxlen=ERRORS_PER_SECOND)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="CAN receiver", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop the thread and wait for its end; shut the bus down only after that."""
+        self._stop.set()
+        self._thread.join(20.0 * RECEIVE_TIMEOUT)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                message = self._bus.recv(RECEIVE_TIMEOUT)
+                if message is not None:
+                    with self._queue.lock:
+                        self._take(from_message(message, self._clock()))
+            except Exception as error:  # whatever a backend raises, the bridge must know of it
+                if self._is_broken(error):
+                    return
+
+    def _take(self, frame: Frame) -> None:
+        """Refuse a frame here, or queue it."""
+        refused = self._acceptance.refused(frame)
+        if refused is None or refused is FrameClass.ERROR_FRAME:
+            dropped = self._queue.put(frame)
+            if dropped:
+                # The core never sees them: so they are received, and settled, here.
+                self.account.received += dropped
+                self.account.settle(FrameClass.OVERRUN, frame.time, dropped)
+            return
+        self.account.received += 1
+        if refused is FrameClass.UNKNOWN_IDENTIFIER:
+            self.account.settle_unknown(frame.key, frame.time)
+        else:
+            self.account.settle(refused, frame.time)
+
+    def _is_broken(self, error: Exception) -> bool:
+        """Count a failed reception; tell whether the bus is to be given up, and say so to the bridge."""
+        now = self._clock()
+        self.failures += 1
+        self.last_failure = " ".join(str(error).split()) or type(error).__name__
+        self._failure_times.append(now)
+        full = len(self._failure_times) == ERRORS_PER_SECOND
+        too_many = full and now - self._failure_times[0] < 1.0
+        if not too_many and isinstance(error, import_can().CanError) and self._is_open():
+            return False
+        self._queue.put(BusFault(self.last_failure, now))
+        return True
+
+    def _is_open(self) -> bool:
+        """Tell whether the bus still has its socket; a bus without one is believed."""
+        try:
+            return bool(self._bus.fileno() >= 0)
+        except (NotImplementedError, AttributeError):
+            return True
+        except (OSError, ValueError):
+            return False

@@ -1,0 +1,73 @@
+"""Limits and times of the bridge, all in one place; docs/can.md states them for the people at the other end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from strainfmu.can.e2e_state_machine import StateMachineSettings
+from strainfmu.errors import InputError
+
+
+@dataclass(frozen=True)
+class BridgeSettings:
+    """Times are in cycles of the input's nominal period unless a unit is stated.
+
+    Attributes
+    ----------
+    deadline : from the first frame of a cycle to when it is closed whether complete or not.
+    max_age : largest age of strains that are used; also how long a whole cycle may repeat itself.
+    pressure_max_age : largest age of q_inf that is used.
+    timeout : silence after which results say STALE; then one goes out every cycle.
+    invalid_after : silence after which they say INVALID.
+    max_delta : largest step of an E2E counter that is believed.
+    state_machine : limits of the E2E state machine.
+    stuck_cycles : equal raw values in a row after which one gauge is left out; 0 for never.
+    zero_cycles : exact zeros in a row after which one gauge is left out; 0 for never.
+    zero_jump : a fall to exactly zero from more than this [m/m], and three times its last change, counts at once.
+    rate_limit : largest change from one cycle to the next [m/m].
+    sensor_range : largest |strain| [m/m], whatever the layout allows.
+    heal_cycles : good values in a row after which a gauge is used again.
+    jump_tolerance : how much earlier than ever before a cycle may come, by the sender's clock.
+    jump_confirmations : cycles in a row that must follow a jump of the sender's clock before it counts.
+    clock_drift : rate at which the smallest delay ever seen is forgotten [s/s]: above any clock's drift.
+    late_cycles : cycles' worth of nothing but frames from the past, after which the sender was restarted.
+    burst : frames of one identifier at once that are not yet babbling; ``rate`` per cycle for long.
+    """
+
+    deadline: float = 0.5
+    max_age: float = 5.0
+    pressure_max_age: float = 10.0
+    timeout: float = 3.0
+    invalid_after: float = 30.0
+    max_delta: int = 3
+    state_machine: StateMachineSettings = field(default_factory=StateMachineSettings)
+    stuck_cycles: int = 25
+    zero_cycles: int = 5
+    zero_jump: float = 2e-6
+    rate_limit: float = 2e-3
+    sensor_range: float = 0.05
+    heal_cycles: int = 3
+    jump_tolerance: float = 1.0
+    jump_confirmations: int = 3
+    clock_drift: float = 2e-4
+    late_cycles: int = 3
+    burst: float = 64.0
+    rate: float = 3.0
+
+    def __post_init__(self) -> None:
+        for name in ("deadline", "max_age", "pressure_max_age", "timeout", "rate_limit", "sensor_range"):
+            if not 0.0 < getattr(self, name) < float("inf"):
+                raise InputError(f"{name}: {getattr(self, name):g} found, a positive number wanted")
+        if self.deadline >= 1.0:
+            raise InputError(f"deadline: {self.deadline:g} cycles found, less than 1 wanted")
+
+    @property
+    def recovery_cycles(self) -> int:
+        """Cycles after the end of any fault on the bus within which results are VALID again.
+
+        A window of the E2E state machine that errors have left, the cycles that it takes to find out that a sender
+        was restarted and to believe it again, and one each for the counter's sequence and the open cycle.
+        """
+        machine = self.state_machine
+        restart = self.late_cycles + self.jump_confirmations + machine.min_ok_init + 1
+        return machine.window_size + restart + self.heal_cycles + 2

@@ -1,0 +1,182 @@
+"""From the options of the command line to a bridge that is ready to run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from strainfmu.can.bridge import Bridge
+from strainfmu.can.bus import BusSettings, import_can, open_bus
+from strainfmu.can.clock import monotonic
+from strainfmu.can.core import BridgeCore
+from strainfmu.can.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.profiles import Identifiers, configuration_of, profile_layout
+from strainfmu.can.result_frames import result_layouts
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
+
+RESULT_FORMS = ("fd", "classic-le", "classic-be")
+
+
+@dataclass(frozen=True)
+class BridgeOptions:
+    """What a user states; times in seconds.
+
+    Attributes
+    ----------
+    bus_options : "key=value" of the interface.
+    profile : used where no ``dbc`` is given, with ``cycle_time`` [s] and ``identifiers.base``.
+    dbc, mapping : the user's DBC file and its mapping, both or none.
+    dynamic_pressure : fixed [Pa], or None to take it from its frame.
+    result_form : one of RESULT_FORMS, None for the input's.
+    """
+
+    interface: str
+    channel: str
+    bus_options: tuple[str, ...] = ()
+    profile: str = "fd64"
+    dbc: Path | None = None
+    mapping: Path | None = None
+    cycle_time: float = 0.01
+    identifiers: Identifiers = field(default_factory=Identifiers)
+    dynamic_pressure: float | None = None
+    result_form: str | None = None
+    stuck_cycles: int = 25
+    max_age: float = 5.0
+
+
+@dataclass(frozen=True)
+class ReadyBridge:
+    """A bridge, and what there is to say about it."""
+
+    bridge: Bridge
+    n_gauges: int
+    layout_name: str
+
+
+@contextmanager
+def make_bridge(fmu: Path, options: BridgeOptions) -> Iterator[ReadyBridge]:
+    """Load the FMU, wire a bridge to it, and free the FMU at the end.
+
+    Raises
+    ------
+    InputError
+        An option, a file or the FMU is wrong.
+    StrainfmuError
+        Something needed is not installed, or the FMU cannot be loaded.
+    """
+    import_can()
+    from strainfmu.can.fmu_step import FmuStep
+
+    if not 0.0 < options.cycle_time <= 10.0:
+        raise InputError(f"cycle time: {1e3 * options.cycle_time:g} ms found, more than 0 to 10,000 ms allowed")
+    settings = BridgeSettings(max_age=options.max_age, stuck_cycles=options.stuck_cycles)
+    bus_settings = _bus_settings(options)
+    with FmuStep(fmu) as step:
+        layout, configuration = input_layout(options, step.gauge_names)
+        results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
+        options.identifiers.checked(1, len(results))
+        core = BridgeCore(
+            layout,
+            step,
+            settings,
+            monotonic(),
+            [frame.key for frame in results],
+            options.dynamic_pressure,
+        )
+        bridge = Bridge(core, lambda: open_bus(bus_settings), results, configuration)
+        yield ReadyBridge(bridge, step.n_gauges, layout.name)
+
+
+def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
+    """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
+
+    Raises
+    ------
+    InputError
+        A file or an option is wrong.
+    """
+    if options.dbc is None or options.mapping is None:
+        layout = profile_layout(options.profile, gauge_names, options.cycle_time, options.identifiers)
+        return layout, configuration_of(options.profile, gauge_names)
+    from strainfmu.can.dbc_mapping import load_database, load_mapping, mapped_layout
+
+    layout = mapped_layout(
+        load_database(options.dbc), load_mapping(options.mapping), gauge_names, str(options.mapping)
+    )
+    return layout, configuration_of(options.dbc.name, gauge_names)
+
+
+def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, identifiers: Identifiers) -> int:
+    """Write the DBC file of a map's (or its FMU's) frames; return how many frames it holds.
+
+    Raises
+    ------
+    InputError
+        The map or an option is wrong.
+    StrainfmuError
+        cantools is not installed, or the file cannot be written.
+    """
+    from strainfmu.can.dbc_writer import dbc_text
+
+    if not 0.0 < cycle_time <= 10.0:
+        raise InputError(f"cycle time: {1e3 * cycle_time:g} ms found, more than 0 to 10,000 ms allowed")
+    layouts = all_layouts(profile, _gauge_names(source), cycle_time, identifiers)
+    text = dbc_text(layouts, f"{source.name}, profile {profile}")
+    write_bytes_atomically(output, text.encode("cp1252", "replace"))
+    return len(layouts)
+
+
+def all_layouts(
+    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers
+) -> list[FrameLayout]:
+    """Return every frame of a profile: input, then results."""
+    layout = profile_layout(profile, gauge_names, cycle_time, identifiers)
+    results = result_layouts(_form_of(profile), identifiers, cycle_time)
+    identifiers.checked(len(layout.frames), len(results))
+    return [*(frame.layout for frame in layout.frames), *results]
+
+
+def _gauge_names(source: Path) -> tuple[str, ...]:
+    """Return the gauges of a map or an FMU."""
+    if source.suffix == ".fmu":
+        from strainfmu.can.fmu_step import gauge_names_of
+
+        return gauge_names_of(source)
+    from strainfmu.inverse_map import load_inverse_map
+
+    return tuple(load_inverse_map(source).gauge_names)
+
+
+def _form_of(profile: str) -> str:
+    """Return the form of results that goes with a profile."""
+    return {"fd64": "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
+
+
+def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
+    form = options.result_form
+    if form is None:
+        if options.dbc is None:
+            return _form_of(options.profile)
+        return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
+    if form not in RESULT_FORMS:
+        raise InputError(f"result: '{form}' found, one of {', '.join(RESULT_FORMS)} wanted")
+    return form
+
+
+def _bus_settings(options: BridgeOptions) -> BusSettings:
+    """Return the bus, its options as numbers where they are numbers."""
+    chosen: dict[str, object] = {}
+    for item in options.bus_options:
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--bus-option: '{item}' found, KEY=VALUE wanted")
+        words = {"true": True, "false": False}
+        try:
+            chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
+        except ValueError:
+            chosen[key.strip()] = text
+    return BusSettings(options.interface, options.channel, chosen)

@@ -1,0 +1,48 @@
+"""The one owner of what the bridge sends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from strainfmu.can.bus import import_can
+from strainfmu.can.frame import Frame, to_message
+
+FAILURES_IN_A_ROW = 20
+"""Failed transmissions in a row after which the bus is taken for broken."""
+
+SEND_TIMEOUT = 0.0
+"""Never wait for a bus [s]: a result that cannot go now is old when it could."""
+
+
+class Transmitter:
+    """Sends frames on one bus after another; counts what fails."""
+
+    def __init__(self) -> None:
+        self._bus: Any = None
+        self._in_a_row = 0
+        self.sent = 0
+        self.failures = 0
+        self.last_failure = ""
+
+    def use(self, bus: Any) -> None:
+        """Send on ``bus`` from now on; on none if None."""
+        self._bus = bus
+        self._in_a_row = 0
+
+    def send(self, frames: Iterable[Frame]) -> bool:
+        """Send ``frames``, each at most once; return False when the bus is to be taken for broken."""
+        if self._bus is None:
+            return True
+        can = import_can()
+        for frame in frames:
+            try:
+                self._bus.send(to_message(frame), timeout=SEND_TIMEOUT)
+            except (can.CanError, OSError, ValueError) as error:
+                self.failures += 1
+                self._in_a_row += 1
+                self.last_failure = " ".join(str(error).split()) or type(error).__name__
+                continue
+            self._in_a_row = 0
+            self.sent += 1
+        return self._in_a_row < FAILURES_IN_A_ROW

@@ -1,0 +1,229 @@
+"""The autopilot that holds a commanded angle of attack through C_N and M_P: its settings, data and interface.
+
+The law inverts the short-period motion. With w the frequency and z the damping ratio that are wanted,
+
+    a'  = q - q_inf S C_N / (m V)
+    I q' = q_inf S L M_P + M_control
+    M_control = I [w^2 (a_c - a) - (2 z w - Z) a'] - q_inf S L M_P,  Z = q_inf S (dC_N/da) / (m V)
+
+gives a'' = w^2 (a_c - a) - 2 z w a': the poles are those of s^2 + 2 z w s + w^2, whatever the vehicle. The angle of
+attack a is not measured: it is read from C_N, which rises with it. The damping that the air gives is left to the
+vehicle. ``fmus/native/plant/autopilot.c`` is the law in C.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.atmosphere import dynamic_pressure, speed_of_sound
+from strainfmu.cosim.flight_model import FlightModel, evaluate
+from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
+from strainfmu.fmi_variables import Variable
+from strainfmu.interface import valid_names
+from strainfmu.plant_interface import FlightStart
+
+FloatArray = NDArray[np.float64]
+
+# Steps of the C_N table: linear between them, an error of the angle far below that of any estimate.
+_TABLE_STEPS = 80
+
+
+@dataclass(frozen=True)
+class AutopilotSettings:
+    """Start values of the autopilot's tunable parameters.
+
+    Attributes
+    ----------
+    frequency : w, natural frequency of the angle of attack under control [rad/s].
+    damping_ratio : z [1].
+    largest_moment : bound on the control moment [N m].
+    hold_time : for how long the last good estimate stands in for one that is missing or suspect [s].
+    confirmations : samples in a row after which a suspect gauge is taken out of use; 0 for never.
+    largest_isolated : number of gauges that may be taken out of use.
+    """
+
+    frequency: float = 4.0
+    damping_ratio: float = 0.8
+    largest_moment: float = 2000.0
+    hold_time: float = 0.1
+    confirmations: int = 3
+    largest_isolated: int = 4
+
+
+def normal_force_table(model: FlightModel, start: FlightStart) -> FloatArray:
+    """Return (k, 2) rows of angle of attack [rad] and C_N [1] at the Mach number, sideslip and altitude of ``start``.
+
+    Raises
+    ------
+    InputError
+        The sideslip is outside the model's envelope, or C_N does not rise with the angle of attack.
+    """
+    most = float(model.incidence_knots[-1])
+    if abs(start.sideslip_angle) >= most:
+        raise InputError(f"sideslip: {start.sideslip_angle:g} rad found, the flight model ends at {most:g} rad")
+    # cos a_T = cos a cos b: the largest angle of attack that total incidence leaves.
+    largest = float(np.arccos(np.cos(most) / np.cos(start.sideslip_angle))) * (1.0 - 1e-9)
+    angles = np.linspace(-largest, largest, _TABLE_STEPS + 1)
+    values = [
+        evaluate(
+            model, FlightCondition(start.mach_number, angle, start.sideslip_angle, start.altitude)
+        ).coefficients[1]
+        for angle in angles.tolist()
+    ]
+    if not np.all(np.diff(values) > 0.0):
+        raise InputError("flight model: C_N does not rise with the angle of attack, which the autopilot needs")
+    return np.column_stack((angles, values))
+
+
+def autopilot_data(model: FlightModel, start: FlightStart) -> FloatArray:
+    """Return the constants of the law and its C_N table, as autopilot.c reads them."""
+    table = normal_force_table(model, start)
+    speed = start.mach_number * speed_of_sound(start.altitude)
+    head = [
+        model.n_gauges,
+        len(table),
+        model.reference_area,
+        model.reference_length,
+        start.mass,
+        start.pitch_inertia,
+        speed,
+    ]
+    return np.concatenate((head, table.ravel()))
+
+
+def autopilot_interface(
+    model: FlightModel, start: FlightStart, settings: AutopilotSettings
+) -> tuple[Variable, ...]:
+    """Return the variables of the autopilot FMU in the order of their value references.
+
+    Outputs change at communication points only, so at one of them they depend on no input.
+    """
+    inputs, parameters = _inputs(start), _parameters(settings)
+    depends = tuple(variable.name for variable in (*inputs, *parameters))
+    return (*_outputs(model, depends), *inputs, *parameters)
+
+
+def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
+    valid = [
+        Variable(
+            name,
+            f"Whether gauge {gauge} may be used; false once it was taken out of use",
+            "output",
+            "discrete",
+            "Boolean",
+            initially_depends_on=depends,
+            array="valid",
+        )
+        for name, gauge in zip(valid_names(model.n_gauges), model.gauge_names, strict=True)
+    ]
+    return [
+        Variable(
+            "control_moment",
+            "Pitching moment wanted of the controls, positive nose-up",
+            "output",
+            unit="N.m",
+            display_unit="kN.m",
+            initially_depends_on=depends,
+        ),
+        Variable(
+            "estimated_angle_of_attack",
+            "Angle of attack inferred from C_N",
+            "output",
+            unit="rad",
+            display_unit="deg",
+            initially_depends_on=depends,
+        ),
+        Variable(
+            "trusted",
+            "Whether the estimate is used: it is finite and fits its gauges",
+            "output",
+            "discrete",
+            "Boolean",
+            initially_depends_on=depends,
+        ),
+        Variable(
+            "isolated_gauges",
+            "Number of gauges taken out of use",
+            "output",
+            "discrete",
+            "Integer",
+            minimum=0,
+            maximum=model.n_gauges,
+            initially_depends_on=depends,
+        ),
+        *valid,
+    ]
+
+
+def _inputs(start: FlightStart) -> list[Variable]:
+    nominal = dynamic_pressure(start.mach_number, start.altitude)
+    return [
+        Variable(
+            "commanded_angle_of_attack",
+            "Angle of attack to hold",
+            "input",
+            unit="rad",
+            display_unit="deg",
+            start=0.0,
+        ),
+        Variable("C_N", "Normal force coefficient, positive up", "input", unit="1", start=0.0),
+        Variable("M_P", "Pitching moment coefficient, positive nose-up", "input", unit="1", start=0.0),
+        Variable("chi_square", "Chi-square of the estimate's residual", "input", unit="1", start=0.0),
+        Variable("chi_square_limit", "Its alarm level: above it the estimate is suspect", "input", unit="1", start=1.0),
+        Variable(
+            "suspect_gauge",
+            "Number, from 1, of the gauge that does not fit; 0 for none",
+            "input",
+            "discrete",
+            "Integer",
+            minimum=0,
+            start=0,
+        ),
+        Variable(
+            "dynamic_pressure",
+            "Free-stream dynamic pressure",
+            "input",
+            unit="Pa",
+            display_unit="kPa",
+            start=nominal,
+        ),
+        Variable("pitch_rate", "Pitch rate, positive nose-up", "input", unit="rad/s", display_unit="deg/s", start=0.0),
+    ]
+
+
+def _parameters(settings: AutopilotSettings) -> list[Variable]:
+    positive = 1e-300
+    reals = (
+        ("frequency", "Natural frequency of the angle of attack under control", "rad/s", None, positive, 1e6),
+        ("damping_ratio", "Damping ratio of the angle of attack under control", "1", None, 0.0, 1e6),
+        ("largest_moment", "Bound on the control moment", "N.m", "kN.m", 0.0, 1e12),
+        ("hold_time", "How long the last good estimate stands in for a suspect one", "s", "ms", 0.0, 1e6),
+    )
+    integers = (
+        ("confirmations", "Samples in a row after which a suspect gauge is taken out of use; 0: never"),
+        ("largest_isolated", "How many gauges may be taken out of use"),
+    )
+    return [
+        *(
+            Variable(
+                name,
+                text,
+                "parameter",
+                "tunable",
+                unit=unit,
+                display_unit=shown,
+                minimum=low,
+                maximum=high,
+                start=getattr(settings, name),
+            )
+            for name, text, unit, shown, low, high in reals
+        ),
+        *(
+            Variable(name, text, "parameter", "tunable", "Integer", minimum=0, maximum=10**6, start=getattr(settings, name))
+            for name, text in integers
+        ),
+    ]

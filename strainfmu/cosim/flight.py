@@ -1,0 +1,250 @@
+"""Closed-loop flight: the FMUs of a scenario, how they are connected, and what a run is worth.
+
+    schedule -> plant -> estimator -> autopilot -> plant (delayed)
+
+Four FMUs: the schedule commands and makes gauges fail; the plant flies and strains; the estimator turns strains into
+coefficients; the autopilot closes the loop through them, and takes bad gauges out of the estimator's use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.cosim.flight_model import FlightModel, load_flight_model
+from strainfmu.cosim.master import simulate
+from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.scenario import FaultEvent, Scenario
+from strainfmu.cosim.schedule import ScheduledSignal
+from strainfmu.cosim.system import Connection, System
+from strainfmu.errors import InputError
+from strainfmu.fmi_variables import Variable, strain_names
+from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
+from strainfmu.health import HealthState
+from strainfmu.interface import valid_names
+from strainfmu.inverse_map import load_inverse_map
+from strainfmu.plant_interface import GaugeFault, Motion, native_plant_interface
+
+FloatArray = NDArray[np.float64]
+
+INSTANCES = ("schedule", "plant", "estimator", "autopilot")
+"""Names of the instances, in the order in which they are stepped."""
+
+HOLDING = np.radians(1.0)
+"""Largest error of the angle of attack just before a new command in a loop that holds [rad]."""
+
+
+def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | None = None) -> dict[str, Path]:
+    """Write the FMUs of a scenario into ``folder``; return their paths by name of the instance.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged, map and flight model have different gauges, or a gauge is unknown.
+    StrainfmuError
+        An FMU could not be written.
+    """
+    model, inverse_map = load_flight_model(scenario.flight_model), load_inverse_map(scenario.inverse_map)
+    if model.gauge_names != inverse_map.gauge_names:
+        raise InputError(f"{scenario.inverse_map}: its gauges are not those of {scenario.flight_model}")
+    fmus = {name: folder / f"{name}.fmu" for name in INSTANCES}
+    folder.mkdir(parents=True, exist_ok=True)
+    export_estimator(scenario.inverse_map, fmus["estimator"])
+    export_native_plant(
+        scenario.flight_model, fmus["plant"], Motion.SHORT_PERIOD, scenario.start, None, platforms, scenario.noise_seed
+    )
+    export_autopilot(scenario.flight_model, fmus["autopilot"], scenario.start, scenario.autopilot, platforms)
+    export_schedule(scheduled_signals(scenario, model), fmus["schedule"], platforms)
+    return fmus
+
+
+def scheduled_signals(scenario: Scenario, model: FlightModel) -> list[ScheduledSignal]:
+    """Return commands and faults as signals.
+
+    Raises
+    ------
+    InputError
+        A fault names a gauge that is not there, or a gauge gets two faults at one time.
+    """
+    command = Variable(
+        "commanded_angle_of_attack", "Angle of attack to hold", "output", unit="rad", display_unit="deg"
+    )
+    signals = [
+        ScheduledSignal(
+            command,
+            tuple(item.time for item in scenario.commands),
+            tuple(item.angle_of_attack for item in scenario.commands),
+        )
+    ]
+    inputs = {v.name: v for v in native_plant_interface(model, Motion.SHORT_PERIOD, scenario.start)}
+    events: dict[int, list[FaultEvent]] = {}
+    for fault in scenario.faults:
+        events.setdefault(gauge_number(fault.gauge, model), []).append(fault)
+    for number, faults in sorted(events.items()):
+        for name in ("fault_kind", "fault_value"):
+            values = [float(f.kind) if name == "fault_kind" else f.value for f in faults]
+            times = [fault.time for fault in faults]
+            if times[0] > 0.0:
+                times, values = [0.0, *times], [0.0, *values]
+            variable = replace(inputs[f"{name}[{number}]"], causality="output", start=None, array=None)
+            signals.append(ScheduledSignal(variable, tuple(times), tuple(values)))
+    return signals
+
+
+def gauge_number(gauge: str | int, model: FlightModel) -> int:
+    """Return the number, from 1, of a gauge given by name or number.
+
+    Raises
+    ------
+    InputError
+        There is no such gauge.
+    """
+    if isinstance(gauge, str) and gauge in model.gauge_names:
+        return model.gauge_names.index(gauge) + 1
+    if isinstance(gauge, int) and 1 <= gauge <= model.n_gauges:
+        return gauge
+    raise InputError(
+        f"fault: gauge {gauge!r} found, must be a number from 1 to {model.n_gauges} or a name such as "
+        f"'{model.gauge_names[0]}'"
+    )
+
+
+def flight_connections(n_gauges: int, signals: Sequence[str], feedback: str) -> tuple[Connection, ...]:
+    """Return what goes where.
+
+    Parameters
+    ----------
+    signals : names of the schedule's outputs.
+    feedback : "truth" or "estimate": where the autopilot's coefficients come from.
+    """
+    command, *faults = signals
+    links = [("schedule", command, "autopilot", command)]
+    links += [("plant", name, "estimator", name) for name in (*strain_names(n_gauges), "dynamic_pressure")]
+    links += [("plant", name, "autopilot", name) for name in ("pitch_rate", "dynamic_pressure")]
+    source = "estimator" if feedback == "estimate" else "plant"
+    links += [(source, name, "autopilot", name) for name in ("C_N", "M_P")]
+    # What begins at a communication point acts from there on, so the plant gets it for the step that follows.
+    delayed = [("schedule", name, "plant", name) for name in faults]
+    delayed += [("autopilot", "control_moment", "plant", "control_moment")]
+    if feedback == "estimate":
+        watched = ("chi_square", "chi_square_limit", "suspect_gauge")
+        links += [("estimator", f"health.{name}", "autopilot", name) for name in watched]
+        delayed += [("autopilot", name, "estimator", name) for name in valid_names(n_gauges)]
+    return (
+        *(Connection(f"{a}.{x}", f"{b}.{y}") for a, x, b, y in links),
+        *(Connection(f"{a}.{x}", f"{b}.{y}", delayed=True) for a, x, b, y in delayed),
+    )
+
+
+def flight_system(scenario: Scenario, fmus: dict[str, Path], feedback: str) -> System:
+    """Return the connected FMUs of :func:`export_flight`."""
+    model = load_flight_model(scenario.flight_model)
+    signals = [signal.variable.name for signal in scheduled_signals(scenario, model)]
+    return System(fmus, flight_connections(model.n_gauges, signals, feedback))
+
+
+def fly(
+    scenario: Scenario,
+    fmus: dict[str, Path],
+    feedback: str,
+    progress: Callable[[float], None] | None = None,
+    at_once: bool = False,
+) -> Recording:
+    """Simulate a scenario with FMPy and return all outputs; ``at_once`` as other engines do it.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`~strainfmu.cosim.master.simulate`.
+    """
+    system = flight_system(scenario, fmus, feedback)
+    return simulate(system, scenario.stop_time, scenario.step_size, None, progress, at_once)
+
+
+@dataclass(frozen=True)
+class FaultReport:
+    """What came of one fault: seconds until health was other than OK, and until the gauge was out of use; or None."""
+
+    event: FaultEvent
+    reported_after: float | None
+    isolated_after: float | None
+
+
+@dataclass(frozen=True)
+class FlightResult:
+    """What one run is worth.
+
+    Attributes
+    ----------
+    tracking_error : rms of commanded less true angle of attack [rad].
+    settled_error : largest size of that within the last second before a new command, or before the end [rad].
+    angle_error : rms of inferred less true angle of attack [rad].
+    coefficient_error : rms of estimated less true C_N and M_P [1].
+    health : share of the samples by state.
+    faults : one report per fault.
+    holds : whether settled_error is below :data:`HOLDING`.
+    """
+
+    tracking_error: float
+    settled_error: float
+    angle_error: float
+    coefficient_error: tuple[float, float]
+    health: dict[str, float]
+    faults: tuple[FaultReport, ...]
+
+    @property
+    def holds(self) -> bool:
+        return self.settled_error < HOLDING
+
+
+def flight_result(scenario: Scenario, recording: Recording, model: FlightModel) -> FlightResult:
+    """Score one run."""
+    time, angle = recording.time, recording["plant.angle_of_attack"]
+    error = recording["schedule.commanded_angle_of_attack"] - angle
+    ends = [*(command.time for command in scenario.commands[1:]), scenario.stop_time + 1e-9]
+    settled = np.zeros(len(time), dtype=bool)
+    for end in ends:
+        settled |= (time > end - 1.0) & (time < end - 0.5 * scenario.step_size)
+    states = recording["estimator.health.state"]
+    return FlightResult(
+        tracking_error=_rms(error),
+        settled_error=float(np.abs(error[settled]).max()),
+        angle_error=_rms(recording["autopilot.estimated_angle_of_attack"] - angle),
+        coefficient_error=(
+            _rms(recording["estimator.C_N"] - recording["plant.C_N"]),
+            _rms(recording["estimator.M_P"] - recording["plant.M_P"]),
+        ),
+        health={state.name: float(np.mean(states == state)) for state in HealthState if np.any(states == state)},
+        faults=tuple(_fault_report(event, recording, model) for event in scenario.faults),
+    )
+
+
+def _rms(values: FloatArray) -> float:
+    """Return the root mean square of what is finite: no estimate is no error."""
+    return float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2)))
+
+
+def _fault_report(event: FaultEvent, recording: Recording, model: FlightModel) -> FaultReport:
+    """Say when a fault was seen; health is reported when it changes from what it was before, to any but OK."""
+    time = recording.time
+    after = time >= event.time - 1e-9
+    if event.kind is GaugeFault.NONE:
+        return FaultReport(event, None, None)
+    states = recording["estimator.health.state"]
+    reported = after & (states != HealthState.OK)
+    isolated = after & (recording[f"autopilot.valid[{gauge_number(event.gauge, model)}]"] == 0.0)
+    first = [float(time[found][0]) - event.time if found.any() else None for found in (reported, isolated)]
+    return FaultReport(event, first[0], first[1])
+
+
+def fault_text(event: FaultEvent) -> str:
+    """Say a fault in a few words."""
+    value = {GaugeFault.DRIFT: f" {1e6 * event.value:g} um/m per s"}.get(event.kind, f" {1e6 * event.value:g} um/m")
+    valued = event.kind in (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
+    return f"{event.kind.name.lower()}{value if valued else ''} of gauge {event.gauge} at {event.time:g} s"
+

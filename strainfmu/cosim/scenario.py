@@ -1,0 +1,232 @@
+"""A flight scenario: which FMUs fly, what is commanded, which gauges fail, how the loop is closed (TOML)."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isfinite, radians
+from pathlib import Path
+from typing import Any
+
+from strainfmu.cosim.autopilot import AutopilotSettings
+from strainfmu.errors import InputError
+from strainfmu.plant_interface import FlightStart, GaugeFault
+
+FEEDBACKS = ("truth", "estimate")
+"""What the autopilot may be fed with: the plant's true coefficients, or the estimator's."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """From ``time`` [s] on the angle of attack [rad] to hold."""
+
+    time: float
+    angle_of_attack: float
+
+
+@dataclass(frozen=True)
+class FaultEvent:
+    """From ``time`` [s] on a gauge, by name or by number from 1, has a fault; ``value`` is that of its kind [SI]."""
+
+    time: float
+    gauge: str | int
+    kind: GaugeFault
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One flight.
+
+    Attributes
+    ----------
+    name : for headings.
+    inverse_map, flight_model : files that the FMUs are made of.
+    stop_time, step_size : [s].
+    feedback : of :data:`FEEDBACKS`, one run each.
+    start : flight condition and vehicle.
+    noise_seed : of the gauges' noise.
+    autopilot : its settings.
+    commands : in order of time, the first at 0.
+    faults : in order of time.
+    """
+
+    name: str
+    inverse_map: Path
+    flight_model: Path
+    stop_time: float
+    step_size: float
+    feedback: tuple[str, ...]
+    start: FlightStart
+    noise_seed: int
+    autopilot: AutopilotSettings
+    commands: tuple[Command, ...]
+    faults: tuple[FaultEvent, ...]
+
+
+@dataclass
+class _Table:
+    """A table of the file that is used up entry by entry, so that what is left over is unknown."""
+
+    path: Path
+    name: str
+    entries: dict[str, Any]
+
+    def fault(self, key: str, text: str) -> InputError:
+        where = f"{self.name}.{key}" if self.name else key
+        return InputError(f"{self.path}: {where}: {text}")
+
+    def number(self, key: str, default: float | None, low: float = -inf, high: float = inf) -> float:
+        """Take a number from ``low`` to ``high``; without a default it must be there."""
+        value = self.entries.pop(key, default)
+        if value is None:
+            raise self.fault(key, "entry is missing")
+        numeric = isinstance(value, int | float) and not isinstance(value, bool)
+        if not numeric or not isfinite(value) or not low <= value <= high:
+            bounds = "" if low == -inf and high == inf else f" from {low:g} to {high:g}"
+            raise self.fault(key, f"{value!r} found, a number{bounds} wanted")
+        return float(value)
+
+    def whole(self, key: str, default: int, high: int) -> int:
+        """Take a whole number from 0 to ``high``."""
+        value = self.entries.get(key, default)
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise self.fault(key, f"{value!r} found, a whole number wanted")
+        return int(self.number(key, default, 0, high))
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Take a text that is not empty."""
+        value = self.entries.pop(key, default)
+        if value is None:
+            raise self.fault(key, "entry is missing")
+        if not isinstance(value, str) or not value:
+            raise self.fault(key, f"{value!r} found, a text wanted")
+        return value
+
+    def table(self, key: str) -> _Table:
+        """Take a table, empty if there is none."""
+        value = self.entries.pop(key, {})
+        if not isinstance(value, dict):
+            raise self.fault(key, f"{value!r} found, a table wanted")
+        return _Table(self.path, f"{self.name}.{key}" if self.name else key, dict(value))
+
+    def tables(self, key: str) -> list[_Table]:
+        """Take an array of tables."""
+        value = self.entries.pop(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise self.fault(key, "an array of tables wanted")
+        return [_Table(self.path, f"{key}.{k}", dict(item)) for k, item in enumerate(value, start=1)]
+
+    def finish(self) -> None:
+        """Refuse what was not taken."""
+        for key in self.entries:
+            raise self.fault(key, "unknown entry")
+
+
+def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
+    """Read a scenario.
+
+    Parameters
+    ----------
+    folder : where ``map`` and ``flight_model`` lie, if not beside the scenario.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or an entry is missing, unknown or out of range.
+    """
+    root = _Table(path, "", _read(path))
+    base = folder if folder is not None else path.parent
+    files, flight, vehicle = root.table("files"), root.table("flight"), root.table("vehicle")
+    stop_time = root.number("stop_time_s", None, 1e-3, 1e5)
+    scenario = Scenario(
+        name=root.text("name", path.stem),
+        inverse_map=base / files.text("map", "map.h5"),
+        flight_model=base / files.text("flight_model", "flight_model.h5"),
+        stop_time=stop_time,
+        step_size=root.number("step_size_s", 0.01, 1e-6, stop_time),
+        feedback=_feedback(root),
+        start=_start(flight, vehicle),
+        noise_seed=flight.whole("noise_seed", 1, 2**31 - 1),
+        autopilot=_autopilot(root.table("autopilot")),
+        commands=_commands(root, stop_time),
+        faults=tuple(sorted((_fault(item, stop_time) for item in root.tables("fault")), key=lambda f: f.time)),
+    )
+    for table in (files, flight, vehicle, root):
+        table.finish()
+    return scenario
+
+
+def _read(path: Path) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: no TOML file: {error}") from error
+
+
+def _feedback(root: _Table) -> tuple[str, ...]:
+    value = root.entries.pop("feedback", list(FEEDBACKS))
+    chosen = tuple(value) if isinstance(value, list) else (value,)
+    if not chosen or any(item not in FEEDBACKS for item in chosen) or len(set(chosen)) < len(chosen):
+        raise root.fault("feedback", f"{value!r} found, must be {' or '.join(FEEDBACKS)}, or a list of both")
+    return chosen
+
+
+def _start(flight: _Table, vehicle: _Table) -> FlightStart:
+    default = FlightStart(6.0, 20e3)
+    return FlightStart(
+        mach_number=flight.number("mach_number", None, 0.0, 100.0),
+        altitude=1e3 * flight.number("altitude_km", None, 0.0, 71.0),
+        angle_of_attack=radians(flight.number("angle_of_attack_deg", 0.0, -90.0, 90.0)),
+        sideslip_angle=radians(flight.number("sideslip_angle_deg", 0.0, -90.0, 90.0)),
+        mass=vehicle.number("mass_kg", default.mass, 1e-3, 1e9),
+        pitch_inertia=vehicle.number("pitch_inertia_kg_m2", default.pitch_inertia, 1e-6, 1e12),
+        pitch_damping=vehicle.number("pitch_damping_per_rad", default.pitch_damping, -1e6, 1e6),
+    )
+
+
+def _autopilot(table: _Table) -> AutopilotSettings:
+    default = AutopilotSettings()
+    settings = AutopilotSettings(
+        frequency=table.number("frequency_rad_per_s", default.frequency, 1e-3, 1e3),
+        damping_ratio=table.number("damping_ratio", default.damping_ratio, 0.0, 100.0),
+        largest_moment=table.number("largest_moment_N_m", default.largest_moment, 0.0, 1e12),
+        hold_time=table.number("hold_time_s", default.hold_time, 0.0, 1e5),
+        confirmations=table.whole("confirmations", default.confirmations, 10**6),
+        largest_isolated=table.whole("largest_isolated", default.largest_isolated, 10**6),
+    )
+    table.finish()
+    return settings
+
+
+def _commands(root: _Table, stop_time: float) -> tuple[Command, ...]:
+    commands = []
+    for item in root.tables("command"):
+        time = item.number("time_s", None, 0.0, stop_time)
+        commands.append(Command(time, radians(item.number("angle_of_attack_deg", None, -90.0, 90.0))))
+        item.finish()
+    times = [command.time for command in commands]
+    if not times or times[0] != 0.0 or sorted(set(times)) != times:
+        raise root.fault("command", "the times of the commands must start at 0 and increase")
+    return tuple(commands)
+
+
+def _fault(item: _Table, stop_time: float) -> FaultEvent:
+    """Read one fault; its value has the unit that its kind has."""
+    names = [kind.name.lower() for kind in GaugeFault]
+    name = item.text("kind")
+    if name not in names:
+        raise item.fault("kind", f"{name!r} found, must be one of {', '.join(names)}")
+    kind = GaugeFault[name.upper()]
+    gauge = item.entries.pop("gauge", None)
+    if not isinstance(gauge, str | int) or isinstance(gauge, bool):
+        raise item.fault("gauge", f"{gauge!r} found, the name of a gauge or its number from 1 wanted")
+    key = "drift_um_per_m_per_s" if kind is GaugeFault.DRIFT else "value_um_per_m"
+    valued = kind in (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
+    value = 1e-6 * item.number(key, None, -1e5, 1e5) if valued else 0.0
+    event = FaultEvent(item.number("time_s", None, 0.0, stop_time), gauge, kind, value)
+    item.finish()
+    return event

@@ -1,0 +1,51 @@
+"""Signals over time that jump at given times: commands and gauge faults, as an FMU that any engine can run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.errors import InputError
+from strainfmu.fmi_variables import Variable
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ScheduledSignal:
+    """One signal: ``values[k]`` from ``times[k]`` [s] on, the first from the start.
+
+    Attributes
+    ----------
+    variable : the output that carries it; values are in its unit.
+    """
+
+    variable: Variable
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.values) or not self.times or not np.all(np.diff(self.times) > 0.0):
+            raise InputError(f"schedule: the times of {self.variable.name} must increase, one value each")
+        if not np.all(np.isfinite([*self.times, *self.values])):
+            raise InputError(f"schedule: {self.variable.name} holds a value that is not finite")
+
+
+def schedule_interface(signals: Sequence[ScheduledSignal]) -> tuple[Variable, ...]:
+    """Return the variables of the schedule FMU in the order of their value references."""
+    return tuple(signal.variable for signal in signals)
+
+
+def schedule_data(signals: Sequence[ScheduledSignal]) -> FloatArray:
+    """Return rows of time [s] and a value per signal, as schedule.c reads them."""
+    times = sorted({0.0, *(time for signal in signals for time in signal.times)})
+    columns = [[_at(signal, time) for time in times] for signal in signals]
+    return np.column_stack((times, *columns)).ravel()
+
+
+def _at(signal: ScheduledSignal, time: float) -> float:
+    place = int(np.searchsorted(signal.times, time, side="right")) - 1
+    return signal.values[max(place, 0)]

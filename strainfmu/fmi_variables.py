@@ -1,0 +1,124 @@
+"""What the interface of an FMU is made of: variables and their units, for FMI 2.0 and 3.0."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from math import pi
+from typing import Any
+
+
+@dataclass(frozen=True)
+class DisplayUnit:
+    """A unit for people: shown value = ``factor`` * value in the parent unit (FMI 2.0, section 2.2.2)."""
+
+    name: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit with its exponents of SI base units (and rad), as FMI 2.0, section 2.2.2 wants it."""
+
+    name: str
+    base: tuple[tuple[str, int], ...] = ()
+    display_units: tuple[DisplayUnit, ...] = ()
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable: a ScalarVariable of FMI 2.0 (section 2.2.7), an array in FMI 3.0; numbers are in ``unit``.
+
+    Attributes
+    ----------
+    fmi_type : type in FMI 2.0: Real, Integer, Boolean or Enumeration.
+    depends_on : names of the inputs that an output depends on at a communication point.
+    dependencies_kind : how it does, FMI's word, the same for all of ``depends_on``.
+    initially_depends_on : names of the parameters its first value depends on besides.
+    array : name of the FMI 3.0 array that it is an element of.
+    dimension : number of elements of such an array, None for a scalar; then ``start`` holds one value each.
+    """
+
+    name: str
+    description: str
+    causality: str
+    variability: str = "continuous"
+    fmi_type: str = "Real"
+    unit: str | None = None
+    display_unit: str | None = None
+    nominal: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    start: float | int | bool | tuple[float | int | bool, ...] | None = None
+    declared_type: str | None = None
+    depends_on: tuple[str, ...] = ()
+    dependencies_kind: str = "dependent"
+    initially_depends_on: tuple[str, ...] = ()
+    array: str | None = None
+    dimension: int | None = None
+
+
+COEFFICIENTS = {
+    "C_A": "Axial force coefficient of pressure less internal pressure, positive aft, fore-body",
+    "C_N": "Normal force coefficient, positive up",
+    "C_Y": "Side force coefficient, positive to starboard",
+    "M_P": "Pitching moment coefficient, positive nose-up",
+    "M_Y": "Yawing moment coefficient, positive nose to starboard",
+}
+
+UNITS = (
+    Unit("1", (), (DisplayUnit("um/m", 1e6),)),
+    Unit("N", (("kg", 1), ("m", 1), ("s", -2)), (DisplayUnit("kN", 1e-3),)),
+    Unit("N.m", (("kg", 1), ("m", 2), ("s", -2)), (DisplayUnit("kN.m", 1e-3),)),
+    Unit("Pa", (("kg", 1), ("m", -1), ("s", -2)), (DisplayUnit("kPa", 1e-3),)),
+    Unit("m", (("m", 1),), (DisplayUnit("mm", 1e3), DisplayUnit("km", 1e-3))),
+    Unit("m2", (("m", 2),), (DisplayUnit("cm2", 1e4),)),
+    Unit("rad", (("rad", 1),), (DisplayUnit("deg", 180.0 / pi),)),
+    Unit("rad/s", (("rad", 1), ("s", -1)), (DisplayUnit("deg/s", 180.0 / pi),)),
+    Unit("s", (("s", 1),), (DisplayUnit("ms", 1e3),)),
+    Unit("kg", (("kg", 1),)),
+    Unit("kg.m2", (("kg", 1), ("m", 2))),
+)
+
+
+def strain_names(n_gauges: int) -> tuple[str, ...]:
+    """Return ``strain[1]`` .. ``strain[n]``, which structured naming makes an array (FMI 2.0, 2.2.9)."""
+    return tuple(f"strain[{i}]" for i in range(1, n_gauges + 1))
+
+
+def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) -> tuple[Variable, ...]:
+    """Return the interface of FMI 3.0: elements of one array become one variable, dependencies follow.
+
+    ``descriptions`` holds what is said of each array.
+    """
+    array_of = {variable.name: variable.array or variable.name for variable in interface}
+
+    def merged(names: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(array_of[name] for some in names for name in some))
+
+    variables = []
+    for name, group in groupby(interface, key=lambda variable: array_of[variable.name]):
+        elements = list(group)
+        first = elements[0]
+        changed: dict[str, Any] = {
+            "array": None,
+            "depends_on": merged(element.depends_on for element in elements),
+            "initially_depends_on": merged(element.initially_depends_on for element in elements),
+        }
+        if first.array is not None:
+            nominals = [element.nominal for element in elements if element.nominal is not None]
+            changed |= {
+                "name": name,
+                "description": descriptions[name],
+                "dimension": len(elements),
+                "nominal": max(nominals, default=None),
+                "start": None if first.start is None else tuple(element.start for element in elements),
+            }
+        variables.append(replace(first, **changed))
+    return tuple(variables)
+
+
+def value_references(interface: Sequence[Variable]) -> dict[str, int]:
+    """Return the value reference of each variable name: its place in the interface."""
+    return {variable.name: place for place, variable in enumerate(interface)}

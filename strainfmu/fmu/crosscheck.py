@@ -1,0 +1,162 @@
+"""Compatibility information of an FMU, as the FMI project asks exporters to publish it.
+
+A folder with ``{M}.fmu``, ``{M}_in.csv``, ``{M}_ref.csv``, ``{M}_ref.opt`` and ``Readme.txt``, which lists
+importers, their versions and results. Source: fmi-standard.org, CONTRIBUTING, "Compatibility Information"; the
+file formats are those of the FMI Cross-Check rules 4.1.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from platform import machine, system
+
+import numpy as np
+
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import write_bytes_atomically
+from strainfmu.fmu.importers import IMPORTERS, Table, read_table
+from strainfmu.fmu_inspection import read_fmu
+
+RELATIVE_TOLERANCE = 1e-5
+"""Of the largest value of a signal: the reference has 6 digits."""
+
+_FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
+_TIME_LIMIT = 300.0
+
+
+@dataclass(frozen=True)
+class ImporterResult:
+    """What one importer did.
+
+    Attributes
+    ----------
+    importer : its name and version.
+    outcome : "passed", "failed" or "not run".
+    detail : largest deviation, or why.
+    """
+
+    importer: str
+    outcome: str
+    detail: str
+
+    @property
+    def line(self) -> str:
+        return f"{self.importer:<20} {self.outcome:<8} {self.detail}"
+
+
+def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
+    """Write the folder for ``fmu`` and return what each importer made of it.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged, or holds no reference run.
+    StrainfmuError
+        A file could not be written.
+    """
+    description, _, files = read_fmu(fmu)
+    names = [f"{_FOLDER}/reference_{which}.csv" for which in ("in", "out")]
+    missing = [name for name in names if name not in files]
+    if missing:
+        raise InputError(f"{fmu}: holds no reference run, {missing[0]} is missing")
+    with zipfile.ZipFile(fmu) as archive:
+        inputs, reference = (archive.read(name) for name in names)
+    model = description.modelName.replace(" ", "_")
+    experiment = description.defaultExperiment
+    write_bytes_atomically(folder / f"{model}.fmu", fmu.read_bytes())
+    write_bytes_atomically(folder / f"{model}_in.csv", inputs)
+    write_bytes_atomically(folder / f"{model}_ref.csv", reference)
+    table = read_table(folder / f"{model}_ref.csv")
+    time = [row[0] for row in table["time"]]
+    options = {"StartTime": time[0], "StopTime": time[-1], "StepSize": time[1] - time[0]}
+    lines = [*(f"{name},{value:g}" for name, value in options.items()), f"RelTol,{RELATIVE_TOLERANCE:g}"]
+    write_bytes_atomically(folder / f"{model}_ref.opt", ("\n".join(lines) + "\n").encode())
+    results = [
+        _result(name, description.fmiVersion, folder / f"{model}.fmu", folder / f"{model}_in.csv", table)
+        for name in IMPORTERS
+    ]
+    tolerance = experiment.tolerance if experiment is not None else None
+    write_bytes_atomically(folder / "Readme.txt", _readme(model, description, results, tolerance).encode())
+    return results
+
+
+def check_results(results: Sequence[ImporterResult]) -> None:
+    """Raise StrainfmuError if an importer that ran did not agree with the reference."""
+    failed = [result.importer for result in results if result.outcome == "failed"]
+    if failed:
+        raise StrainfmuError(f"cross-check: {', '.join(failed)} failed")
+
+
+def _result(name: str, fmi_version: str, fmu: Path, inputs: Path, reference: Table) -> ImporterResult:
+    """Run one importer in a process of its own and compare."""
+    package, versions, _ = IMPORTERS[name]
+    try:
+        importer = f"{name} {version(package)}"
+    except PackageNotFoundError:
+        return ImporterResult(name, "not run", f"{package} is not installed")
+    if fmi_version not in versions:
+        return ImporterResult(importer, "not run", f"not driven with FMI {fmi_version}")
+    with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder:
+        found = Path(folder) / "found.csv"
+        command = [sys.executable, "-m", "strainfmu.fmu.importers", name]
+        command += [str(path.resolve()) for path in (fmu, inputs, found)]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT)
+        except subprocess.TimeoutExpired:
+            return ImporterResult(importer, "failed", f"not finished after {_TIME_LIMIT:g} s")
+        said = (done.stderr.strip() or "no message").splitlines()[-1]
+        if not found.exists():
+            lacks_library = "cannot open shared object file" in said
+            outcome = "not run" if lacks_library else "failed"
+            return ImporterResult(importer, outcome, f"exit code {done.returncode}: {said}")
+        deviation, where = largest_deviation(read_table(found), reference)
+    outcome = "passed" if deviation <= RELATIVE_TOLERANCE else "failed"
+    return ImporterResult(importer, outcome, f"largest deviation {deviation:.1e} of the signal's size ({where})")
+
+
+def largest_deviation(found: Table, reference: Table) -> tuple[float, str]:
+    """Return the largest deviation, of the largest value of its signal, and the signal; infinite where one lacks.
+
+    Signals that an importer does not give at all, as enumerations, are not compared; nor are rows it leaves empty.
+    """
+    worst, where = 0.0, "none"
+    for name, wanted in reference.items():
+        if name == "time" or name not in found:
+            continue
+        rows = [(a, b) for a, b in zip(found[name], wanted, strict=True) if a]
+        size = max((abs(v) for cell in wanted for v in cell), default=0.0) or 1.0
+        errors = [np.max(np.abs(np.subtract(a, b))) for a, b in rows]
+        error = float(np.max(errors)) / size if errors else np.inf  # NaN if one is
+        if not error <= worst:
+            worst, where = (error if np.isfinite(error) else np.inf), name
+    compared = sum(name in found for name in reference)
+    return (worst, where) if compared > 1 else (np.inf, "no signal in common")
+
+
+def _readme(model: str, description: object, results: Sequence[ImporterResult], tolerance: object) -> str:
+    """Return what a reader of the folder must know."""
+    return "\n".join(
+        [
+            f"{model}.fmu, FMI {getattr(description, 'fmiVersion', '')} co-simulation",
+            f"exported by {getattr(description, 'generationTool', '')}",
+            "",
+            f"{model}_in.csv    inputs; those that are not in it keep their start values",
+            f"{model}_ref.csv   outputs of the numpy estimator, 6 digits",
+            f"{model}_ref.opt   start, stop, step size, and the tolerance of the comparison",
+            "",
+            "Inputs are set at the start of each step and held; outputs are read at its end. So row k of the",
+            "reference belongs to the inputs of row k - 1, row 0 to those of row 0.",
+            f"The FMU has no internal integration; its default tolerance, {tolerance}, is without effect.",
+            "",
+            f"Importers, on {system()} {machine()}:",
+            *(result.line for result in results),
+            "",
+        ]
+    )

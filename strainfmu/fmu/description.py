@@ -1,0 +1,137 @@
+"""What an FMU says about itself besides its variables, whatever the FMI version."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field
+from datetime import UTC, datetime
+
+from strainfmu import __version__
+from strainfmu.errors import InputError
+from strainfmu.fmi_variables import Variable
+
+_NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "strainfmu")
+
+_NO_TIME = datetime(1980, 1, 1, tzinfo=UTC)
+"""Stamp of FMUs without SOURCE_DATE_EPOCH: that of their zip entries, the earliest a zip can hold."""
+
+AUTHOR = "strainfmu developers"
+COPYRIGHT = "strainfmu developers; the data inside belong to their makers"
+LICENSE = "BSD-3-Clause"
+TOLERANCE = "1e-06"
+
+LOG_CATEGORIES = {
+    "logStatusWarning": "Messages with status Warning",
+    "logStatusDiscard": "Messages with status Discard",
+    "logStatusError": "Messages with status Error",
+    "logStatusFatal": "Messages with status Fatal",
+    "logAll": "All messages",
+}
+
+
+@dataclass(frozen=True)
+class FmuDescription:
+    """What an FMU says about itself.
+
+    Attributes
+    ----------
+    model_name : free text, shown by tools.
+    description : one sentence on what it computes.
+    interface : the variables; their place is their value reference.
+    content_hash : hash of everything inside that decides the results.
+    stop_time : end of the default experiment [s].
+    step_size : communication step size of the default experiment [s].
+    capabilities : attributes of the CoSimulation element.
+    fmi_version : "2" for FMI 2.0, "3" for FMI 3.0.
+    source_files : names inside ``sources/`` of the files to compile, none for a Python FMU.
+    model_exchange : attributes of the ModelExchange element; None for an FMU without it.
+    """
+
+    model_name: str
+    description: str
+    interface: Sequence[Variable]
+    content_hash: str
+    stop_time: float
+    step_size: float
+    capabilities: Mapping[str, str] = field(default_factory=dict)
+    fmi_version: str = "2"
+    source_files: Sequence[str] = ()
+    model_exchange: Mapping[str, str] | None = None
+
+    @property
+    def model_identifier(self) -> str:
+        """The model name turned into a C name, as file names of binaries must be (section 2.2.1)."""
+        return model_identifier(self.model_name)
+
+    @property
+    def guid(self) -> str:
+        """A name-based UUID: equal content and interface give an equal guid, any change another one."""
+        variables = [astuple(variable) for variable in self.interface]
+        content = repr((self.model_name, self.content_hash, __version__, self.fmi_version, variables))
+        return f"{{{uuid.uuid5(_NAMESPACE, hashlib.sha256(content.encode()).hexdigest())}}}"
+
+
+def model_identifier(model_name: str) -> str:
+    """Return ``model_name`` as a C name.
+
+    Raises
+    ------
+    InputError
+        It holds no letter or digit to make one from.
+    """
+    identifier = re.sub(r"[^A-Za-z0-9]+", "_", model_name).strip("_")
+    if not identifier:
+        raise InputError(f"model name: '{model_name}' found, at least one letter from A to Z is needed")
+    return f"m_{identifier}" if identifier[0].isdigit() else identifier
+
+
+def generation_time() -> str:
+    """Return the time to stamp, as XML has it: SOURCE_DATE_EPOCH (reproducible-builds.org), else 1980-01-01.
+
+    Raises
+    ------
+    InputError
+        SOURCE_DATE_EPOCH is no number of seconds.
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        time = _NO_TIME if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
+    except (ValueError, OverflowError, OSError) as error:
+        raise InputError(f"SOURCE_DATE_EPOCH: '{epoch}' found, whole seconds since 1970 wanted") from error
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def root_attributes(fmu: FmuDescription) -> dict[str, str]:
+    """Return the attributes of ``fmiModelDescription`` that FMI 2.0 and 3.0 share."""
+    return {
+        "modelName": fmu.model_name,
+        "description": fmu.description,
+        "author": AUTHOR,
+        "version": __version__,
+        "copyright": COPYRIGHT,
+        "license": LICENSE,
+        "generationTool": f"strainfmu {__version__}",
+        "generationDateAndTime": generation_time(),
+        "variableNamingConvention": "structured",
+    }
+
+
+def default_experiment(fmu: FmuDescription) -> dict[str, str]:
+    """Return the attributes of ``DefaultExperiment``."""
+    return {
+        "startTime": "0",
+        "stopTime": repr(fmu.stop_time),
+        "tolerance": TOLERANCE,
+        "stepSize": repr(fmu.step_size),
+    }
+
+
+def number_text(value: float | int | bool) -> str:
+    """Return ``value`` as FMI's XML has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value) if isinstance(value, int) else repr(float(value))

@@ -1,0 +1,107 @@
+"""What the page of an estimator FMU says of its map: what it computes, where it holds, and how to cite it."""
+
+from __future__ import annotations
+
+from html import escape
+from math import atan2, degrees
+
+from strainfmu import __version__
+from strainfmu.fmu.documentation import Section, table_html
+from strainfmu.fmu.reference_run import ReferenceRun, example_plot
+from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.validity import ValidRange, valid_ranges
+
+_LIMITS = (
+    "sigma is one standard deviation: gauge noise and what the map's model leaves out, for conditions like those "
+    "above, and the error of the dynamic pressure as far as dynamic_pressure_std says it. C_A is the fore-body's: "
+    "base pressure is not measured by strain. Pressure patterns that leave the gauges without strain cannot be "
+    "seen.",
+    "A gauge whose strain is not finite or beyond sensor_range, or whose valid is false, is left out, exactly as "
+    "if the map had been built without it; sigma and alarm levels follow, and no output depends on its strain. "
+    "The first step without a gauge costs more than those after it.",
+    "Outputs belong to the inputs last set: right after initialization, after any set, after a step and without "
+    "one. An importer that holds inputs over a step records at its end what belongs to its start: estimates then "
+    "lag by one communication step. So does every connection of a master that steps all FMUs at once.",
+    "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
+    "any time; a value that cannot be (see min and max) is refused.",
+)
+
+_CITATION = """@misc{strainload,
+  title  = {Real-time aerodynamic load estimation for hypersonics via strain-based inverse maps},
+  author = {Pham, J. V. and Ghattas, O. and Clemens, N. T. and Willcox, K. E.},
+  year   = {2024}, eprint = {2408.15286}, archivePrefix = {arXiv}
+}"""
+
+
+def estimator_sections(inverse_map: InverseMap, content_hash: str, run: ReferenceRun) -> list[Section]:
+    """Return what the estimator's page says before its tables."""
+    return [
+        (
+            "What it computes",
+            [
+                f"From the strains of {inverse_map.n_gauges} gauges it estimates the aerodynamic forces and "
+                "moments by one fixed affine map, and from those and the dynamic pressure the coefficients, each "
+                "with its standard deviation. A state of health says how far to believe them.",
+                f"Vehicle: {escape(inverse_map.vehicle)}. S = {inverse_map.reference_area:.6g} m², "
+                f"L = {inverse_map.reference_length:.6g} m. Map: <code>{content_hash}</code>.",
+                "Body axes: x aft from the nose tip, y starboard, z up. SI units; strain in m/m.",
+            ],
+        ),
+        ("Validity", _validity(inverse_map)),
+        ("Limits", _LIMITS),
+        (
+            "Example",
+            [
+                "The coefficients of the reference run in extra/org.fmi-standard.fmi-ls-ref, with 3 sigma bands.",
+                example_plot(run),
+            ],
+        ),
+        ("Gauges", [_gauge_table(inverse_map)]),
+        (
+            "How to cite",
+            [
+                f"The method, and strainfmu {__version__} with the hash of the map:",
+                f"<pre>{escape(_CITATION)}</pre>",
+            ],
+        ),
+    ]
+
+
+def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
+    """Return what the snapshots cover: flight conditions, strains and coefficients."""
+    rounded = inverse_map.coefficient_range.round(6) + 0.0  # + 0.0: no negative zeros
+    coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
+    return [*valid_ranges(inverse_map), *(ValidRange(name, low, high, "1") for name, (low, high) in coefficients)]
+
+
+def _validity(inverse_map: InverseMap) -> list[str]:
+    rows = [(one.quantity, one.text) for one in all_ranges(inverse_map)]
+    return [
+        "The map was built from flight conditions in these ranges. Outside them the estimate is an extrapolation, "
+        "and sigma need not hold.",
+        table_html(("Quantity", "Range"), rows),
+    ]
+
+
+def _gauge_table(inverse_map: InverseMap) -> str:
+    rows = [
+        (
+            str(number),
+            name,
+            f"{position[0]:.4g}",
+            f"{degrees(atan2(position[1], position[2])) % 360.0:.4g}",
+            ", ".join(f"{part:.3g}" for part in direction + 0.0),
+            f"{1e6 * sigma:.3g}",
+        )
+        for number, (name, position, direction, sigma) in enumerate(
+            zip(
+                inverse_map.gauge_names,
+                inverse_map.gauge_position,
+                inverse_map.gauge_direction,
+                inverse_map.noise_std,
+                strict=True,
+            ),
+            start=1,
+        )
+    ]
+    return table_html(("No.", "Gauge", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma [um/m]"), rows)

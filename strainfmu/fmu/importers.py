@@ -1,0 +1,145 @@
+"""Importers that can be installed with pip, each driven over a table of inputs.
+
+Run in a process of its own, so that an importer that dies takes nothing with it:
+
+    python -m strainfmu.fmu.importers IMPORTER X.fmu INPUT.csv OUTPUT.csv
+
+Inputs are set at the start of each step and held; outputs are read at its end. Row 0 of the output table is what
+the importer gives before the first step, empty where it gives nothing.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Table = dict[str, list[list[float]]]
+"""Values by name of the variable: one list of elements per row, of one element for a scalar."""
+
+NANOSECONDS = 1e9
+
+
+def read_table(path: Path) -> Table:
+    """Return a table as :func:`~strainfmu.fmu.reference_run.signal_table` wrote it, "time" among its columns."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        names, *rows = csv.reader(stream)
+    return {name: [[float(v) for v in row[k].split()] for row in rows] for k, name in enumerate(names)}
+
+
+def write_table(path: Path, table: Table) -> None:
+    """Write a table with full precision."""
+    rows = zip(*table.values(), strict=True)
+    lines = [",".join(f'"{name}"' for name in table)]
+    lines += [",".join(" ".join(repr(float(v)) for v in cell) for cell in row) for row in rows]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def run_fmpy(fmu: Path, table: Table) -> Table:
+    """Simulate with FMPy."""
+    import fmpy
+
+    shapes = [
+        (name, float) if len(cells[0]) == 1 else (name, float, (len(cells[0]),)) for name, cells in table.items()
+    ]
+    rows = zip(*table.values(), strict=True)
+    signals = np.array(
+        [tuple(cell[0] if len(cell) == 1 else tuple(cell) for cell in row) for row in rows], dtype=shapes
+    )
+    time = [row[0] for row in table["time"]]
+    result = fmpy.simulate_fmu(
+        str(fmu), stop_time=time[-1], output_interval=time[1] - time[0], input=signals, fmi_type="CoSimulation"
+    )
+    return {
+        name: [np.atleast_1d(cell).astype(float).tolist() for cell in result[name]] for name in result.dtype.names
+    }
+
+
+def run_ecos(fmu: Path, table: Table) -> Table:
+    """Simulate with ecos (package ecospy), which needs the system library libtbb.so.12."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    outputs = _scalar_outputs(fmu)
+    time = [row[0] for row in table["time"]]
+    found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
+    with EcosSimulationStructure() as structure:
+        structure.add_model("x", str(fmu))
+        with EcosSimulation(structure=structure, step_size=time[1] - time[0]) as simulation:
+            simulation.init()
+            for row in range(len(time) - 1):
+                for name, cells in table.items():
+                    if name != "time":
+                        simulation.set_real(f"x::{name}", cells[row][0])
+                simulation.step()
+                for name, variable in outputs.items():
+                    get = simulation.get_real if variable.type == "Real" else simulation.get_integer
+                    found[name].append([float(get(f"x::{name}"))])
+            simulation.terminate()
+    return found
+
+
+def run_libcosim(fmu: Path, table: Table) -> Table:
+    """Simulate with libcosim of the Open Simulation Platform (package libcosimpy)."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimManipulator import CosimManipulator
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.WARNING)
+    variables = _variables(fmu)
+    outputs = _scalar_outputs(fmu)
+    time = [row[0] for row in table["time"]]
+    execution = CosimExecution.from_step_size(int((time[1] - time[0]) * NANOSECONDS))
+    slave = execution.add_local_slave(CosimLocalSlave(fmu_path=str(fmu), instance_name="x"))
+    manipulator, observer = CosimManipulator.create_override(), CosimObserver.create_last_value()
+    execution.add_manipulator(manipulator)
+    execution.add_observer(observer)
+    inputs = [name for name in table if name != "time"]
+    references = [variables[name].valueReference for name in inputs]
+    reals = {name: v.valueReference for name, v in outputs.items() if v.type == "Real"}
+    integers = {name: v.valueReference for name, v in outputs.items() if v.type == "Integer"}
+    found: Table = {"time": table["time"], **{name: [[]] for name in (*reals, *integers)}}
+    for row in range(len(time) - 1):
+        values = [table[name][row][0] for name in inputs]
+        manipulator.slave_real_values(slave, references, values)
+        if not execution.step():
+            raise RuntimeError(f"step {row} failed")
+        for names, get in ((reals, observer.last_real_values), (integers, observer.last_integer_values)):
+            for name, value in zip(names, get(slave, list(names.values())), strict=True):
+                found[name].append([float(value)])
+    return found
+
+
+def _variables(fmu: Path) -> dict[str, Any]:
+    import fmpy
+
+    return {v.name: v for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables}
+
+
+def _scalar_outputs(fmu: Path) -> dict[str, Any]:
+    """Return the outputs that numbers can be read from."""
+    kinds = {"Real", "Integer"}  # ecos and libcosim know no Enumeration
+    return {n: v for n, v in _variables(fmu).items() if v.causality == "output" and v.type in kinds}
+
+
+IMPORTERS: dict[str, tuple[str, tuple[str, ...], Callable[[Path, Table], Table]]] = {
+    "FMPy": ("fmpy", ("2.0", "3.0"), run_fmpy),
+    "ecos": ("ecospy", ("2.0",), run_ecos),
+    "libcosim": ("libcosimpy", ("2.0",), run_libcosim),
+}
+"""Package on PyPI, versions of FMI that it is driven with, and how, by name of the importer."""
+
+
+def main(arguments: list[str]) -> None:
+    """Run one importer over one table."""
+    name, fmu, table, result = arguments
+    write_table(Path(result), IMPORTERS[name][2](Path(fmu), read_table(Path(table))))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

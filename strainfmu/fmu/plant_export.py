@@ -1,0 +1,206 @@
+"""Export of the native FMUs round the estimator: plant, autopilot and schedule (FMI 2.0 co-simulation)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu import __version__
+from strainfmu.cosim import flight_model
+from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
+from strainfmu.cosim.flight_model import check_envelope, load_flight_model
+from strainfmu.cosim.schedule import ScheduledSignal, schedule_data, schedule_interface
+from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.errors import InputError
+from strainfmu.files import content_hash_of
+from strainfmu.fmi_variables import Variable
+from strainfmu.fmu.description import FmuDescription
+from strainfmu.fmu.documentation import Section, documentation_files
+from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries, sources_digest
+from strainfmu.fmu.package import CONTENTS, check_fmu_path, write_fmu
+from strainfmu.fmu.plant_page import native_plant_sections
+from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
+from strainfmu.fmu.terminals import terminal_files
+from strainfmu.plant_interface import FlightStart, Motion, native_plant_interface
+
+STEP_SIZE = 1e-2
+STOP_TIME = 20.0
+LIBRARY = "native/plant"
+"""Folder below ``fmus`` of sources and libraries."""
+
+_SHARED = ("map_resource.c", "map_resource.h", "uri_path.c", "uri_path.h")
+
+
+def export_native_plant(
+    flight_model_path: Path,
+    fmu_path: Path,
+    motion: Motion,
+    start: FlightStart,
+    trajectory_path: Path | None = None,
+    platforms: Sequence[str] | None = None,
+    seed: int = 1,
+) -> None:
+    """Write the native plant FMU of a flight model to ``fmu_path``.
+
+    Parameters
+    ----------
+    start : start values of the inputs and parameters.
+    trajectory_path : the CSV table to fly, for ``Motion.TRAJECTORY`` and for it alone.
+    platforms : as those of the estimator's export; None for all.
+    seed : start value of the noise's.
+
+    Raises
+    ------
+    InputError
+        A file is missing, damaged or wrong, or the trajectory leaves the flight model's envelope.
+    StrainfmuError
+        The FMU could not be written; ``fmu_path`` keeps its old content.
+    """
+    check_fmu_path(fmu_path)
+    model = load_flight_model(flight_model_path)
+    if (trajectory_path is None) == (motion is Motion.TRAJECTORY):
+        raise InputError("plant: a trajectory is needed for the motion on a trajectory, and only for that")
+    trajectory = None if trajectory_path is None else load_trajectory(trajectory_path)
+    if trajectory is not None and trajectory_path is not None:
+        check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
+    content_hash = content_hash_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
+    entries = _native_fmu(
+        "StrainedVehicle",
+        f"A vehicle with {model.n_gauges} noisy strain gauges that can fail: {model.vehicle}",
+        ModelKind.PLANT,
+        native_plant_interface(model, motion, start, seed),
+        plant_data(model, motion, trajectory),
+        native_plant_sections(model, motion, content_hash),
+        platforms,
+        {"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
+        trajectory.stop_time if trajectory is not None else STOP_TIME,
+    )
+    write_fmu(fmu_path, entries)
+
+
+def export_autopilot(
+    flight_model_path: Path,
+    fmu_path: Path,
+    start: FlightStart,
+    settings: AutopilotSettings | None = None,
+    platforms: Sequence[str] | None = None,
+) -> None:
+    """Write the autopilot FMU, designed for the vehicle and flight condition of ``start``, to ``fmu_path``.
+
+    Raises
+    ------
+    InputError
+        The flight model is missing or damaged, or no autopilot can be made for it.
+    StrainfmuError
+        The FMU could not be written; ``fmu_path`` keeps its old content.
+    """
+    check_fmu_path(fmu_path)
+    model, settings = load_flight_model(flight_model_path), settings or AutopilotSettings()
+    sections = [
+        (
+            "What it computes",
+            [
+                "It holds a commanded angle of attack. The angle is inferred from C_N by a table, the aerodynamic "
+                "moment is cancelled through M_P, and the control moment gives the angle the motion of a "
+                "second-order system with the chosen frequency and damping ratio.",
+                "An estimate that is missing or does not fit its gauges is replaced by the last good one, for "
+                "hold_time at most. A gauge that is the suspect in enough samples in a row is taken out of use: "
+                "its <code>valid</code> goes false.",
+                f"Designed for Mach number {start.mach_number:g}, {start.altitude / 1e3:g} km, "
+                f"{start.mass:g} kg, {start.pitch_inertia:g} kg m2.",
+            ],
+        )
+    ]
+    entries = _native_fmu(
+        "AngleOfAttackAutopilot",
+        f"Holds an angle of attack through estimated coefficients: {model.vehicle}",
+        ModelKind.AUTOPILOT,
+        autopilot_interface(model, start, settings),
+        autopilot_data(model, start),
+        sections,
+        platforms,
+        {"vehicle": model.vehicle, "design": asdict(start)},
+    )
+    write_fmu(fmu_path, entries)
+
+
+def export_schedule(
+    signals: Sequence[ScheduledSignal], fmu_path: Path, platforms: Sequence[str] | None = None
+) -> None:
+    """Write the schedule FMU of ``signals`` to ``fmu_path``.
+
+    Raises
+    ------
+    StrainfmuError
+        The FMU could not be written; ``fmu_path`` keeps its old content.
+    """
+    check_fmu_path(fmu_path)
+    sections = [("What it computes", ["Its outputs jump to the values of a table at the times of that table."])]
+    entries = _native_fmu(
+        "FlightSchedule",
+        "Commands and gauge faults over time",
+        ModelKind.SCHEDULE,
+        schedule_interface(signals),
+        schedule_data(signals),
+        sections,
+        platforms,
+        {},
+    )
+    write_fmu(fmu_path, entries)
+
+
+def plant_sources() -> dict[str, bytes]:
+    """Return the C files of the library, content by name."""
+    folder = resources.files("fmus").joinpath("native")
+    own = [item for item in folder.joinpath("plant").iterdir() if item.name.endswith((".c", ".h"))]
+    files = [*own, *(folder.joinpath(name) for name in _SHARED)]
+    return {item.name: item.read_bytes() for item in sorted(files, key=lambda item: item.name)}
+
+
+def _native_fmu(
+    model_name: str,
+    text: str,
+    kind: ModelKind,
+    interface: Sequence[Variable],
+    data: NDArray[np.float64],
+    sections: Sequence[Section],
+    platforms: Sequence[str] | None,
+    contents: dict[str, object],
+    stop_time: float = STOP_TIME,
+) -> dict[str, bytes]:
+    """Return the entries of one FMU."""
+    libraries, sources = chosen_libraries(platforms, LIBRARY), plant_sources()
+    digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode()).hexdigest()
+    capabilities = {
+        name: value for name, value in CAPABILITIES["2"].items() if name != "providesDirectionalDerivative"
+    }
+    description = FmuDescription(
+        model_name,
+        text,
+        interface,
+        digest,
+        stop_time,
+        STEP_SIZE,
+        capabilities,
+        source_files=[name for name in sources if name.endswith(".c")],
+    )
+    pages = documentation_files(description, sections, "native")
+    known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
+    arrays = {variable.array for variable in interface}
+    terminals = {"gauges": ("strain", "Strain of every gauge")} if "strain" in arrays else {}
+    icon = "plant" if kind is ModelKind.PLANT else None
+    return {
+        **native_entries(
+            description, libraries, sources, {"model.bin": model_resource(kind, interface, data, description.guid)}
+        ),
+        CONTENTS: json.dumps(known, indent=1).encode(),
+        **{f"documentation/{name}": content for name, content in pages.items()},
+        **(terminal_files(description, terminals, icon) if icon else {}),
+    }

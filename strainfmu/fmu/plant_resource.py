@@ -1,0 +1,115 @@
+"""``resources/model.bin`` of the native FMUs round the estimator; fmus/native/plant/model.c reads it.
+
+Little endian: a header of 128 bytes, then float64: type, causality, start, minimum and maximum of all variables, then
+the data of the model.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+from enum import IntEnum
+from math import cos, inf, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.atmosphere import LAYERS, pressure_and_temperature
+from strainfmu.cosim.flight_model import FlightModel
+from strainfmu.cosim.gauge_noise import quantile_table
+from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.fmi_variables import Variable
+from strainfmu.plant_interface import Motion
+
+FloatArray = NDArray[np.float64]
+
+FORMAT_VERSION = 1
+_HEADER = struct.Struct("<8sIIQII")
+_CHECKED_HEADER = struct.Struct("<III84s")
+_BYTE_ORDER_MARK = 0x01020304
+_LARGEST_INTEGER = 2**31 - 1
+
+
+class ModelKind(IntEnum):
+    """Which model an FMU is; the order is that of model.c."""
+
+    PLANT = 0
+    AUTOPILOT = 1
+    SCHEDULE = 2
+
+
+def model_resource(kind: ModelKind, interface: Sequence[Variable], data: FloatArray, guid: str) -> bytes:
+    """Return the file for a model with ``data``, whose variables are ``interface``."""
+    tables = np.array([_row(variable) for variable in interface]).T
+    body = np.concatenate((tables.ravel(), data)).astype("<f8").tobytes()
+    checked = _CHECKED_HEADER.pack(int(kind), len(interface), len(data), guid.encode()) + body
+    length = _HEADER.size + len(checked)
+    return _HEADER.pack(b"SFMUSYS", FORMAT_VERSION, _BYTE_ORDER_MARK, length, zlib.crc32(checked), 0) + checked
+
+
+def _row(variable: Variable) -> tuple[float, float, float, float, float]:
+    """Return type, causality, start, minimum and maximum of a variable as numbers."""
+    kind = ("Real", "Integer", "Boolean").index(variable.fmi_type)
+    causality = ("output", "input", "fixed", "tunable").index(
+        variable.variability if variable.causality == "parameter" else variable.causality
+    )
+    lowest, highest = ((-inf, inf), (-_LARGEST_INTEGER, _LARGEST_INTEGER), (0, 1))[kind]
+    start = 0.0 if variable.start is None or isinstance(variable.start, tuple) else float(variable.start)
+    low = lowest if variable.minimum is None else variable.minimum
+    high = highest if variable.maximum is None else variable.maximum
+    return kind, causality, start, float(low), float(high)
+
+
+def plant_data(model: FlightModel, motion: Motion, trajectory: Trajectory | None) -> FloatArray:
+    """Return what plant.c reads: motion, noise table, flight model, trajectory."""
+    rows = np.empty((0, 9))
+    if trajectory is not None:
+        rows = np.column_stack((trajectory.time, trajectory.conditions, trajectory.slopes))
+    head = [float(motion), float(len(rows))]
+    return np.concatenate((head, quantile_table().ravel(), _flight_model_data(model), rows.ravel()))
+
+
+def _flight_model_data(model: FlightModel) -> FloatArray:
+    """Return the flight model as flight_model.c reads it."""
+    n_mach, n_incidence = len(model.mach_knots), len(model.incidence_knots)
+    n_channel, n_harmonic = model.strain_table.shape[4:6]
+    layers = _atmosphere_layers()
+    vented = model.internal_pressure is None
+    sizes = [
+        model.n_gauges,
+        n_mach,
+        n_incidence,
+        n_channel,
+        n_harmonic,
+        len(layers),
+        float(vented),
+        model.internal_pressure or 0.0,
+        model.base_area,
+        model.reference_area,
+        model.reference_length,
+    ]
+    angles = model.gauge_roll_angle.tolist()
+    arrays = (
+        model.mach_knots,
+        model.incidence_knots,
+        [cos(angle) for angle in angles],
+        [sin(angle) for angle in angles],
+        model.gauge_channel,
+        model.strain_of_internal_pressure,
+        model.coefficient_table.reshape(n_mach - 1, n_incidence - 1, 16, 3),
+        model.strain_table.reshape(n_mach - 1, n_incidence - 1, 16, -1),
+        layers,
+    )
+    return np.concatenate([np.asarray(values, dtype=float).ravel() for values in (sizes, *arrays)])
+
+
+def _atmosphere_layers() -> FloatArray:
+    """Return (k, 5) rows of base [m], top [m], gradient [K/m], and pressure [Pa] and temperature [K] at the base."""
+    bases = [base for base, _ in LAYERS]
+    return np.array(
+        [
+            (base, top, gradient, *pressure_and_temperature(base))
+            for (base, gradient), top in zip(LAYERS[:-1], bases[1:], strict=True)
+        ]
+    )

@@ -1,0 +1,165 @@
+"""What one step of each kind of estimator FMU costs, through FMPy and in a C host."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
+from strainfmu.errors import StrainfmuError
+from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+
+KINDS = {
+    "native FMI 2.0": ExportOptions(),
+    "native FMI 3.0": ExportOptions(fmi_version="3"),
+    "python FMI 2.0": ExportOptions("python"),
+}
+
+_FIRST_STRAIN = 26
+_FIRST_ARRAY = 12
+"""Value references of the strains in FMI 2.0 and 3.0."""
+
+
+def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], float]) -> dict[str, float]:
+    """Return the time per step [s] of FMUs of the map: set all strains, step, get the coefficients.
+
+    Each through FMPy's calls with lists, and through the bare C functions with arrays made once; the native kind
+    also in a C host, where a C compiler is found, beside the bare product in C.
+    """
+    inverse_map = load_inverse_map(map_path)
+    costs = {}
+    with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
+        for name, options in KINDS.items():
+            fmu = Path(folder) / f"{name.replace(' ', '_').replace('.', '_')}.fmu"
+            export_estimator(map_path, fmu, options)
+            unzipped = fmu.with_suffix("")
+            import_fmpy().extract(str(fmu), str(unzipped))
+            instance = _instance(fmu, unzipped)
+            steps = _steps_2 if options.fmi_version == "2" else _steps_3
+            for how, step in steps(instance, inverse_map).items():
+                costs[f"{name}, {how}"] = time_per_call(step)
+            instance.terminate()
+            instance.freeInstance()
+            if options == ExportOptions():
+                costs |= host_costs(fmu, unzipped, inverse_map.n_gauges)
+    return costs
+
+
+def _instance(fmu: Path, unzipped: Path) -> Any:
+    """Return a slave of FMPy past its initialization."""
+    fmpy = import_fmpy()
+    description = fmpy.read_model_description(str(fmu))
+    second = description.fmiVersion == "2.0"
+    if second:
+        from fmpy.fmi2 import FMU2Slave as Slave
+    else:
+        from fmpy.fmi3 import FMU3Slave as Slave
+    instance = Slave(
+        guid=description.guid or description.instantiationToken,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        unzipDirectory=str(unzipped),
+        instanceName="bench",
+    )
+    instance.instantiate()
+    if second:
+        instance.setupExperiment()
+    instance.enterInitializationMode()
+    instance.exitInitializationMode()
+    return instance
+
+
+def _steps_2(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
+    """Return the two ways to step an FMU of FMI 2.0."""
+    n, m = inverse_map.n_gauges, len(COEFFICIENT_NAMES)
+    inputs, outputs = list(range(_FIRST_STRAIN, _FIRST_STRAIN + n)), list(range(m))
+    values = inverse_map.mean_strain.tolist()
+    c_inputs, c_outputs = (ctypes.c_uint * n)(*inputs), (ctypes.c_uint * m)(*outputs)
+    strain, found = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
+    dll, component = instance.dll, instance.component
+
+    def with_lists() -> None:
+        instance.setReal(inputs, values)
+        instance.doStep(0.0, 1e-3)
+        instance.getReal(outputs)
+
+    def with_arrays() -> None:
+        dll.fmi2SetReal(component, c_inputs, n, strain)
+        dll.fmi2DoStep(component, 0.0, 1e-3, 1)
+        dll.fmi2GetReal(component, c_outputs, m, found)
+
+    return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
+
+
+def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
+    """Return the two ways to step an FMU of FMI 3.0."""
+    n, m = inverse_map.n_gauges, len(COEFFICIENT_NAMES)
+    values = inverse_map.mean_strain.tolist()
+    c_input, c_output = (ctypes.c_uint * 1)(_FIRST_ARRAY), (ctypes.c_uint * 1)(0)
+    strain, found = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
+    flags, last = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
+    dll, component = instance.dll, instance.component
+    pointers = [*(ctypes.byref(flag) for flag in flags), ctypes.byref(last)]
+
+    def with_lists() -> None:
+        instance.setFloat64([_FIRST_ARRAY], values)
+        instance.doStep(0.0, 1e-3)
+        instance.getFloat64([0], nValues=m)
+
+    def with_arrays() -> None:
+        dll.fmi3SetFloat64(component, c_input, 1, strain, n)
+        dll.fmi3DoStep(component, 0.0, 1e-3, True, *pointers)
+        dll.fmi3GetFloat64(component, c_output, 1, found, m)
+
+    return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
+
+
+def host_costs(fmu: Path, unzipped: Path, n_gauges: int) -> dict[str, float]:
+    """Return the times [s] of bare product, step and instantiation in a C host; none without a C compiler.
+
+    Raises
+    ------
+    StrainfmuError
+        The host cannot be compiled, or fails.
+    """
+    compiler = _compiler()
+    libraries = sorted((unzipped / "binaries" / "linux64").glob("*.so"))
+    if compiler is None or not sys.platform.startswith("linux") or not libraries:
+        return {}
+    fmpy = import_fmpy()
+    description = fmpy.read_model_description(str(fmu))
+    program = unzipped / "step_cost"
+    with as_file(files("fmus").joinpath("bench", "step_cost.c")) as source:
+        headers = Path(fmpy.__file__).parent / "c-code"
+        command = [*compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"]
+        _run(command)
+    resources = (unzipped / "resources").as_uri()
+    said = _run([str(program), str(libraries[0]), description.guid, resources, str(n_gauges)])
+    product, step, instantiation = np.array(said.split(), dtype=float).tolist()
+    return {
+        f"C host: bare product 5 x {n_gauges}": product,
+        f"C host, native FMI 2.0: set {n_gauges}, step, get 5 and health": step,
+        "C host, native FMI 2.0: instantiate": instantiation,
+    }
+
+
+def _compiler() -> list[str] | None:
+    """Return the command of a C compiler."""
+    found = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
+    return [found] if found else None
+
+
+def _run(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    if done.returncode:
+        raise StrainfmuError(f"{Path(command[0]).name}: exit code {done.returncode}: {done.stderr.strip()[-200:]}")
+    return done.stdout

@@ -1,0 +1,210 @@
+"""A sender, a bridge core and an oracle in virtual time; the oracle knows nothing of how the core decides."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from strainfmu.can.bus_state import BusState
+from strainfmu.can.core import BridgeCore
+from strainfmu.can.fault_injection import Fault, FaultKind, FaultySender
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.guards import ALL_GUARDS, Guards
+from strainfmu.can.profiles import Identifiers, profile_layout
+from strainfmu.can.quality import Quality
+from strainfmu.can.result import CycleResult, StepResult
+from strainfmu.can.result_frames import ResultFrames, result_layouts
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.health import HealthState
+
+CYCLE = 0.01
+N_GAUGES = 30
+QUANTUM = 0.25e-6
+OWN = Frame(0x380, bytes(64), is_fd=True)
+
+
+def gauge_names(n_gauges: int = N_GAUGES) -> list[str]:
+    return [f"gauge {i}" for i in range(n_gauges)]
+
+
+def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE) -> InputLayout:
+    return profile_layout(profile, gauge_names(n_gauges), cycle_time, Identifiers())
+
+
+class Projection:
+    """A step whose first four outputs are projections of all strains and whose fifth is q_inf.
+
+    A single wrong or foreign strain moves them by far more than quantisation does.
+    """
+
+    def __init__(self, n_gauges: int) -> None:
+        self.weights = np.random.default_rng(5).uniform(0.5, 1.5, size=(4, n_gauges))
+        self.health = HealthState.OK
+
+    def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+        missing = not np.isfinite(strain).all()
+        health = HealthState.DEGRADED if missing else self.health
+        return StepResult(self.outputs(strain, dynamic_pressure), np.ones(5), int(health), 1.0)
+
+    def outputs(self, strain: np.ndarray, dynamic_pressure: float) -> np.ndarray:
+        return np.append(1e6 * self.weights @ np.nan_to_num(strain), dynamic_pressure)
+
+
+@dataclass
+class Truth:
+    """What happened on the vehicle, by cycle: strains move by more than quantisation every cycle."""
+
+    n_gauges: int
+    seed: int
+    strain: list[np.ndarray] = field(default_factory=list)
+    dynamic_pressure: list[float] = field(default_factory=list)
+
+    def cycle(self, number: int) -> tuple[np.ndarray, float]:
+        """Return strains [m/m] and q_inf [Pa] of a cycle."""
+        while len(self.strain) <= number:
+            k = len(self.strain)
+            random = np.random.default_rng((self.seed, k))
+            gauge = np.arange(self.n_gauges)
+            slow = 300e-6 * np.sin(2.0 * np.pi * k / 700.0 + gauge) + 500e-6
+            self.strain.append(slow + 2e-6 * random.normal(size=self.n_gauges))
+            self.dynamic_pressure.append(9e4 + 10.0 * k % 2e4)
+        return self.strain[number], self.dynamic_pressure[number]
+
+
+@dataclass
+class Campaign:
+    """What a run in virtual time came to.
+
+    Attributes
+    ----------
+    false_valid : results of quality VALID that no allowed truth explains, in words.
+    late_recovery : faults after whose end results were not VALID in time.
+    """
+
+    results: list[CycleResult]
+    core: BridgeCore
+    false_valid: list[str]
+    late_recovery: list[Fault]
+
+    @property
+    def qualities(self) -> Counter[Quality]:
+        return Counter(result.quality for result in self.results)
+
+
+def run_campaign(
+    layout: InputLayout,
+    faults: list[Fault],
+    n_cycles: int,
+    guards: Guards = ALL_GUARDS,
+    seed: int = 1,
+    settings: BridgeSettings | None = None,
+    keep: bool = True,
+    change: Callable[[int, list[Frame]], list[Frame]] | None = None,
+    step: Projection | None = None,
+) -> Campaign:
+    """Send ``n_cycles`` with ``faults`` through a core and judge every result.
+
+    ``change`` may alter the frames of a cycle further; ``keep`` False keeps no results, for long runs.
+    """
+    settings = settings or BridgeSettings()
+    step = step or Projection(layout.n_gauges)
+    core = BridgeCore(layout, step, settings, 0.0, [OWN.key], guards=guards)
+    composer = ResultFrames(result_layouts("fd", Identifiers(), layout.cycle_time), 1)
+    sender = FaultySender(layout, faults, OWN)
+    truth = Truth(layout.n_gauges, seed)
+    oracle = Oracle(layout, faults, truth, step, settings)
+    results: list[CycleResult] = []
+    for number in range(n_cycles):
+        time = number * layout.cycle_time
+        frames = sender.cycle(number, time, *truth.cycle(number))
+        if change is not None:
+            frames = change(number, frames)
+        new = []
+        for frame in frames:
+            new += core.receive(frame)
+        new += core.advance(time + 0.99 * layout.cycle_time)
+        if core.bus_state is BusState.BUS_OFF and not sender.bus_off:
+            core.restart(time + 0.99 * layout.cycle_time)
+        for result in new:
+            composer.of_result(result)  # whatever it is, it can be sent
+            oracle.judge(result)
+        if keep:
+            results += new
+        assert core.account.unaccounted == 0
+    core.finish(n_cycles * layout.cycle_time)
+    assert core.account.pending == 0
+    return Campaign(results, core, oracle.false_valid, oracle.late_recoveries(n_cycles))
+
+
+class Oracle:
+    """Knows what was true when, what was sent and which faults there were; believes nothing else."""
+
+    def __init__(
+        self, layout: InputLayout, faults: list[Fault], truth: Truth, step: Projection, settings: BridgeSettings
+    ) -> None:
+        self._layout, self._truth, self._step, self._settings = layout, truth, step, settings
+        self._faults = sorted(faults, key=lambda fault: fault.start)
+        self._first = 0
+        self._tolerance = 0.5 * 0.25 * self._step.weights.sum(axis=1).max() + 1e-3
+        self._valid_cycles: set[int] = set()
+        self.false_valid: list[str] = []
+
+    def judge(self, result: CycleResult) -> None:
+        """Hold a result against every truth that is young enough; of a stuck gauge, against what it says."""
+        if result.quality is not Quality.VALID:
+            return
+        now = result.time
+        cycle = self._layout.cycle_time
+        last = int(now / cycle + 1e-9)
+        self._valid_cycles.add(last)
+        oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
+        strains = [self._truth.cycle(number)[0] for number in range(oldest, last + 1)]
+        if not any(self._fits(result, strain) for strain in strains + self._stuck(last, oldest)):
+            self.false_valid.append(f"strains at {now:.4f} s, sampled {result.sample_time}, {result.causes!r}")
+        q_oldest = max(int((now - (self._settings.pressure_max_age + 1.5) * cycle) / cycle), 0)
+        pressures = [self._truth.cycle(number)[1] for number in range(q_oldest, last + 1)]
+        if min(abs(result.coefficients[4] - q) for q in pressures) > 0.1:
+            self.false_valid.append(f"dynamic pressure {result.coefficients[4]:.6g} Pa at {now:.4f} s")
+
+    def _fits(self, result: CycleResult, strain: np.ndarray) -> bool:
+        expected = self._step.outputs(strain, 0.0)[:4]
+        return bool(np.abs(result.coefficients[:4] - expected).max() <= self._tolerance)
+
+    def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
+        """Return truths with stuck gauges as they were, for as long as the documented detection of that takes."""
+        held = {}
+        for fault in self._faults_near(last):
+            if fault.kind is FaultKind.STUCK_GAUGE and last < fault.start + self._settings.stuck_cycles:
+                gauge = int(np.random.default_rng(fault.seed).integers(self._layout.n_gauges))
+                held[gauge] = self._truth.cycle(fault.start)[0][gauge]
+        found = []
+        for number in range(oldest, last + 1) if held else ():
+            strain = self._truth.cycle(number)[0].copy()
+            strain[list(held)] = list(held.values())
+            found.append(strain)
+        return found
+
+    def _faults_near(self, last: int) -> list[Fault]:
+        """Return the faults that have begun and whose effect may not be over."""
+        while self._first < len(self._faults) and self._faults[self._first].start < last - 200:
+            self._first += 1
+        near = []
+        for fault in self._faults[self._first :]:
+            if fault.start > last:
+                break
+            near.append(fault)
+        return near
+
+    def late_recoveries(self, n_cycles: int) -> list[Fault]:
+        """Return faults after whose end, by the stated number of cycles, results were not VALID."""
+        late = []
+        for fault in self._faults:
+            end = fault.start + fault.cycles
+            due = end + self._settings.recovery_cycles
+            if due < n_cycles and not self._valid_cycles & {due - 1, due}:
+                late.append(fault)
+        return late

@@ -1,0 +1,111 @@
+"""What the fuzzers feed: any bytes as frames of a profile, and any bytes as a DBC file with its mapping.
+
+Both must end in results or in InputError, whatever the bytes; the sum rule of frames must hold.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from strainfmu.can.core import BridgeCore
+from strainfmu.can.dbc_mapping import database_of, mapped_layout
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.profiles import PROFILES, profile_layout
+from strainfmu.can.quality import Quality
+from strainfmu.can.result import StepResult
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.errors import InputError
+
+N_GAUGES = 6
+NAMES = tuple(f"g{i}" for i in range(N_GAUGES))
+MAPPING_SEPARATOR = b"\n===\n"
+
+
+def step(strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+    """Return zeros for coefficients."""
+    return StepResult(np.zeros(5), np.ones(5), 0, 1.0)
+
+
+@lru_cache
+def layouts() -> tuple[InputLayout, ...]:
+    """Return a layout of every profile."""
+    return tuple(profile_layout(profile, NAMES, 0.01) for profile in PROFILES)
+
+
+def frames_from(data: bytes) -> None:
+    """Take bytes for frames: layout, then per frame which identifier, flags, time, length and data."""
+    if not data:
+        return
+    layout = layouts()[data[0] % len(PROFILES)]
+    core = BridgeCore(layout, step, BridgeSettings(), 0.0, [0x380])
+    keys = [frame.layout.identifier for frame in layout.frames] + [0x380, 0x7FF]
+    encoder = StrainEncoder(layout)
+    place, time, number = 1, 0.0, 0
+    while place + 4 <= len(data):
+        which, flags, wait, length = data[place : place + 4]
+        place += 4
+        time += wait * 2e-4
+        if which >= 250:  # a good cycle, so that states beyond the first are reached
+            for frame in encoder.encode(1e-6 * np.arange(1.0 + number, 7.0 + number), 1e5, number, time):
+                core.receive(Frame(frame.identifier, frame.data, time, is_fd=frame.is_fd))
+            number += 1
+            continue
+        content = data[place : place + length % 65]
+        place += length % 65
+        frame = Frame(
+            keys[which % len(keys)],
+            content,
+            time,
+            bool(flags & 1),
+            bool(flags & 2),
+            bool(flags & 4),
+            bool(flags & 8),
+            bool(flags & 16),
+        )
+        for result in core.receive(frame):
+            assert result.quality is not Quality.VALID or number > 2
+        assert core.account.unaccounted == 0
+    core.advance(time + 1.0)
+    core.finish(time + 1.0)
+    assert core.account.unaccounted == core.account.pending == 0
+
+
+def database_from(data: bytes) -> None:
+    """Take bytes for a DBC file and, behind a separator, the mapping; then any data for its frames."""
+    import tomllib
+
+    text, _, rest = data.partition(MAPPING_SEPARATOR)
+    try:
+        mapping = tomllib.loads(rest.decode("utf-8", "replace"))
+    except (tomllib.TOMLDecodeError, RecursionError):
+        mapping = {
+            "cycle_time_ms": 10,
+            "strain": {f"g{i}": f"Rack.s{i}" for i in range(N_GAUGES)},
+            "units": {f"Rack.s{i}": "um/m" for i in range(N_GAUGES)},
+        }
+    try:
+        layout = mapped_layout(database_of(text.decode("cp1252", "replace"), "fuzz"), mapping, NAMES, "mapping")
+        core = BridgeCore(layout, step, BridgeSettings(), 0.0, dynamic_pressure=1e5)
+    except InputError:
+        return
+    for number in range(4):
+        for frame in layout.frames:
+            noise = np.random.default_rng((number, len(data))).bytes(frame.layout.length)
+            core.receive(
+                Frame(
+                    frame.layout.identifier,
+                    noise,
+                    0.01 * number,
+                    frame.layout.is_extended,
+                    frame.layout.is_fd,
+                )
+            )
+    core.finish(1.0)
+    assert core.account.unaccounted == 0
+
+
+TARGETS = {"frames": frames_from, "database": database_from}

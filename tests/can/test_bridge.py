@@ -1,0 +1,412 @@
+"""Receiver, queue, transmitter and bridge on real python-can buses: what happens when they fail."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from can_case import CYCLE, Projection, Truth, layout_of
+
+from strainfmu.can.bridge import Bridge, BridgeSummary
+from strainfmu.can.bus import BusSettings, kernel_drops, open_bus
+from strainfmu.can.core import BridgeCore
+from strainfmu.can.frame import Frame, to_message
+from strainfmu.can.frame_account import FrameClass
+from strainfmu.can.profiles import Identifiers
+from strainfmu.can.quality import Cause, Quality
+from strainfmu.can.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
+from strainfmu.can.reconnect import BackOffSettings
+from strainfmu.can.result import CycleResult
+from strainfmu.can.result_frames import result_layouts
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.errors import InputError, StrainfmuError
+
+N = 30
+GROUP = "239.74.163.78"
+
+
+class Running:
+    """A bridge in a thread of its own, and a sender's bus beside it."""
+
+    def __init__(self, open_one: Callable[[], can.BusABC], sender: can.BusABC, **options: object) -> None:
+        layout = layout_of("fd64", N)
+        results = result_layouts("fd", Identifiers(), CYCLE)
+        core = BridgeCore(layout, Projection(N), BridgeSettings(), time.monotonic(), [r.key for r in results])
+        self.results: list[CycleResult] = []
+        self.buses: list[can.BusABC] = []
+        self.sender, self.cycle, self._truth = sender, 0, Truth(N, 1)
+        self._encoder, self._start = StrainEncoder(layout), time.monotonic()
+
+        def opened() -> can.BusABC:
+            self.buses.append(open_one())
+            return self.buses[-1]
+
+        back_off = BackOffSettings(first=0.02, longest=0.1, attempts=5, settle=0.2)
+        self.bridge = Bridge(
+            core,
+            opened,
+            results,
+            1,
+            back_off,
+            on_result=self.results.append,
+            **options,  # type: ignore[arg-type]
+        )
+        self.summary: BridgeSummary | None = None
+        self.error: Exception | None = None
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        self.wait(lambda: bool(self.buses))
+
+    def _run(self) -> None:
+        try:
+            self.summary = self.bridge.run()
+        except Exception as error:
+            self.error = error
+
+    def send(self, n_cycles: int) -> None:
+        """Send cycles in real time."""
+        for _ in range(n_cycles):
+            self.cycle += 1
+            now = time.monotonic() - self._start
+            for frame in self._encoder.encode(*self._truth.cycle(self.cycle), self.cycle, now):
+                self.sender.send(to_message(frame))
+            time.sleep(CYCLE)
+
+    def wait(self, until: Callable[[], bool], seconds: float = 20.0) -> None:
+        """Wait until something is so."""
+        end = time.monotonic() + seconds
+        while not until():
+            assert time.monotonic() < end, "it did not happen"
+            time.sleep(0.005)
+
+    def send_until(self, quality: Quality) -> None:
+        """Send until a new result has ``quality``."""
+        known = len(self.results)
+        for _ in range(300):
+            self.send(1)
+            if any(result.quality is quality for result in self.results[known:]):
+                return
+        pytest.fail(f"{quality!r} was never reached: {self.results[-5:]}")
+
+    def end(self) -> BridgeSummary:
+        """Stop the bridge and return its summary, whose account must sum."""
+        self.bridge.stop()
+        self._thread.join(10.0)
+        assert not self._thread.is_alive()
+        if self.error is not None:
+            raise self.error
+        assert self.summary is not None
+        assert self.summary.account.unaccounted == 0
+        assert self.summary.account.pending == 0
+        return self.summary
+
+
+@pytest.fixture
+def virtual() -> Iterator[Running]:
+    """Return a bridge on the virtual bus of this test."""
+    channel = f"test-{os.getpid()}-{time.monotonic_ns()}"
+    settings = BusSettings("virtual", channel)
+    with can.Bus(interface="virtual", channel=channel) as sender:
+        running = Running(lambda: open_bus(settings), sender)
+        yield running
+        running.bridge.stop()
+
+
+@pytest.fixture
+def multicast() -> Iterator[Running]:
+    """Return a bridge on udp_multicast."""
+    settings = BusSettings("udp_multicast", GROUP, {"port": 43221})
+    with open_bus(settings) as sender:
+        running = Running(lambda: open_bus(settings), sender)
+        yield running
+        running.bridge.stop()
+
+
+def test_results_come_back_on_the_bus(virtual: Running) -> None:
+    received = []
+    virtual.send_until(Quality.VALID)
+    virtual.send(20)
+    summary = virtual.end()
+    while (message := virtual.sender.recv(0.01)) is not None:
+        received.append(message)
+    ids = [message.arbitration_id for message in received]
+    assert ids.count(0x380) >= 20
+    assert ids.count(0x381) >= 1, "the status"
+    assert all(message.is_fd and message.dlc == 64 for message in received)
+    assert summary.qualities[Quality.VALID] >= 15
+    assert len(summary.latency) >= 20
+    assert summary.cpu > 0.0
+
+
+def test_a_malformed_datagram_is_counted_and_passed_over(multicast: Running) -> None:
+    multicast.send_until(Quality.VALID)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as raw:
+        raw.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+        for data in (b"", b"\xc1", b"no frame", b"\x81\xa3abc\x01", os.urandom(500)):
+            raw.sendto(data, (GROUP, 43221))
+    multicast.send_until(Quality.VALID)
+    summary = multicast.end()
+    assert summary.malformed == 5
+    assert summary.reconnects == 0
+    # Own frames come back on this bus, and are known by their identifiers.
+    assert summary.account.classes[FrameClass.OWN] == summary.sent
+
+
+def test_a_closed_socket_is_replaced_by_a_new_bus(multicast: Running) -> None:
+    multicast.send_until(Quality.VALID)
+    multicast.buses[0].shutdown()
+    multicast.send_until(Quality.VALID)
+    summary = multicast.end()
+    assert len(multicast.buses) >= 2
+    assert summary.reconnects >= 1
+    assert summary.last_fault
+    seen = [result.quality for result in multicast.results]
+    lost = next(i for i, result in enumerate(multicast.results) if result.causes & Cause.BUS)
+    assert Quality.VALID in seen[lost:], "believed again, after it has proven itself again"
+
+
+def test_a_bus_off_is_left_and_a_new_bus_opened(virtual: Running) -> None:
+    virtual.send_until(Quality.VALID)
+    off = Frame(0x40, bytes(8), is_error=True)
+    virtual.sender.send(to_message(off))
+    virtual.wait(lambda: len(virtual.buses) == 2)
+    virtual.send_until(Quality.VALID)
+    assert virtual.end().last_fault == "bus off"
+
+
+def test_a_bus_that_cannot_be_opened_again_ends_the_bridge_with_one_line() -> None:
+    channel = f"gone-{time.monotonic_ns()}"
+    opened: list[can.BusABC] = []
+
+    def open_once() -> can.BusABC:
+        if opened:
+            raise StrainfmuError("no such device")
+        opened.append(can.Bus(interface="virtual", channel=channel))
+        return opened[0]
+
+    with can.Bus(interface="virtual", channel=channel) as sender:
+        running = Running(open_once, sender)
+        opened[0].shutdown()
+        running.wait(lambda: running.error is not None)
+        with pytest.raises(StrainfmuError, match="lost and could not be opened again: no such device"):
+            running.end()
+
+
+class Broken(can.BusABC):
+    """A bus whose reception fails ``failures`` times in a row, then is silent."""
+
+    def __init__(self, failures: int) -> None:
+        super().__init__("broken")
+        self.left = failures
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if self.left:
+            self.left -= 1
+            raise can.CanOperationError("nonsense received")
+        time.sleep(timeout or 0.0)
+        return None, False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("cannot send")
+
+
+@pytest.mark.parametrize(
+    ("failures", "reconnects"), [(ERRORS_PER_SECOND - 1, False), (ERRORS_PER_SECOND + 1, True)]
+)
+def test_many_failed_receptions_in_a_second_are_a_broken_bus(failures: int, reconnects: bool) -> None:
+    channel = f"nonsense-{time.monotonic_ns()}"
+    left = [failures]
+
+    def open_one() -> can.BusABC:
+        return Broken(left.pop()) if left else can.Bus(interface="virtual", channel=channel)
+
+    with can.Bus(interface="virtual", channel=channel) as sender:
+        running = Running(open_one, sender)
+        if reconnects:
+            running.wait(lambda: len(running.buses) == 2)
+            running.send_until(Quality.VALID)
+        else:
+            # Transmission fails as well: 20 in a row are a broken bus.
+            running.wait(lambda: running.bridge.summary().send_failures >= 20)
+            assert "cannot send" in running.bridge.summary().last_fault
+        summary = running.end()
+    assert summary.malformed >= min(failures, ERRORS_PER_SECOND)
+
+
+def test_a_full_queue_drops_the_oldest_cycle() -> None:
+    queue = FrameQueue(capacity=6, block=3)
+    frames = [Frame(0x300 + k % 3, bytes(8), float(k)) for k in range(10)]
+    dropped = [queue.put(frame) for frame in frames]
+    assert dropped == [0] * 6 + [3, 0, 0, 3]
+    items, _ = queue.take_all(0.0, time.monotonic)
+    assert [item.time for item in items if isinstance(item, Frame)] == [6.0, 7.0, 8.0, 9.0]
+    assert queue.highest == 6
+    for _ in range(6):
+        queue.put(BusFault("x", 0.0))
+    assert queue.put(frames[0]) == 0, "only frames are counted as dropped"
+
+
+def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
+    """An estimator that is slower than the input: frames are dropped by whole cycles, the sum rule holds."""
+    channel = f"slow-{time.monotonic_ns()}"
+    with can.Bus(interface="virtual", channel=channel) as sender:
+        running = Running(lambda: open_bus(BusSettings("virtual", channel)), sender, queued_cycles=3)
+        step = Projection(N)
+
+        def slow(strain: np.ndarray, q: float, dt: float) -> object:
+            time.sleep(4 * CYCLE)
+            return step(strain, q, dt)
+
+        running.send_until(Quality.VALID)
+        running.bridge._core._step = slow  # type: ignore[assignment]
+        running.send(60)
+        summary = running.end()
+    assert summary.account.classes[FrameClass.OVERRUN] > 0
+    assert summary.queue_highest <= 9
+    assert any(result.causes & Cause.OVERLOAD for result in running.results)
+    assert not any(r.causes & Cause.OVERLOAD and r.quality is Quality.VALID for r in running.results)
+
+
+def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Running) -> None:
+    """600 foreign frames for the three of every cycle, as fast as they go."""
+    virtual.send_until(Quality.VALID)
+    foreign = [to_message(Frame(0x400 + k % 64, bytes(8))) for k in range(600)]
+    known, sent = len(virtual.results), 0
+    for _ in range(30):
+        virtual.send(1)
+        for message in foreign:
+            virtual.sender.send(message)
+        sent += 600
+    virtual.send(5)
+    virtual.wait(lambda: virtual.bridge.summary().account.classes[FrameClass.UNKNOWN_IDENTIFIER] == sent)
+    summary = virtual.end()
+    answered = [r for r in virtual.results[known:] if r.sample_time is not None]
+    assert len(answered) >= 30
+    assert len(summary.account.unknown) == 64
+    assert summary.account.classes[FrameClass.USED] >= 90
+
+
+def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() -> None:
+    settings = BusSettings("udp_multicast", GROUP, {"port": 43222})
+    with open_bus(settings) as bus, open_bus(settings) as sender:
+        message = to_message(Frame(0x301, bytes(64), is_fd=True))
+        with socket.socket(fileno=os.dup(bus.fileno())) as same:
+            size = same.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+            default = 212_992
+            assert size > default
+            assert kernel_drops(bus) == 0
+            # As small as the system allows, to see that drops are found.
+            same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            for _ in range(200):
+                sender.send(message)
+            received = 0
+            while bus.recv(0.05) is not None:
+                received += 1
+            assert kernel_drops(bus) == 200 - received
+            assert received < 200
+
+
+@pytest.mark.skipif(shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare and root")
+def test_no_default_route_is_one_clear_line() -> None:
+    code = (
+        "from strainfmu.can.bus import BusSettings, open_bus\n"
+        "from strainfmu.errors import StrainfmuError\n"
+        "try:\n    open_bus(BusSettings('udp_multicast', '239.74.163.2'))\n"
+        "except StrainfmuError as error:\n    print(error)\n"
+    )
+    finished = subprocess.run(
+        ["unshare", "-n", sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    if finished.returncode != 0 and "unshare" in finished.stderr:
+        pytest.skip("no right to make a network namespace")
+    assert finished.stdout.count("\n") == 1
+    assert "udp_multicast:239.74.163.2: cannot be opened" in finished.stdout
+    assert "ip route add 224.0.0.0/4 dev lo" in finished.stdout
+
+
+def test_an_interface_that_does_not_exist_is_one_line() -> None:
+    with pytest.raises(InputError, match=r"nonsense:x: .*interfaces: .*socketcan"):
+        open_bus(BusSettings("nonsense", "x"))
+
+
+def test_frames_survive_the_way_through_python_can() -> None:
+    from strainfmu.can.frame import from_message
+
+    frame = Frame(0x1ABCDEF0, bytes(range(12)), 3.5, True, True, True)
+    assert from_message(to_message(frame), 3.5) == frame
+    assert replace(frame, is_extended=False).key != frame.key
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path) -> None:
+    from synthetic_vehicle import synthetic_inverse_map
+
+    from strainfmu.fmu.export import export_estimator
+    from strainfmu.inverse_map import save_inverse_map
+
+    save_inverse_map(synthetic_inverse_map(), tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu")
+    command = [sys.executable, "-c", "from strainfmu.cli import main; main()", "bridge", str(tmp_path / "e.fmu")]
+    command += ["--interface", "virtual", "--channel", "x", "--profile", "classic-be", "--dynamic-pressure", "1e5"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
+        assert bridge.stdout is not None
+        assert "6 gauges, classic-be" in bridge.stdout.readline()
+        time.sleep(0.5)
+        bridge.send_signal(number)
+        printed, errors = bridge.communicate(timeout=20)
+    assert bridge.returncode == 0, errors
+    assert errors == ""
+    assert "results NO_DATA" in printed
+    assert "frames: not accounted for" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["bridge", "nowhere.fmu", "--interface", "virtual", "--channel", "x"], "nowhere.fmu: no such FMU"),
+        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
+        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "'z' found"),
+        (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_exit_code_2(
+    run: Callable[..., tuple[int, str, str]], arguments: list[str], text: str
+) -> None:
+    code, _, errors = run(*arguments)
+    assert code == 2
+    assert text in errors
+    assert errors.count("\n") == 1
+
+
+def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    import cantools
+    from synthetic_vehicle import synthetic_inverse_map
+
+    from strainfmu.inverse_map import save_inverse_map
+
+    save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
+    code, printed, _ = run(
+        "dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc", "--extended", "--id-base", "0x18FF0000"
+    )
+    assert (code, printed) == (0, f"{tmp_path / 'x.dbc'}: written, 5 frames\n")
+    database = cantools.database.load_file(tmp_path / "x.dbc")
+    assert database.get_message_by_name("Strain2").frame_id == 0x18FF0002
+    code, _, errors = run("dbc", tmp_path / "map.h5", "--profile", "fd65")
+    assert code == 2
+    assert "'fd65' found, one of fd64, classic-le, classic-be, float2 wanted" in errors
+    code, _, errors = run("dbc", tmp_path / "map.h5", "--result-base", "0x301")
+    assert code == 2
+    assert "result identifiers: 0x301" in errors

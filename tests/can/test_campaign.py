@@ -1,0 +1,185 @@
+"""Random faults in virtual time: nothing false is called VALID, nothing is lost count of, and it recovers.
+
+The oracle (can_case.Oracle) holds every VALID result against the true strains of the last cycles; it uses nothing
+that the core decides by. Without any one of the guards, these tests see something wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from can_case import N_GAUGES, Campaign, Projection, layout_of, run_campaign
+
+from strainfmu.can.fault_injection import Fault, FaultKind, random_faults
+from strainfmu.can.frame_account import FrameClass
+from strainfmu.can.guards import ALL_GUARDS, Guards
+from strainfmu.can.profiles import PROFILES
+from strainfmu.can.quality import Cause, Quality
+from strainfmu.can.result import StepResult
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.health import HealthState
+
+SETTINGS = BridgeSettings()
+GAP = SETTINGS.recovery_cycles + 3
+SIZES = {"fd64": N_GAUGES, "classic-le": 10, "classic-be": 10, "float2": 6}
+
+
+def campaign(profile: str, n_faults: int, seed: int) -> Campaign:
+    kinds = tuple(FaultKind)
+    # Long enough for single gauges to be found stuck, now and then.
+    faults = random_faults(n_faults, kinds, seed, GAP, longest=40)
+    n_cycles = faults[-1].start + faults[-1].cycles + GAP
+    return run_campaign(layout_of(profile, SIZES[profile]), faults, n_cycles, seed=seed, keep=False)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_random_faults_never_give_a_false_valid_and_are_recovered_from(profile: str) -> None:
+    run = campaign(profile, 25, seed=11)
+    assert run.false_valid == []
+    assert run.late_recovery == []
+    assert run.core.account.unaccounted == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", PROFILES)
+def test_ten_thousand_random_faults(profile: str) -> None:
+    run = campaign(profile, 2500, seed=2024)
+    print(f"{profile}: 2500 faults; {run.core.account.rows()}")
+    assert run.false_valid == []
+    assert run.late_recovery == []
+    assert run.core.account.unaccounted == 0
+
+
+@pytest.mark.parametrize("kind", FaultKind)
+def test_every_fault_by_itself(kind: FaultKind) -> None:
+    """Each fault alone, short and long: none is missed by chance of the draw."""
+    faults = [Fault(kind, 20, 1, 3), Fault(kind, 22 + GAP, 30, 8)]
+    run = run_campaign(layout_of("fd64"), faults, 52 + 2 * GAP)
+    assert run.false_valid == []
+    assert run.late_recovery == []
+
+
+def test_without_faults_all_cycles_are_answered_and_valid() -> None:
+    run = run_campaign(layout_of("fd64"), [], 300)
+    # MinOkStateInit good checks behind the first, which only leaves NODATA.
+    assert [result.quality for result in run.results] == [Quality.NO_DATA] * 3 + [Quality.VALID] * 297
+    assert run.core.account.received == 900
+
+
+class SickStep(Projection):
+    """An estimator that is not content, or whose answer is no number."""
+
+    def __init__(self, n_gauges: int, health: HealthState, coefficient: float) -> None:
+        super().__init__(n_gauges)
+        self._sick, self._coefficient = health, coefficient
+
+    def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+        good = super().__call__(strain, dynamic_pressure, step_size)
+        return replace(good, health=int(self._sick), coefficients=good.coefficients + self._coefficient)
+
+
+def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None) -> Callable[[Guards], Campaign]:
+    """Return a run of single faults of ``kinds``, given the guards."""
+
+    def run(guards: Guards) -> Campaign:
+        faults = [Fault(kind, 40 + 80 * place, cycles, place) for place, kind in enumerate(kinds)]
+        return run_campaign(layout_of("fd64"), faults, 40 + 80 * len(kinds) + cycles, guards, step=step)
+
+    return run
+
+
+def has_false_valid(run: Campaign) -> bool:
+    return bool(run.false_valid)
+
+
+def count(run: Campaign, kind: FrameClass) -> int:
+    return run.core.account.classes[kind]
+
+
+def ill(health: HealthState = HealthState.OK, coefficient: float = 0.0) -> SickStep:
+    return SickStep(N_GAUGES, health, coefficient)
+
+
+# For every guard: a scenario, and what is wrong without it.
+SCENARIOS: dict[str, tuple[Callable[[Guards], Campaign], Callable[[Campaign], bool]]] = {
+    "own_frames": (of_kind(FaultKind.OWN_IDENTIFIER), lambda run: count(run, FrameClass.OWN) == 0),
+    "error_frames": (of_kind(FaultKind.ERROR_FRAMES), lambda run: count(run, FrameClass.CORRUPT) > 0),
+    "remote_frames": (of_kind(FaultKind.REMOTE_FRAMES), lambda run: count(run, FrameClass.WRONG_FORMAT) > 0),
+    "format": (of_kind(FaultKind.IDENTIFIER_WIDTH), lambda run: run.qualities[Quality.STALE] == 0),
+    "babbling": (of_kind(FaultKind.BABBLING), lambda run: count(run, FrameClass.CORRUPT) > 1000),
+    "crc": (of_kind(FaultKind.CORRUPTION), has_false_valid),
+    "counter": (of_kind(FaultKind.REPETITION), lambda run: pressure_used_twice(run)),
+    "configuration": (of_kind(FaultKind.CONFIGURATION), has_false_valid),
+    "state_machine": (of_kind(), lambda run: run.results[0].quality is Quality.VALID),
+    "order": (of_kind(FaultKind.SEQUENCE), lambda run: count(run, FrameClass.LATE) == 0),
+    "completeness": (of_kind(FaultKind.LOSS), has_false_valid),
+    "silence": (of_kind(FaultKind.SILENCE), lambda run: run.qualities[Quality.STALE] == 0),
+    "age": (of_kind(FaultKind.DELAY, cycles=30), has_false_valid),
+    "clock_jump": (
+        of_kind(FaultKind.CLOCK_JUMP),
+        lambda run: not any(result.causes & Cause.CLOCK_JUMP for result in run.results),
+    ),
+    "frozen": (of_kind(FaultKind.FREEZE), has_false_valid),
+    "stuck": (of_kind(FaultKind.STUCK_GAUGE, cycles=60), has_false_valid),
+    "zero": (of_kind(FaultKind.ZERO_GAUGE), has_false_valid),
+    "not_available": (lambda guards: value_inside_the_range(guards), has_false_valid),
+    "range": (of_kind(FaultKind.OUT_OF_RANGE), has_false_valid),
+    "rate": (of_kind(FaultKind.JUMP), has_false_valid),
+    "sender_status": (of_kind(FaultKind.SENDER_STATUS), has_false_valid),
+    "pressure_age": (of_kind(FaultKind.PRESSURE_SILENCE, cycles=30), has_false_valid),
+    "health": (of_kind(step=ill(HealthState.INCONSISTENT)), lambda run: run.qualities[Quality.VALID] > 0),
+    "finite_output": (of_kind(step=ill(coefficient=np.nan)), lambda run: run.qualities[Quality.VALID] > 0),
+}
+
+
+def pressure_used_twice(run: Campaign) -> bool:
+    """Tell whether more frames of q_inf were used than were sent: one a cycle, on an identifier of its own."""
+    used = count(run, FrameClass.USED)
+    sent = len(run.core.layout.frames) * (40 + 80 + 12)
+    return used > sent - 9
+
+
+def value_inside_the_range(guards: Guards) -> Campaign:
+    """A layout whose "not available" lies where strains are: only its name tells it from one."""
+    layout = layout_of("fd64")
+    marker = 1500
+    frames = tuple(
+        replace(
+            frame,
+            layout=replace(
+                frame.layout,
+                signals=tuple(
+                    replace(s, not_available=marker) if s.not_available is not None else s
+                    for s in frame.layout.signals
+                ),
+            ),
+        )
+        for frame in layout.strain_frames
+    )
+    return run_campaign(replace(layout, strain_frames=frames), [Fault(FaultKind.NO_VALUE, 40, 12, 1)], 80, guards)
+
+
+@pytest.mark.parametrize("guard", [field.name for field in fields(Guards)])
+def test_every_guard_is_needed(guard: str) -> None:
+    scenario, is_wrong = SCENARIOS[guard]
+    assert not is_wrong(scenario(ALL_GUARDS))
+    assert is_wrong(scenario(replace(ALL_GUARDS, **{guard: False})))
+
+
+def test_the_oracle_sees_a_single_wrong_strain() -> None:
+    """The oracle itself: 20 um/m on one of 30 gauges are found."""
+    layout = layout_of("fd64")
+    shifted = run_campaign(layout, [], 60, step=Shifted(layout.n_gauges))
+    assert len(shifted.false_valid) >= 50
+
+
+class Shifted(Projection):
+    """An estimator that adds 20 um/m to one gauge: what the oracle expects is left alone."""
+
+    def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+        wrong = strain.copy()
+        wrong[7] += 20e-6
+        return super().__call__(wrong, dynamic_pressure, step_size)

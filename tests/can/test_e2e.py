@@ -1,0 +1,164 @@
+"""CRC and counter against the package autosar-e2e; the state machine against AUTOSAR PRS_E2EProtocol."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from e2e import p01, p05
+
+from strainfmu.can.crc import Protection, counter_in, crc_in, crc_of, protect
+from strainfmu.can.e2e_check import E2EStatus, ReceptionCheck
+from strainfmu.can.e2e_state_machine import E2EState, E2EStateMachine, StateMachineSettings
+
+OK, LOST, REPEATED = E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.REPEATED
+WRONG, ERROR, NOTHING = E2EStatus.WRONG_SEQUENCE, E2EStatus.ERROR, E2EStatus.NO_NEW_DATA
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_profile_5_is_that_of_autosar_e2e(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for _ in range(50):
+        one_frame_of_profile_5(random)
+
+
+def one_frame_of_profile_5(random: np.random.Generator) -> None:
+    data_id, counter = int(random.integers(1 << 16)), int(random.integers(256))
+    data = random.bytes(int(random.integers(3, 65)))
+    ours = protect(data, Protection(5, data_id), counter)
+    theirs = bytearray(ours)
+    theirs[:2] = b"\0\0"
+    p05.e2e_p05_protect(theirs, data_id, increment_counter=False)
+    assert ours == bytes(theirs)
+    assert p05.e2e_p05_check(ours, data_id)
+    assert counter_in(ours, Protection(5, data_id)) == counter
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_profile_1_is_that_of_autosar_e2e(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for _ in range(50):
+        one_frame_of_profile_1(random)
+
+
+def one_frame_of_profile_1(random: np.random.Generator) -> None:
+    data_id, counter = int(random.integers(1 << 16)), int(random.integers(15))
+    data = random.bytes(int(random.integers(2, 9)))
+    ours = protect(data, Protection(1, data_id), counter)
+    theirs = bytearray(ours)
+    theirs[0] = 0
+    p01.e2e_p01_protect(theirs, data_id, increment_counter=False)
+    assert ours == bytes(theirs)
+    assert p01.e2e_p01_check(bytearray(ours), data_id)
+    assert ours[1] >> 4 == data[1] >> 4, "the upper nibble is the user's"
+
+
+@pytest.mark.parametrize(("profile", "length"), [(5, 64), (1, 8)])
+def test_every_single_flipped_bit_and_every_other_data_id_bit_is_found(profile: int, length: int) -> None:
+    protection = Protection(profile, 0x1234)
+    data = protect(bytes(range(length)), protection, 7)
+    for bit in range(8 * length):
+        wrong = bytearray(data)
+        wrong[bit // 8] ^= 1 << bit % 8
+        assert crc_in(wrong, protection) != crc_of(wrong, protection)
+    for bit in range(16):
+        other = Protection(profile, 0x1234 ^ 1 << bit)
+        assert crc_in(data, other) != crc_of(data, other)
+
+
+def test_bytes_of_other_frames_are_under_the_crc() -> None:
+    protection = Protection(5, 9)
+    data = protect(bytes(8), protection, 1, covered=b"strains")
+    assert crc_in(data, protection) == crc_of(data, protection, b"strains")
+    assert crc_in(data, protection) != crc_of(data, protection, b"strainz")
+    # Equal to one frame of all these bytes: data behind the CRC, then the covered ones.
+    joined = bytearray(data + b"strains")
+    assert p05.e2e_p05_check(bytes(joined), 9)
+
+
+@pytest.mark.parametrize(("profile", "length", "modulus"), [(5, 16, 256), (1, 8, 15)])
+def test_counter_statuses(profile: int, length: int, modulus: int) -> None:
+    """E2E_P05Check with MaxDeltaCounter 3: what is received next to a counter of 10, and what follows it."""
+    protection = Protection(profile, 77)
+
+    def frame(counter: int) -> bytes:
+        return protect(bytes(length), protection, counter)
+
+    for counter, status in ((11, OK), (12, LOST), (13, LOST), (14, WRONG), (10, REPEATED), (9, WRONG)):
+        check = ReceptionCheck(protection, 3)
+        assert check.check(frame(10)) is WRONG, "the first reception is in no sequence"
+        assert check.check(frame(counter)) is status
+        assert check.check(frame(counter + 1)) is OK, "the counter is taken over whatever the status"
+    check = ReceptionCheck(protection, 3)
+    assert check.check(frame(0)) is OK, "a sender's first frame"
+    check.check(frame(modulus - 1))
+    assert check.check(frame(modulus)) is OK, "wraps"
+    broken = bytearray(frame(1))
+    broken[-1] ^= 1
+    assert check.check(bytes(broken)) is ERROR
+    assert check.check(frame(1)) is OK, "an error leaves the counter alone"
+
+
+def test_profile_1_never_uses_counter_15() -> None:
+    protection = Protection(1, 77)
+    data = bytearray(8)
+    data[1] = 15
+    data[0] = crc_of(data, protection)
+    assert ReceptionCheck(protection, 14).check(bytes(data)) is ERROR
+
+
+SETTINGS = StateMachineSettings(
+    window_size=5,
+    min_ok_init=2,
+    max_error_init=1,
+    min_ok_valid=1,
+    max_error_valid=1,
+    min_ok_invalid=3,
+    max_error_invalid=0,
+)
+
+
+@pytest.mark.parametrize(
+    ("statuses", "state"),
+    [
+        ([], E2EState.NO_DATA),
+        ([ERROR, NOTHING, ERROR], E2EState.NO_DATA),
+        ([WRONG], E2EState.INIT),
+        ([OK, OK], E2EState.INIT),  # the check that leaves NODATA is not in the window
+        ([OK, OK, OK], E2EState.VALID),
+        ([OK, OK, LOST], E2EState.VALID),
+        ([OK, ERROR, ERROR], E2EState.INVALID),
+        ([OK, ERROR, OK, OK], E2EState.VALID),
+        ([OK, OK, OK, ERROR], E2EState.VALID),
+        ([OK, OK, OK, ERROR, ERROR], E2EState.INVALID),
+        ([OK, OK, OK, REPEATED, REPEATED, REPEATED, REPEATED], E2EState.VALID),
+        ([OK, OK, OK, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING], E2EState.INVALID),
+        ([OK, ERROR, ERROR, OK, OK, OK], E2EState.INVALID),  # an error is still in the window
+        ([OK, ERROR, ERROR, OK, OK, OK, OK], E2EState.INVALID),
+        ([OK, ERROR, ERROR, OK, OK, OK, OK, OK], E2EState.VALID),
+    ],
+)
+def test_state_machine(statuses: list[E2EStatus], state: E2EState) -> None:
+    """By hand from E2E_SMCheck: WindowSize 5, MinOkState 2/1/3 and MaxErrorState 1/1/0 of Init, Valid, Invalid."""
+    machine = E2EStateMachine(SETTINGS)
+    for status in statuses:
+        machine.add(status)
+    assert machine.state is state
+
+
+def test_state_machine_against_counting_the_window_anew() -> None:
+    random = np.random.default_rng(4)
+    machine, history, state = E2EStateMachine(SETTINGS), [], E2EState.NO_DATA
+    for _ in range(5000):
+        status = list(E2EStatus)[int(random.integers(6))] if random.random() < 0.5 else OK
+        if state is E2EState.NO_DATA:
+            state = state if status in (ERROR, NOTHING) else E2EState.INIT
+        else:
+            history.append(status)
+            window = history[-5:]
+            ok, bad = sum(s in (OK, LOST) for s in window), window.count(ERROR)
+            limits = {E2EState.INIT: (2, 1), E2EState.VALID: (1, 1), E2EState.INVALID: (3, 0)}[state]
+            if ok >= limits[0] and bad <= limits[1]:
+                state = E2EState.VALID
+            elif state is E2EState.VALID or bad > limits[1]:
+                state = E2EState.INVALID
+        assert machine.add(status) is state

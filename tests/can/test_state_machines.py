@@ -1,0 +1,249 @@
+"""The pure state machines by themselves: cycles, clock, gauges, acceptance, bus state, back-off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from can_case import CYCLE, layout_of
+
+from strainfmu.can.acceptance import Acceptance
+from strainfmu.can.bus_state import BusState, state_after
+from strainfmu.can.cycle_assembler import Arrival, CycleAssembler, Limits, Verdict
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
+from strainfmu.can.plausibility import GaugeChecks
+from strainfmu.can.reconnect import BackOff, BackOffSettings
+from strainfmu.can.sample_clock import SampleClock
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.errors import InputError
+
+NO_RAW = np.zeros(1, dtype=np.int64)
+
+
+def arrival(slot: int, sample_time: int | None, time: float = 0.0, counter: int = 0) -> Arrival:
+    return Arrival(slot, Frame(0x300, b"", time), NO_RAW, sample_time, counter)
+
+
+def timed(n_slots: int = 2) -> CycleAssembler:
+    return CycleAssembler(Limits(n_slots, None, 5e-3, 32, 3 * n_slots))
+
+
+def slots(cycles: list) -> list[list[int]]:
+    return [sorted(cycle.arrivals) for cycle in cycles]
+
+
+def test_a_complete_cycle_is_closed_at_once() -> None:
+    assembler = timed()
+    assert assembler.offer(arrival(1, 100)) == (Verdict.ACCEPTED, [])
+    verdict, closed = assembler.offer(arrival(0, 100))
+    assert (verdict, slots(closed)) == (Verdict.ACCEPTED, [[0, 1]])
+    assert assembler.deadline is None
+
+
+def test_a_frame_of_the_next_cycle_closes_a_partial_one_and_late_ones_are_refused() -> None:
+    assembler = timed()
+    assembler.offer(arrival(0, 100))
+    verdict, closed = assembler.offer(arrival(0, 200))
+    assert (verdict, slots(closed)) == (Verdict.ACCEPTED, [[0]])
+    assert assembler.offer(arrival(1, 100))[0] is Verdict.LATE
+    assert assembler.offer(arrival(0, 200))[0] is Verdict.REPEATED
+    assert slots(assembler.offer(arrival(1, 200))[1]) == [[0, 1]]
+    assert assembler.offer(arrival(1, 200))[0] is Verdict.LATE, "its cycle is closed"
+
+
+def test_the_deadline_closes_a_partial_cycle() -> None:
+    assembler = timed()
+    assembler.offer(arrival(0, 100, time=1.0))
+    assert assembler.deadline == 1.005
+    assert assembler.due(1.0049) == []
+    assert slots(assembler.due(1.005)) == [[0]]
+
+
+def test_the_same_time_with_another_counter_is_no_part_of_the_cycle() -> None:
+    assembler = timed()
+    assembler.offer(arrival(0, 100, counter=4))
+    assert assembler.offer(arrival(1, 100, counter=5))[0] is Verdict.LATE
+
+
+def test_sample_times_wrap() -> None:
+    assembler = timed(1)
+    for ticks in (2**32 - 10, 5, 2**31):
+        assert assembler.offer(arrival(0, ticks))[0] is Verdict.ACCEPTED
+    assert assembler.offer(arrival(0, 5))[0] is Verdict.LATE
+
+
+def test_nothing_but_late_frames_is_a_restart() -> None:
+    assembler = timed()
+    assembler.offer(arrival(0, 1_000_000))
+    verdicts = [assembler.offer(arrival(k % 2, 10 * (k // 2)))[0] for k in range(8)]
+    assert verdicts == [Verdict.LATE] * 6 + [Verdict.RESTARTED, Verdict.ACCEPTED]
+
+
+def test_without_times_a_repeated_frame_or_the_trailer_ends_a_cycle() -> None:
+    plain = CycleAssembler(Limits(3, None, 5e-3, None, 9))
+    plain.offer(arrival(0, None))
+    plain.offer(arrival(1, None))
+    assert slots(plain.offer(arrival(0, None))[1]) == [[0, 1]]
+    closing = CycleAssembler(Limits(3, 2, 5e-3, None, 9))
+    closing.offer(arrival(0, None))
+    assert slots(closing.offer(arrival(2, None))[1]) == [[0, 2]]
+
+
+# --- the sender's clock
+
+
+def test_age_is_the_delay_beyond_the_least_and_drift_is_none() -> None:
+    """A clock 50 ppm slow, delays of 1 ms and now and then 8 ms: age 0 and 7 ms, drift to 1 ppm."""
+    clock = SampleClock(1e-6, 32, 2e-4, CYCLE)
+    ages = []
+    for k in range(4000):
+        source = k * CYCLE
+        delay = 8e-3 if k % 7 == 3 else 1e-3
+        ages.append(clock.read(source * (1.0 + 50e-6) + delay, round(source * 1e6) % 2**32).age)
+    late = np.arange(4000) % 7 == 3
+    # The least delay is forgotten at 200 ppm, of which 50 are drift: 1.5e-6 s a cycle.
+    assert np.abs(np.array(ages)[~late]).max() < 2e-5
+    assert np.array(ages)[late] == pytest.approx(7e-3, abs=2e-5)
+    assert clock.drift_ppm == pytest.approx(50.0, abs=1.0)
+
+
+def test_a_growing_delay_is_age_until_the_clock_is_forgotten() -> None:
+    clock = SampleClock(1e-6, 32, 2e-4, CYCLE)
+    ages = [clock.read(k * CYCLE * 1.1, round(k * CYCLE * 1e6)).age for k in range(101)]
+    # Each cycle comes 1 ms later than the one before; 2 us of that are forgotten.
+    assert ages[-1] == pytest.approx(0.1, abs=0.001)
+
+
+def test_one_odd_time_changes_nothing_and_three_consistent_ones_are_a_restart() -> None:
+    clock = SampleClock(1e-6, 32, 2e-4, CYCLE)
+    for k in range(10):
+        assert not clock.read(k * CYCLE, round(k * CYCLE * 1e6)).jumped
+    assert clock.read(10 * CYCLE, 0).jumped, "an old frame again"
+    assert not clock.read(11 * CYCLE, round(11 * CYCLE * 1e6)).jumped
+    assert clock.read(12 * CYCLE, 50_000_000).jumped, "far ahead"
+    readings = [clock.read((13 + k) * CYCLE, round(k * CYCLE * 1e6)) for k in range(4)]
+    assert [(r.jumped, r.restarted) for r in readings] == [(True, False)] * 2 + [(True, True), (False, False)]
+
+
+def test_the_clock_wraps() -> None:
+    clock = SampleClock(1e-4, 16, 2e-4, CYCLE)
+    for k in range(2000):  # 20 s; 16 bits of 0.1 ms are 6.6 s
+        reading = clock.read(k * CYCLE, round(k * CYCLE * 1e4) % 2**16)
+        assert not reading.jumped
+        assert reading.age < 1e-4 + 1e-5
+
+
+# --- gauges
+
+
+def verdicts(strains: list[float], settings: BridgeSettings | None = None) -> list[bool]:
+    """Return the verdict on one gauge over cycles, beside another that is well."""
+    checks = GaugeChecks(2, settings or BridgeSettings())
+    found = []
+    present = np.ones(2, dtype=bool)
+    for k, value in enumerate(strains):
+        strain = np.array([value, 100e-6 + 1e-6 * (k % 2)])
+        raw = np.rint(np.nan_to_num(strain) / 0.25e-6).astype(np.int64)
+        valid = checks.update(strain, raw, present, np.zeros(2, dtype=bool))
+        assert valid[1]
+        found.append(bool(valid[0]))
+    return found
+
+
+def moving(n: int, start: float = 200e-6) -> list[float]:
+    return [start + 1e-6 * (k % 3) for k in range(n)]
+
+
+@pytest.mark.parametrize(
+    ("strains", "bad"),
+    [
+        (moving(10), []),
+        ([*moving(3), np.nan, *moving(5)], [3, 4, 5]),
+        ([*moving(3), 0.06, *moving(5)], [3, 4, 5, 6]),  # out of range, then a jump back, then good again
+        ([*moving(3), 0.003, *moving(5)], [3, 4, 5, 6]),  # a jump up and down
+        ([*moving(3), 0.0, *moving(5)], [3, 4, 5]),
+        ([*moving(3), *[0.0] * 9], list(range(3, 12))),
+        ([0.0] * 9, list(range(4, 9))),  # zero from the start: five in a row
+        ([6e-6, 3e-6, 0.0, -3e-6, -6e-6], []),  # moving through zero at its own pace
+        ([200e-6] * 30, list(range(25, 30))),
+    ],
+)
+def test_gauges_are_left_out_and_used_again(strains: list[float], bad: list[int]) -> None:
+    assert [k for k, valid in enumerate(verdicts(strains)) if not valid] == bad
+
+
+def test_stuck_and_zero_can_be_switched_off() -> None:
+    off = BridgeSettings(stuck_cycles=0, zero_cycles=0)
+    assert all(verdicts([*moving(3), *[0.0] * 50], off))
+
+
+# --- the door, the account, the bus
+
+
+def test_more_frames_than_a_sender_can_mean_are_shed_and_the_next_cycles_are_not() -> None:
+    layout = layout_of("fd64")
+    door = Acceptance(layout, [], BridgeSettings())
+    frame = layout.strain_frames[0].layout
+    burst = [door.refused(Frame(frame.identifier, bytes(64), 1.0, is_fd=True)) for _ in range(1000)]
+    assert burst.count(FrameClass.SHED) == 1000 - 64
+    later = [door.refused(Frame(frame.identifier, bytes(64), 1.0 + k * CYCLE, is_fd=True)) for k in range(1, 50)]
+    assert later == [None] * 49
+
+
+def test_the_account_of_unknown_identifiers_is_bounded() -> None:
+    account = FrameAccount()
+    for key in range(10_000):
+        account.received += 1
+        account.settle_unknown(key, 1.0 * key)
+    assert len(account.unknown) == LISTED_IDENTIFIERS
+    assert account.classes[FrameClass.UNKNOWN_IDENTIFIER] == 10_000
+    assert account.unaccounted == 0
+    assert account.first_time[FrameClass.UNKNOWN_IDENTIFIER] == 0.0
+    assert account.plus(account).received == 20_000
+
+
+@pytest.mark.parametrize(
+    ("identifier", "data", "state"),
+    [
+        (0x40, bytes(8), BusState.BUS_OFF),
+        (0x100, bytes(8), BusState.ERROR_ACTIVE),
+        (0x04, bytes([0, 0x04]) + bytes(6), BusState.ERROR_WARNING),
+        (0x04, bytes([0, 0x20]) + bytes(6), BusState.ERROR_PASSIVE),
+        (0x04, bytes([0, 0x40]) + bytes(6), BusState.ERROR_ACTIVE),
+        (0x08, bytes(8), BusState.ERROR_WARNING),  # a bit error changes no state
+        (0x04, b"", BusState.ERROR_WARNING),
+    ],
+)
+def test_bus_state_after_error_frames(identifier: int, data: bytes, state: BusState) -> None:
+    """Bits of linux/can/error.h: CAN_ERR_CRTL 4, CAN_ERR_BUSOFF 0x40, CAN_ERR_RESTARTED 0x100."""
+    assert state_after(BusState.ERROR_WARNING, Frame(identifier, data, is_error=True)) is state
+
+
+def test_back_off_doubles_to_a_bound_and_gives_up() -> None:
+    back_off = BackOff(BackOffSettings(first=0.1, longest=0.5, attempts=4, settle=2.0))
+    waits = []
+    for _ in range(5):
+        assert not back_off.exhausted
+        back_off.failed(10.0)
+        assert back_off.due is not None
+        waits.append(round(back_off.due - 10.0, 6))
+    assert waits == [0.1, 0.2, 0.4, 0.5, 0.5]
+    assert back_off.exhausted
+
+
+def test_back_off_starts_anew_only_after_the_bus_has_worked_for_a_while() -> None:
+    back_off = BackOff(BackOffSettings(first=0.1, settle=2.0))
+    back_off.failed(0.0)
+    back_off.opened(1.0)
+    back_off.failed(2.0)
+    assert back_off.due == pytest.approx(2.2)
+    back_off.opened(3.0)
+    back_off.failed(6.0)
+    assert back_off.due == pytest.approx(6.1)
+    assert back_off.reconnects == 2
+
+
+@pytest.mark.parametrize("wrong", [{"deadline": 1.0}, {"max_age": 0.0}, {"timeout": float("nan")}])
+def test_settings_that_cannot_work_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        BridgeSettings(**wrong)

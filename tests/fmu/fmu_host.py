@@ -1,0 +1,69 @@
+"""Every kind of estimator FMU, and a host that calls FMI 2.0 FMUs by names of variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import fmpy
+import numpy as np
+from fmpy.fmi2 import FMU2Slave
+from synthetic_vehicle import N_GAUGES
+
+from strainfmu.fmu.export import ExportOptions
+
+OPTIONS = {
+    "native": ExportOptions(),
+    "native_3": ExportOptions(fmi_version="3"),
+    "python": ExportOptions("python"),
+}
+
+STRAINS = [f"strain[{i + 1}]" for i in range(N_GAUGES)]
+VALID = [f"valid[{i + 1}]" for i in range(N_GAUGES)]
+COEFFICIENTS = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
+LOADS = ["force.axial", "force.normal", "force.side", "moment.pitch", "moment.yaw"]
+
+
+class Host:
+    """An FMU with names instead of value references."""
+
+    def __init__(self, fmu: FMU2Slave, references: Mapping[str, int]) -> None:
+        self.fmu, self.references = fmu, references
+
+    def get(self, names: Sequence[str]) -> np.ndarray:
+        return np.array(self.fmu.getReal([self.references[name] for name in names]))
+
+    def set(self, names: Sequence[str], values: Sequence[float]) -> None:
+        self.fmu.setReal([self.references[name] for name in names], values)
+
+    def set_booleans(self, names: Sequence[str], values: Sequence[bool]) -> None:
+        self.fmu.setBoolean([self.references[name] for name in names], list(values))
+
+    def integers(self, names: Sequence[str]) -> list[int]:
+        return list(self.fmu.getInteger([self.references[name] for name in names]))
+
+    def health(self) -> int:
+        return self.integers(["health.state"])[0]
+
+    def initialize(self, start_time: float = 0.0) -> None:
+        self.fmu.setupExperiment(startTime=start_time)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+
+@contextmanager
+def loaded(path: Path, folder: Path) -> Iterator[Host]:
+    """Instantiate the FMU at ``path``, unzipped to ``folder``."""
+    description = fmpy.read_model_description(str(path))
+    fmpy.extract(str(path), str(folder))
+    fmu = FMU2Slave(
+        guid=description.guid,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        unzipDirectory=str(folder),
+        instanceName="x",
+    )
+    fmu.instantiate()
+    yield Host(fmu, {v.name: v.valueReference for v in description.modelVariables})
+    fmu.terminate()
+    fmu.freeInstance()

@@ -1,0 +1,102 @@
+"""What native and numpy are compared with, and on which inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from raw_fmu import GROUPS, N_OUTPUTS, WHOLE_OUTPUTS, outputs_of
+
+from strainfmu.estimator import Estimator
+from strainfmu.estimator_settings import EstimatorSettings, default_settings
+from strainfmu.inverse_map import InverseMap
+from strainfmu.masks import information_left
+
+TOLERANCE = 1e-12
+"""Relative to the norm of a group of outputs of one unit. Sums of 54 terms in another order differ by 1e-15 of the
+largest term, and terms are up to 100 times their sum."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One set of inputs."""
+
+    strain: np.ndarray
+    valid: np.ndarray
+    dynamic_pressure: float
+    dynamic_pressure_std: float
+
+
+def random_samples(inverse_map: InverseMap, n: int, seed: int) -> Iterator[Sample]:
+    """``n`` sets of inputs: a pool of masks with fresh ones between, outliers, broken gauges, broken pressure."""
+    random = np.random.default_rng(seed)
+    n_gauges, n_states = inverse_map.state_operator.shape
+    pool = [np.ones(n_gauges, dtype=bool)]
+    for k in range(n):
+        if k % 25 == 0:
+            most = n_gauges if k % 50 == 0 else 4
+            pool.append(np.ones(n_gauges, dtype=bool))
+            pool[-1][random.choice(n_gauges, random.integers(0, most), replace=False)] = False
+        valid = pool[random.integers(max(0, len(pool) - 6), len(pool))] if k % 3 else pool[0]
+        noise = inverse_map.noise_std * random.normal(size=n_gauges)
+        strain = inverse_map.mean_strain + inverse_map.state_operator @ random.normal(size=n_states) + noise
+        if k % 4 == 0:
+            strain[random.integers(n_gauges)] += 1e-4 * random.normal()
+        if k % 31 == 0:
+            strain[random.integers(n_gauges)] = random.choice([np.nan, np.inf, -np.inf, 1.0, -1e300])
+        pressure = 1e5 if k % 11 else float(random.choice([0.0, 1e-7, np.nan, np.inf, -1.0]))
+        deviation = float(random.choice([0.0, 1e3])) if k % 13 else float(random.choice([-1.0, np.nan, np.inf]))
+        yield Sample(strain, valid, pressure, deviation)
+
+
+class Reference:
+    """The numpy estimator, and how far native may be from it."""
+
+    def __init__(self, inverse_map: InverseMap) -> None:
+        self.estimator = Estimator(inverse_map)
+        self.settings = default_settings(inverse_map)
+        self._growth: dict[bytes, float] = {}
+
+    def set(self, settings: EstimatorSettings) -> None:
+        """Take other settings."""
+        self.settings = settings
+        self.estimator = self.estimator.with_settings(settings)
+
+    def outputs(self, sample: Sample) -> np.ndarray:
+        """(26,) outputs by value reference."""
+        return outputs_of(
+            self.estimator.estimate(
+                sample.strain, sample.dynamic_pressure, sample.valid, sample.dynamic_pressure_std
+            )
+        )
+
+    def growth(self, sample: Sample) -> float:
+        """Largest growth of any state's deviation by the gauges missing: digits that both programs lose alike."""
+        missing = ~(sample.valid & (np.abs(sample.strain) <= self.settings.sensor_range))
+        if missing.all():
+            return 1.0
+        key = missing.tobytes()
+        if key not in self._growth:
+            parts = self.estimator._parts
+            share = information_left(parts.gain_whitening, parts.noise_whitening, missing)
+            self._growth[key] = 1.0 / np.sqrt(max(share, 1e-12))
+        return self._growth[key]
+
+    def check(self, sample: Sample, native: np.ndarray) -> None:
+        """Assert that ``native`` (26,) is what numpy gives: whole numbers and states of health exactly.
+
+        The tolerance rises only where gauges are missing that leave a state with less than 1e-4 of its information.
+        The scale of chi-square is at least 1: below, without degrees of freedom, it is round-off itself.
+        """
+        wanted = self.outputs(sample)
+        assert native.shape == (N_OUTPUTS,)
+        assert native[WHOLE_OUTPUTS].tolist() == wanted[WHOLE_OUTPUTS].tolist()
+        tolerance = TOLERANCE * max(1.0, 1e-2 * self.growth(sample))
+        for name, group in GROUPS.items():
+            ours, theirs = native[group], wanted[group]
+            if not np.isfinite(theirs).all():
+                assert np.array_equal(ours, theirs, equal_nan=True), name
+                continue
+            scale = np.linalg.norm(theirs) + float(name == "chi-square")
+            assert np.linalg.norm(ours - theirs) <= tolerance * scale, (name, ours, theirs)

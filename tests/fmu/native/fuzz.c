@@ -1,0 +1,210 @@
+/* Entry of a fuzzer for what comes into the native FMU from outside: map.bin, serialised states, resource locations.
+
+   Built with -fsanitize=fuzzer it is a libFuzzer target; with -DREPLAY it runs the files named on the command line.
+   The first byte of an input chooses what is fuzzed and how much is repaired before: without a right checksum and a
+   fitting length nothing behind the first check would ever be reached. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "estimator.h"
+#include "instance_state.h"
+#include "uri_path.h"
+
+#define HEADER_SIZE 128
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void put_u32(unsigned char *bytes, size_t place, uint32_t value) {
+    memcpy(bytes + place, &value, sizeof value);
+}
+
+static void put_u64(unsigned char *bytes, size_t place, uint64_t value) {
+    memcpy(bytes + place, &value, sizeof value);
+}
+
+/* A whole map.bin from whatever there is: sizes made small, length fitted, header and checksum right. Values that are
+   not finite become 1, or stay. */
+static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite, size_t *length) {
+    const size_t n = size > 0 ? 1 + data[0] % 7 : 1, states = size > 1 ? data[1] % 9 : 0;
+    const size_t triangle = n * (n + 1) / 2;
+    const size_t doubles = 10 + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n;
+    *length = HEADER_SIZE + 8 * doubles;
+    unsigned char *bytes = calloc(1, *length);
+    if (bytes == NULL) {
+        return NULL;
+    }
+    const size_t rest = size > 4 ? size - 4 : 0, room = *length - HEADER_SIZE;
+    memcpy(bytes + HEADER_SIZE, data + size - rest, rest < room ? rest : room);
+    for (size_t i = 0; finite && i < doubles; i++) {
+        double value;
+        memcpy(&value, bytes + HEADER_SIZE + 8 * i, 8);
+        value = !isfinite(value) ? 1.0 : (i < 5 && i != 2) || i == 7 ? fabs(value) + 1e-9 : value;
+        memcpy(bytes + HEADER_SIZE + 8 * i, &value, 8);
+    }
+    memcpy(bytes, "SFMUMAP", 8);
+    put_u32(bytes, 8, MAP_FORMAT_VERSION);
+    put_u32(bytes, 12, 0x01020304u);
+    put_u64(bytes, 16, *length);
+    put_u32(bytes, 32, (uint32_t)n);
+    put_u32(bytes, 36, (uint32_t)states);
+    put_u32(bytes, 40, size > 2 ? 1 + data[2] % (uint32_t)n : 1);
+    put_u32(bytes, 44, size > 3 ? data[3] & 1u : 0);
+    put_u32(bytes, 24, crc32(bytes + 32, *length - 32));
+    return bytes;
+}
+
+/* Steps with every gauge, without some and without any, and a derivative. */
+static void use(Estimator *e) {
+    double d_output[N_OUTPUTS], direction[16 + N_SCALAR_INPUTS];
+    for (size_t i = 0; i < 16 + N_SCALAR_INPUTS; i++) {
+        direction[i] = 1.0;
+    }
+    for (unsigned step = 0; step < 10; step++) {
+        for (size_t i = 0; i < e->map.n_gauges; i++) {
+            e->input[i] = step == 3 && i == 1 ? NAN : 1e-4 * (double)((i * 7 + step) % 5);
+            e->valid[i] = step < 8 ? (unsigned char)((i + step) % 5 != 0) : step == 9;
+        }
+        e->outdated = 1;
+        const int health = (int)estimator_outputs(e)[HEALTH_STATE];
+        if (health < OK || health > SUSPECT) {
+            abort();
+        }
+        estimator_derivative(e, direction, d_output);
+    }
+}
+
+static void fuzz_map(const uint8_t *data, size_t size, int repair) {
+    char text[MAP_TEXT_SIZE];
+    size_t length = size;
+    unsigned char *bytes;
+    if (repair > 0) {
+        bytes = repaired_map(data, size, repair > 1, &length);
+    } else {
+        bytes = malloc(size + 1);
+        if (bytes != NULL) {
+            memcpy(bytes, data, size);
+        }
+    }
+    Estimator *e = bytes != NULL ? estimator_create(bytes, length, text) : NULL;
+    if (e != NULL && e->map.n_gauges <= 16) {
+        use(e);
+    }
+    estimator_free(e);
+}
+
+static void silent(const Instance *instance, int status, const char *category, const char *text) {
+    (void)instance;
+    (void)status;
+    (void)category;
+    if (strlen(text) > 4000) {
+        abort();
+    }
+}
+
+/* An instance of a small map of zeros but for what must be positive. */
+static Instance *small_instance(void) {
+    static const uint8_t SEED[] = {3, 2, 1, 0};
+    char text[MAP_TEXT_SIZE];
+    size_t length;
+    unsigned char *bytes = repaired_map(SEED, sizeof SEED, 1, &length);
+    Instance *instance = calloc(1, sizeof *instance);
+    if (bytes == NULL || instance == NULL) {
+        abort();
+    }
+    double bound = 1e100;
+    memcpy(bytes + HEADER_SIZE + 64, &bound, 8);
+    memcpy(bytes + HEADER_SIZE + 72, &bound, 8);
+    put_u32(bytes, 24, crc32(bytes + 32, length - 32));
+    instance->estimator = estimator_create(bytes, length, text);
+    if (instance->estimator == NULL) {
+        abort();
+    }
+    instance->kind = CO_SIMULATION_2;
+    instance->write = silent;
+    instance_reset(instance);
+    return instance;
+}
+
+static void fuzz_state(const uint8_t *data, size_t size, int repair) {
+    Instance *instance = small_instance();
+    unsigned char *bytes = calloc(1, state_size(instance) + size);
+    void *state = NULL, *again = NULL;
+    if (bytes == NULL) {
+        abort();
+    }
+    memcpy(bytes, data, size);
+    if (repair > 0) {
+        size = state_size(instance);
+        memcpy(bytes, "SFMUSTA", 8);
+        put_u32(bytes, 8, 1);
+        put_u32(bytes, 16, instance->estimator->map.checksum);
+        put_u32(bytes, 20, (uint32_t)instance->estimator->map.n_gauges);
+        if (repair > 1) {
+            put_u32(bytes, 28, CO_SIMULATION_2);
+        }
+        put_u32(bytes, 12, crc32(bytes + 16, size - 16));
+    }
+    if (state_deserialize(instance, bytes, size, &state) == STATUS_OK) {
+        if (state_set(instance, state) != STATUS_OK) {
+            abort(); /* what was taken once must be taken again */
+        }
+        estimator_outputs(instance->estimator);
+        if (state_get(instance, &again) != STATUS_OK || state_serialize(instance, again, bytes, size) != STATUS_OK) {
+            abort();
+        }
+    }
+    state_free(&state);
+    state_free(&again);
+    free(bytes);
+    instance_free(instance);
+}
+
+static void fuzz_location(const uint8_t *data, size_t size, int tight) {
+    char path[64];
+    char *location = malloc(size + 1);
+    if (location == NULL) {
+        return;
+    }
+    memcpy(location, data, size);
+    location[size] = '\0';
+    const size_t room = tight ? 16 : sizeof path;
+    if (resource_path(location, "map.bin", path, room) && strlen(path) >= room) {
+        abort();
+    }
+    free(location);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    if (size == 0) {
+        return 0;
+    }
+    const int choice = data[0] % 8;
+    if (choice < 3) {
+        fuzz_map(data + 1, size - 1, choice);
+    } else if (choice < 6) {
+        fuzz_state(data + 1, size - 1, choice - 3);
+    } else {
+        fuzz_location(data + 1, size - 1, choice - 6);
+    }
+    return 0;
+}
+
+#ifdef REPLAY
+int main(int argc, char **argv) {
+    for (int k = 1; k < argc; k++) {
+        FILE *file = fopen(argv[k], "rb");
+        static uint8_t data[1 << 16];
+        if (file == NULL) {
+            return 1;
+        }
+        LLVMFuzzerTestOneInput(data, fread(data, 1, sizeof data, file));
+        fclose(file);
+    }
+    printf("%d inputs\n", argc - 1);
+    return 0;
+}
+#endif

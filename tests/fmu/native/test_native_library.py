@@ -1,0 +1,93 @@
+"""The built libraries: what they export and need, and that they are those of the sources."""
+
+from __future__ import annotations
+
+import re
+import struct
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from raw_fmu import shipped_library, this_platform
+
+from strainfmu.errors import InputError
+from strainfmu.fmu.native_build import (
+    NATIVE,
+    PLATFORMS,
+    ZIG_VERSION,
+    build_library,
+    fmi_headers,
+    library_file,
+    main,
+    source_files,
+    universal_library,
+)
+
+HAVE_ZIG = find_spec("ziglang") is not None and version("ziglang") == ZIG_VERSION
+needs_zig = pytest.mark.skipif(not HAVE_ZIG, reason=f"needs zig {ZIG_VERSION}: pip install 'strainfmu[native]'")
+
+
+def functions(fmi: int) -> list[str]:
+    """Names of all functions of an FMI version, by its header."""
+    header = (fmi_headers() / f"fmi{fmi}Functions.h").read_text("latin-1")
+    return re.findall(rf"FMI{fmi}_Export\s+\w+TYPE\s+(fmi{fmi}\w+);", header)
+
+
+@pytest.mark.parametrize(("fmi", "count"), [(2, 44), (3, 75)])
+def test_all_functions_are_there(fmi: int, count: int) -> None:
+    names = functions(fmi)
+    assert len(names) == count
+    assert [name for name in names if not hasattr(shipped_library(), name)] == []
+
+
+@pytest.mark.parametrize("platform", list(PLATFORMS))
+def test_every_platform_has_its_library(platform: str) -> None:
+    content = library_file(platform).read_bytes()
+    magic = {"linux64": b"\x7fELF", "aarch64-linux": b"\x7fELF", "win64": b"MZ", "darwin64": b"\xca\xfe\xba\xbe"}
+    assert content.startswith(magic.get(platform, b"\xcf\xfa\xed\xfe"))
+    names = [name.encode() for fmi in (2, 3) for name in functions(fmi)]
+    assert [name for name in names if name not in content] == []
+    assert b"/native/" not in content  # nothing of the folder it was built in
+
+
+def test_nothing_but_libc_is_needed() -> None:
+    content = library_file("linux64").read_bytes()
+    assert re.findall(rb"lib[a-z]+\.so\.\d+", content) == [b"libc.so.6"]
+    assert set(re.findall(rb"GLIBC_[\d.]+", content)) <= {b"GLIBC_2.2.5", b"GLIBC_2.14"}
+    windows = set(re.findall(rb"[\w-]+\.dll", library_file("win64").read_bytes()))
+    assert all(name.startswith((b"api-ms-win-crt-", b"KERNEL32", b"estimator")) for name in windows), windows
+
+
+def test_sources_are_short_and_complete() -> None:
+    assert {path.name for path in source_files()} >= {"estimator.c", "fmi2_estimator.c", "fmi3_estimator.c"}
+    assert not list(NATIVE.glob("fmi[23]Function*.h"))  # an FMU must not bring the standard's headers
+
+
+def test_universal_library() -> None:
+    parts = [struct.pack("<3I", 0xFEEDFACF, kind, 3) + bytes([kind]) * 100 for kind in (7, 12)]
+    content = universal_library(parts)
+    assert struct.unpack_from(">2I", content) == (0xCAFEBABE, 2)
+    for k, part in enumerate(parts):
+        processor, _, place, size, alignment = struct.unpack_from(">5I", content, 8 + 20 * k)
+        assert (processor, size, place % (1 << alignment)) == ((7, 12)[k], len(part), 0)
+        assert content[place : place + size] == part
+
+
+def test_unknown_platform() -> None:
+    with pytest.raises(InputError, match="'amiga' found, must be one of linux64"):
+        main(["amiga"])
+
+
+@needs_zig
+def test_library_is_that_of_the_sources() -> None:
+    # Same sources, same compiler: same bytes, whatever the folder.
+    platform = this_platform()
+    assert build_library(platform) == library_file(platform).read_bytes()
+
+
+@pytest.mark.slow
+@needs_zig
+@pytest.mark.parametrize("platform", list(PLATFORMS))
+def test_all_libraries_are_those_of_the_sources(platform: str, tmp_path: Path) -> None:
+    assert build_library(platform) == library_file(platform).read_bytes()

@@ -1,0 +1,63 @@
+"""The native run-time under sanitizers, valgrind and the inputs that a fuzzer found."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from c_host import host_by_clang, program, run_host
+from conftest import NativeCase
+
+from strainfmu.fmu.native_build import source_files
+
+pytestmark = pytest.mark.slow
+
+CORPUS = Path(__file__).parent / "corpus"
+MEMORY = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+
+
+@pytest.fixture(scope="module")
+def checked(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """The host under AddressSanitizer and UndefinedBehaviorSanitizer."""
+    return [str(host_by_clang(tmp_path_factory.mktemp("asan") / "host", *MEMORY))]
+
+
+def test_two_hundred_instances(case: NativeCase, checked: list[str]) -> None:
+    # States move between instances; each gives the outputs of the one they come from; leaks are errors too.
+    assert run_host(checked, case, "many", 10).startswith(b"many: same")
+
+
+def test_million_steps(small: NativeCase, checked: list[str]) -> None:
+    assert run_host(checked, small, "endure", 1_000_000).startswith(b"endure")
+
+
+def test_memory_does_not_grow(cases: dict[str, NativeCase], tmp_path: Path) -> None:
+    host = host_by_clang(tmp_path / "host")
+    words = run_host([str(host)], cases["case 1"], "endure", 1_000_000).split()
+    before, after = int(words[1]), int(words[4])
+    assert 0 < after <= before
+
+
+def test_threads(case: NativeCase, tmp_path: Path) -> None:
+    host = host_by_clang(tmp_path / "host", "-fsanitize=thread", "-DHOST_THREADS", "-pthread")
+    assert run_host([str(host)], case, "threads", 300).startswith(b"threads: done")
+
+
+def test_valgrind(small: NativeCase, tmp_path: Path) -> None:
+    valgrind = program("valgrind", install="apt install valgrind")
+    host = host_by_clang(tmp_path / "host")
+    command = [valgrind, "-q", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=all", str(host)]
+    assert run_host(command, small, "many", 3).startswith(b"many: same")
+    assert run_host(command, small, "endure", 20_000).startswith(b"endure")
+
+
+def test_inputs_that_a_fuzzer_found(tmp_path: Path) -> None:
+    core = tuple(path for path in source_files() if not path.name.startswith("fmi"))
+    sources = (Path(__file__).parent / "fuzz.c", *core)
+    fuzz = host_by_clang(tmp_path / "fuzz", *MEMORY, "-DREPLAY", sources=sources)
+    inputs = sorted(str(path) for path in CORPUS.iterdir())
+    assert len(inputs) > 100
+    finished = subprocess.run([str(fuzz), *inputs], capture_output=True, text=True, check=False)
+    assert finished.returncode == 0, finished.stderr[-4000:]
+    assert finished.stdout == f"{len(inputs)} inputs\n"

@@ -1,0 +1,208 @@
+"""Outputs that are right at any moment, settings, and arguments that cannot be."""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import byref, c_double, c_int, c_size_t
+
+import numpy as np
+import pytest
+from agreement import Reference, Sample
+from conftest import NativeCase
+from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3
+
+from strainfmu.health import HealthState
+
+
+def sample_of(case: NativeCase, seed: int = 3) -> Sample:
+    random = np.random.default_rng(seed)
+    strain = case.inverse_map.mean_strain + case.inverse_map.noise_std * random.normal(size=case.n)
+    return Sample(strain, np.ones(case.n, dtype=bool), 1.1e5, 0.0)
+
+
+def test_outputs_are_right_after_initialization_and_after_every_set(case: NativeCase) -> None:
+    reference, fmu = Reference(case.inverse_map), Fmu2(case.uri, case.n)
+    first, second = sample_of(case, 3), sample_of(case, 4)
+    fmu.set_strain(first.strain)
+    fmu.set_scalars(0, first.dynamic_pressure)
+    fmu.start()
+    reference.check(first, fmu.outputs())
+    fmu.set_strain(second.strain)
+    reference.check(second, fmu.outputs())
+    without = second.valid.copy()
+    without[0] = False
+    fmu.set_valid(without)
+    third = Sample(second.strain, without, second.dynamic_pressure, 0.0)
+    reference.check(third, fmu.outputs())
+    assert fmu.step() == OK
+    reference.check(third, fmu.outputs())
+    fmu.free()
+
+
+def test_start_values(small: NativeCase) -> None:
+    fmu, inverse_map = Fmu2(small.uri, small.n).start(), small.inverse_map
+    sample = Sample(np.zeros(small.n), np.ones(small.n, dtype=bool), inverse_map.nominal_dynamic_pressure, 0.0)
+    Reference(inverse_map).check(sample, fmu.outputs())
+    scalars = range(N_OUTPUTS + 2 * small.n, N_OUTPUTS + 2 * small.n + 7)
+    station = inverse_map.provenance.get("moment_station_m", 0.0)
+    wanted = [1.2e5, 0.0, 0.05, 1.0, inverse_map.reference_area, inverse_map.reference_length, station]
+    assert fmu.get_reals(scalars).tolist() == wanted
+    fmu.free()
+
+
+def test_reset_returns_to_the_start(small: NativeCase) -> None:
+    fmu = Fmu2(small.uri, small.n).start()
+    before = fmu.outputs()
+    fmu.set_strain(np.full(small.n, 1e-4))
+    fmu.set_valid(np.zeros(small.n, dtype=bool))
+    fmu.set_scalars(0, 5.0, 1.0, 0.01, 2.0, 3.0, 4.0, 5.0)
+    assert fmu.get_integers([20])[0] == HealthState.INVALID
+    assert fmu.call("Reset") == OK
+    assert fmu.start().outputs().tobytes() == before.tobytes()
+    fmu.free()
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "text"),
+    [
+        (2, 0.0, "sensor_range: 0 found, must be positive and at most 1e+100"),
+        (2, 2e100, "sensor_range: 2e+100 found"),
+        (3, float("nan"), "alarm_scale: nan found, must be positive"),
+        (4, -1.0, "reference_area: -1 found, must be positive"),
+        (5, float("inf"), "reference_length: inf found"),
+        (6, float("inf"), "moment_station: inf found, must be between -1e+100 and 1e+100"),
+    ],
+)
+def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, text: str) -> None:
+    fmu = Fmu2(small.uri, small.n).start()
+    before = fmu.outputs()
+    assert fmu.set_scalars(setting, value) == ERROR
+    assert text in fmu.messages[-1][2]
+    assert fmu.outputs().tobytes() == before.tobytes()
+    fmu.free()
+
+
+def test_wrong_value_references(small: NativeCase) -> None:
+    fmu, end = Fmu2(small.uri, small.n).start(), N_OUTPUTS + 2 * small.n + 7
+    value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
+    for name, wrong, place in (
+        ("GetReal", [20, 23, N_OUTPUTS + small.n, end, 2**32 - 1], value),
+        ("SetReal", [0, 20, N_OUTPUTS + small.n, end, 2**32 - 1], value),
+        ("GetInteger", [0, 21, N_OUTPUTS, end], whole),
+        ("SetInteger", [20, 23, N_OUTPUTS], whole),
+        ("GetBoolean", [0, N_OUTPUTS, end, 2**32 - 1], whole),
+        ("SetBoolean", [0, N_OUTPUTS, end, 2**32 - 1], whole),
+        ("GetString", [0, end], ctypes.c_char_p()),
+        ("SetString", [0, end], ctypes.c_char_p()),
+    ):
+        for reference in wrong:
+            fmu.messages.clear()
+            assert fmu.call(name, fmu.references([reference]), count, byref(place)) == ERROR
+            assert len(fmu.messages) == 1
+            assert f"fmi2{name}" in fmu.messages[0][2]
+    fmu.free()
+
+
+def test_arguments_that_are_missing(small: NativeCase) -> None:
+    fmu = Fmu2(small.uri, small.n).start()
+    references, one = fmu.references([0]), c_size_t(1)
+    for name in ("GetReal", "SetReal", "GetInteger", "SetInteger", "GetBoolean", "SetBoolean", "GetString"):
+        assert fmu.call(name, None, one, None) == ERROR
+        assert fmu.call(name, references, one, None) == ERROR
+        assert fmu.call(name, None, c_size_t(0), None) == OK
+    assert fmu.call("GetFMUstate", None) == ERROR
+    assert fmu.call("SetFMUstate", None) == ERROR
+    assert fmu.call("SetDebugLogging", c_int(1), one, None) == ERROR
+    assert fmu.call("GetDirectionalDerivative", None, one, None, one, None, None) == ERROR
+    fmu.free()
+    fmu.instance = ctypes.c_void_p(None)
+    for name in ("Terminate", "Reset", "EnterInitializationMode", "CancelStep", "EnterEventMode"):
+        assert fmu.call(name) == ERROR
+    assert fmu.step() == ERROR
+    fmu.free()
+
+
+def test_calls_in_the_wrong_mode(small: NativeCase) -> None:
+    fmu = Fmu2(small.uri, small.n)
+    assert fmu.step() == ERROR
+    assert "fmi2DoStep is not allowed: the instance is just instantiated" in fmu.messages[-1][2]
+    assert fmu.call("ExitInitializationMode") == ERROR
+    assert fmu.call("Terminate") == ERROR
+    fmu.start()
+    assert fmu.call("EnterInitializationMode") == ERROR
+    assert fmu.call("NewDiscreteStates", (ctypes.c_char * 64)()) == ERROR
+    for size in (0.0, -1.0, float("nan"), float("inf")):
+        assert fmu.step(0.0, size) == ERROR
+    assert fmu.call("Terminate") == OK
+    assert fmu.step() == ERROR
+    assert fmu.set_reals([N_OUTPUTS], [1.0]) == ERROR
+    assert np.isfinite(fmu.get_reals([0])).all()
+    assert fmu.call("Reset") == OK
+    fmu.start().free()
+
+
+def test_model_exchange(small: NativeCase) -> None:
+    fmu = Fmu2(small.uri, small.n, co_simulation=False).start()
+    sample, flags = sample_of(small), (c_int(7), c_int(7))
+    info = (ctypes.c_int * 16)(*[9] * 16)
+    assert fmu.call("NewDiscreteStates", info) == OK
+    assert info[:5] == [0] * 5
+    assert fmu.step() == ERROR
+    assert fmu.call("EnterContinuousTimeMode") == OK
+    assert fmu.call("SetTime", c_double(0.5)) == OK
+    fmu.set_strain(sample.strain)
+    fmu.set_scalars(0, sample.dynamic_pressure)
+    assert fmu.call("CompletedIntegratorStep", c_int(1), byref(flags[0]), byref(flags[1])) == OK
+    assert [flag.value for flag in flags] == [0, 0]
+    assert fmu.call("GetDerivatives", None, c_size_t(0)) == OK
+    assert fmu.call("GetEventIndicators", None, c_size_t(1)) == ERROR
+    Reference(small.inverse_map).check(sample, fmu.outputs())
+    fmu.free()
+
+
+def test_health_is_logged_when_it_changes(small: NativeCase) -> None:
+    fmu = Fmu2(small.uri, small.n, logging=True).start()
+    fmu.set_strain(small.inverse_map.mean_strain)
+    for k in range(3):
+        fmu.step(k * 0.1, 0.1)
+    assert fmu.messages == []
+    fmu.set_reals([N_OUTPUTS + 2], [np.nan])
+    for k in range(3, 6):
+        fmu.step(k * 0.1, 0.1)
+    assert [message[:2] for message in fmu.messages] == [(OK, "logEvents")]
+    assert fmu.messages[0][2].startswith(f"health DEGRADED at 0.4 s: {small.n - 1} gauges in use")
+    assert fmu.call("SetDebugLogging", c_int(0), c_size_t(0), None) == OK
+    fmu.set_reals([N_OUTPUTS + 2], [0.0])
+    fmu.step(0.6, 0.1)
+    assert len(fmu.messages) == 1
+    fmu.free()
+
+
+def test_wrong_arrays_of_fmi_3(small: NativeCase) -> None:
+    fmu = Fmu3(str(small.resources), small.n).start()
+    for references, size in (([0], 4), ([0], 6), ([6], 1), ([9], 1), ([13], small.n), ([22], 1), ([2**32 - 1], 1)):
+        assert fmu.get("Float64", c_double, references, size)[0] == ERROR
+    assert fmu.get("Int32", ctypes.c_int32, [6], 1)[0] == ERROR
+    assert fmu.get("Int64", ctypes.c_int64, [9], 1)[0] == ERROR
+    assert fmu.get("Boolean", ctypes.c_bool, [12], small.n)[0] == ERROR
+    assert fmu.set("Float64", c_double, [fmu.STRAIN], np.zeros(small.n - 1)) == ERROR
+    assert fmu.set("Float64", c_double, [fmu.TIME], [0.0]) == ERROR
+    assert fmu.set("Float64", c_double, [0], np.zeros(5)) == ERROR
+    assert fmu.set("Boolean", ctypes.c_bool, [14], [True]) == ERROR
+    assert fmu.get("UInt8", ctypes.c_uint8, [0], 1)[0] == ERROR
+    assert all(category == "logStatusError" for _, category, _ in fmu.messages)
+    fmu.free()
+
+
+def test_steps_of_fmi_3(small: NativeCase) -> None:
+    fmu = Fmu3(str(small.resources), small.n).start()
+    flags, reached = [ctypes.c_bool(True) for _ in range(3)], c_double(0.0)
+    places = (*map(byref, flags), byref(reached))
+    assert fmu.call("DoStep", c_double(1.0), c_double(0.25), ctypes.c_bool(True), *places) == OK
+    assert [flag.value for flag in flags] == [False] * 3
+    assert reached.value == 1.25
+    assert fmu.get("Float64", c_double, [fmu.TIME], 1)[1].tolist() == [1.25]
+    assert fmu.call("DoStep", c_double(1.0), c_double(0.0), ctypes.c_bool(True), *places) == ERROR
+    assert fmu.call("EnterEventMode") == ERROR  # was not asked for at instantiation
+    assert fmu.call("Terminate") == OK
+    fmu.free()

@@ -1,0 +1,101 @@
+"""FMUs of every kind against the checkers and schemas that can be had."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+KINDS = ["native", "native_3", "python", "plant"]
+SCHEMA = Path(fmpy.__file__).parent / "schema"
+LARGEST = 500 * 1024
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_fmpy_finds_no_fault(fmus: dict[str, Path], kind: str) -> None:
+    assert validate_fmu(str(fmus[kind])) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_fmutool_finds_no_fault(fmus: dict[str, Path], kind: str) -> None:
+    command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(fmus[kind]), "-check"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    said = done.stdout + done.stderr
+    assert done.returncode == 0
+    assert "seems to be compliant with FMI-" in said
+    assert "No semantic error" in said
+    assert not re.search(r"^(WARNING|ERROR|CRITICAL)", said, re.MULTILINE)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_xml_follows_its_schema(fmus: dict[str, Path], kind: str) -> None:
+    second = kind != "native_3"
+    schemas = {
+        "modelDescription.xml": "fmi2/fmi2ModelDescription.xsd" if second else "fmi3/fmi3ModelDescription.xsd",
+        "terminalsAndIcons/terminalsAndIcons.xml": "fmi3/fmi3TerminalsAndIcons.xsd",
+    }
+    if not second:
+        schemas["sources/buildDescription.xml"] = "fmi3/fmi3BuildDescription.xsd"
+    with zipfile.ZipFile(fmus[kind]) as archive:
+        for name, schema in schemas.items():
+            validator = etree.XMLSchema(etree.parse(str(SCHEMA / schema)))
+            validator.assertValid(etree.fromstring(archive.read(name)))
+        found = {name for name in archive.namelist() if name.endswith(".xml")}
+    assert found - set(schemas) <= {"extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_entries_are_portable(fmus: dict[str, Path], kind: str) -> None:
+    """Deflated or stored, no links, forward slashes, none above the root, times fixed."""
+    with zipfile.ZipFile(fmus[kind]) as archive:
+        for entry in archive.infolist():
+            assert entry.compress_type in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED)
+            assert re.fullmatch(r"[\w.-]+(/[\w.-]+)*", entry.filename)
+            assert entry.date_time == (1980, 1, 1, 0, 0, 0)
+            assert entry.external_attr >> 28 == 0  # a plain file
+        assert archive.namelist() == sorted(archive.namelist())
+    assert fmus[kind].stat().st_size < LARGEST
+
+
+def test_libraries_are_named_after_the_model_and_lie_in_folders_of_their_version(fmus: dict[str, Path]) -> None:
+    for kind, folder in (("native", "linux64"), ("native_3", "x86_64-linux")):
+        with zipfile.ZipFile(fmus[kind]) as archive:
+            names = set(archive.namelist())
+        assert f"binaries/{folder}/StrainLoadEstimator.so" in names
+        assert {"resources/map.bin", "documentation/index.html", "terminalsAndIcons/icon.png"} <= names
+        assert ("model.png" in names) is (kind == "native")
+        other = "fmi3" if kind == "native" else "fmi2"
+        assert not [name for name in names if other in name.replace("fmi-ls", "")]
+        assert not [name for name in names if "Functions.h" in name or name.endswith((".lib", ".pdb", ".py"))]
+
+
+@pytest.mark.parametrize("kind", ["native", "native_3"])
+def test_sources_are_complete(fmus: dict[str, Path], kind: str, tmp_path: Path) -> None:
+    """Every file to compile is listed, is there, and compiles with what lies beside it and the headers of FMI."""
+    fmpy.extract(str(fmus[kind]), str(tmp_path))
+    sources = tmp_path / "sources"
+    described = tmp_path / "modelDescription.xml" if kind == "native" else sources / "buildDescription.xml"
+    root = etree.parse(str(described)).getroot()
+    listed = [element.get("name") for tag in ("File", "SourceFile") for element in root.iter(tag)]
+    assert sorted(listed) == sorted(path.name for path in sources.glob("*.c"))
+    compiler = next((c for c in ("cc", "gcc", "clang") if _runs(c)), None)
+    if compiler is None:
+        pytest.skip("no C compiler here")
+    headers = Path(fmpy.__file__).parent / "c-code"
+    command = [compiler, "-std=c99", "-O0", "-fPIC", "-shared", f"-I{headers}", *listed, "-lm", "-o", "all.so"]
+    done = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def _runs(compiler: str) -> bool:
+    try:
+        return subprocess.run([compiler, "--version"], capture_output=True).returncode == 0
+    except OSError:
+        return False

@@ -1,0 +1,97 @@
+"""FMUs that were damaged or altered, or lie in odd places: one clear message of the FMU, never a crash."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import pytest
+from fmu_host import COEFFICIENTS, loaded
+
+from strainfmu.cosim.instance import Instance, read_description, unzip
+from strainfmu.errors import StrainfmuError
+
+Change = Callable[[bytes], bytes | None]
+
+
+def rewritten(source: Path, target: Path, name: str, change: Change) -> Path:
+    """Copy an FMU with the entry ``name`` changed, or left out where ``change`` returns None."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+        for entry in old.namelist():
+            content: bytes | None = old.read(entry)
+            if entry == name and content is not None:
+                content = change(content)
+            if content is not None:
+                new.writestr(entry, content)
+    return target
+
+
+def flipped(place: int) -> Change:
+    """Return a change of one bit at ``place``."""
+    return lambda content: content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+
+
+MAP_CHANGES: dict[str, tuple[Change, str, str]] = {
+    "cut": (lambda content: content[: len(content) // 2], "cut or extended", "damaged or altered"),
+    "extended": (lambda content: content + b"\0" * 8, "cut or extended", "damaged or altered"),
+    "empty": (lambda _: b"", "no map of an FMU", "damaged"),
+    "altered": (flipped(1000), "checksum is wrong", "damaged or altered"),
+    "of another kind": (flipped(0), "no map of an FMU", "damaged"),
+    "missing": (lambda _: None, "cannot be opened", "no such file"),
+}
+
+
+@pytest.mark.parametrize("kind", ["native", "python"])
+@pytest.mark.parametrize("change", MAP_CHANGES)
+def test_a_damaged_map_is_refused_with_a_reason(
+    fmus: dict[str, Path], tmp_path: Path, kind: str, change: str
+) -> None:
+    alter, native_reason, python_reason = MAP_CHANGES[change]
+    name = "resources/map.bin" if kind == "native" else "resources/map.h5"
+    fmu = rewritten(fmus[kind], tmp_path / "a.fmu", name, alter)
+    refused(fmu, tmp_path, native_reason if kind == "native" else python_reason)
+
+
+def refused(fmu: Path, folder: Path, reason: str) -> None:
+    """Assert that the FMU cannot be instantiated, and says why."""
+    unzip(fmu, folder / "unzipped")
+    with pytest.raises(StrainfmuError, match=reason) as caught:
+        Instance("x", fmu, read_description(fmu), folder / "unzipped")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_map_of_another_format_version_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
+    fmu = rewritten(fmus["native"], tmp_path / "a.fmu", "resources/map.bin", flipped(8))
+    refused(fmu, tmp_path, "format version 0, must be 1")
+
+
+def test_a_description_that_is_not_the_maps_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """The guid ties both together; so a map from another FMU is refused too."""
+    fmu = rewritten(
+        fmus["native"],
+        tmp_path / "a.fmu",
+        "modelDescription.xml",
+        lambda content: content.replace(b'guid="{', b'guid="{0'),
+    )
+    refused(fmu, tmp_path, "guid")
+    with zipfile.ZipFile(fmus["native_2"]) as archive:
+        other = archive.read("resources/map.bin")
+    fmu = rewritten(fmus["native"], tmp_path / "b.fmu", "resources/map.bin", lambda _: other)
+    (tmp_path / "other").mkdir()
+    refused(fmu, tmp_path / "other", "guid")
+
+
+def test_fmi_3_refuses_a_damaged_map_too(fmus: dict[str, Path], tmp_path: Path) -> None:
+    for number, (change, _, _) in enumerate(MAP_CHANGES.values()):
+        fmu = rewritten(fmus["native_3"], tmp_path / f"{number}.fmu", "resources/map.bin", change)
+        with pytest.raises(Exception, match="Failed to instantiate"):
+            fmpy.simulate_fmu(str(fmu), stop_time=0.1)
+
+
+@pytest.mark.parametrize("folder", ["with blanks", "mü", "a+b", "(1)", "100%", "a#b", "x" * 200])
+def test_the_native_kind_runs_from_any_folder(fmus: dict[str, Path], tmp_path: Path, folder: str) -> None:
+    with loaded(fmus["native"], tmp_path / folder / folder) as host:
+        host.initialize()
+        assert abs(host.get(COEFFICIENTS)).max() > 0.0

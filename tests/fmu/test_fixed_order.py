@@ -1,0 +1,112 @@
+"""Matrices in fixed order: equal to LAPACK's to round-off, and to themselves on every processor to the bit."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "runtime"))
+
+from runtime_map import map_of, random_map, random_model
+
+from strainfmu.fixed_order import cholesky, product, solve_lower
+from strainfmu.fmu.fixed_order import eigen, householder, left_singular, map_parts_in_fixed_order
+from strainfmu.inverse_map import InverseMap
+from strainfmu.masked_map import map_parts
+
+MAPS = {
+    "case 1": lambda: map_of(random_model(gamma=0.0, n_gauges=54, n_states=5)),
+    "case 1, few gauges": random_map,
+    "case 2": lambda: map_of(random_model(gamma=1.0, n_gauges=27, n_states=12)),
+    "case 2, weak": lambda: map_of(random_model(gamma=1e-2, n_gauges=27, n_states=40)),
+}
+
+
+def test_algebra_is_that_of_numpy() -> None:
+    """1e-13 of the largest element."""
+    random = np.random.default_rng(3)
+    a, b = random.normal(size=(7, 9)), random.normal(size=(9, 4))
+    np.testing.assert_allclose(product(a, b), a @ b, rtol=0.0, atol=1e-13)
+    spd = a @ a.T
+    lower = cholesky(spd)
+    np.testing.assert_allclose(lower, np.linalg.cholesky(spd), rtol=0.0, atol=1e-13)
+    right = random.normal(size=(7, 3))
+    np.testing.assert_allclose(solve_lower(lower, right), np.linalg.solve(lower, right), rtol=0.0, atol=1e-12)
+    for matrix in (a, a.T, np.zeros((3, 3)), np.array([[0.0, 1.0], [0.0, 0.0]])):
+        r, _ = householder(matrix)
+        np.testing.assert_array_equal(r, np.triu(r))
+        np.testing.assert_allclose(r.T @ r, matrix.T @ matrix, rtol=0.0, atol=1e-13)
+    for matrix in (a, a.T, b, np.vander(np.linspace(0.1, 1.0, 8), 6)):
+        u, s = left_singular(matrix)
+        np.testing.assert_allclose(u.T @ u, np.eye(len(matrix)), rtol=0.0, atol=1e-13)
+        np.testing.assert_allclose(np.sort(s), np.sort(np.linalg.svd(matrix)[1]), rtol=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(u.T @ matrix, axis=1)[: len(s)], s, rtol=1e-12)
+    values, vectors = eigen(spd)
+    np.testing.assert_allclose(np.sort(values), np.linalg.eigvalsh(spd), rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose((vectors * values) @ vectors.T, spd, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(7), rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_parts_are_those_of_the_estimator(name: str) -> None:
+    """To 1e-10 of each matrix; of W that of W' W, all that is computed from it."""
+    inverse_map = MAPS[name]()
+    found, wanted = map_parts_in_fixed_order(inverse_map), map_parts(inverse_map)
+    assert_close(found.load_gain, inverse_map.load_gain)
+    np.testing.assert_array_equal(found.load_gain, wanted.load_gain)
+    assert_close(found.noise_whitening, wanted.noise_whitening)
+    assert_close(found.error_model.noise_root, wanted.error_model.noise_root)
+    assert_close(found.error_model.regression, wanted.error_model.regression)
+    size = np.sqrt(np.diag(inverse_map.load_covariance))
+    difference = found.error_model.remainder - wanted.error_model.remainder
+    np.testing.assert_allclose(difference / np.outer(size, size), 0.0, atol=1e-10)
+    std = inverse_map.noise_std
+    precisions = [part.gain_whitening.T @ part.gain_whitening * np.outer(std, std) for part in (found, wanted)]
+    assert_close(*precisions)
+    assert found.error_model.known_prior == wanted.error_model.known_prior
+
+
+def assert_close(found: np.ndarray, wanted: np.ndarray) -> None:
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-10 * np.abs(wanted).max())
+
+
+def digest(inverse_map: InverseMap) -> str:
+    """Hash of every bit of the parts."""
+    parts = map_parts_in_fixed_order(inverse_map)
+    model = parts.error_model
+    arrays = (parts.load_gain, parts.noise_whitening, parts.gain_whitening, model.regression, model.remainder)
+    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+
+
+def test_bits_do_not_follow_the_processor(tmp_path: Path) -> None:
+    """OpenBLAS with the kernels of two processors, numpy without the wide instructions."""
+    inverse_map = MAPS["case 2"]()
+    from strainfmu.inverse_map import save_inverse_map
+
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from pathlib import Path\n"
+        "from strainfmu.inverse_map import load_inverse_map\n"
+        "from test_fixed_order import digest\n"
+        "print(digest(load_inverse_map(Path(sys.argv[2]))))\n"
+    )
+    features = "AVX2 FMA3 AVX512F AVX512_SKX"
+    machines = (
+        {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": features},
+        {"OPENBLAS_CORETYPE": "Haswell"},
+    )
+    command = [sys.executable, "-W", "ignore", "-c", program, str(Path(__file__).parent), str(tmp_path / "map.h5")]
+    digests = {
+        subprocess.run(
+            command, env={**os.environ, **machine}, capture_output=True, text=True, check=True, timeout=60
+        ).stdout
+        for machine in machines
+    }
+    assert digests == {digest(inverse_map) + "\n"}

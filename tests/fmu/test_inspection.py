@@ -1,0 +1,115 @@
+"""``strainfmu inspect`` and ``strainfmu crosscheck`` of FMUs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from fmu_host import STRAINS
+from synthetic_vehicle import N_GAUGES, SyntheticFiles
+
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import content_hash_of
+from strainfmu.fmu.crosscheck import ImporterResult, check_results, largest_deviation, write_crosscheck
+from strainfmu.fmu.importers import read_table
+from strainfmu.inverse_map import SCHEMA, SCHEMA_VERSION
+
+FOREIGN = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Foreign [x]" guid="{1}" generationTool="another tool">
+ <ModelExchange modelIdentifier="Foreign"/>
+ <ModelVariables><ScalarVariable name="a[1]" valueReference="0" causality="parameter" variability="fixed">
+  <Real start="2.5"/></ScalarVariable></ModelVariables>
+ <ModelStructure/>
+</fmiModelDescription>
+"""
+
+
+def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run ``strainfmu`` as a user does."""
+    program = "from strainfmu.cli import main; main()"
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("native", ["2.0, co-simulation", "kind           native", "linux64", "resources/map.bin", "C_N"]),
+        ("native_3", ["3.0, co-simulation", "x86_64-linux", f"strain[{N_GAUGES}]", "0.0 ..", "coefficients[5]"]),
+        ("python", ["kind           python", "linux64, win64", "resources/map.h5", "HealthState"]),
+    ],
+)
+def test_an_estimator_is_shown(
+    synthetic: SyntheticFiles, fmus: dict[str, Path], kind: str, words: list[str]
+) -> None:
+    done = run("inspect", fmus[kind])
+    assert done.returncode == 0
+    shared = [content_hash_of(synthetic.map_1, SCHEMA, SCHEMA_VERSION), "dynamic_pressure_std", "95.8e3"]
+    description = fmpy.read_model_description(str(fmus[kind]))
+    shared[-1] = description.guid or description.instantiationToken
+    for word in (*words, *shared, "synthetic vehicle 1 <&>", "tunable parameter", "documentation/index.html"):
+        assert word in done.stdout
+
+
+def test_a_foreign_fmu_is_shown(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", FOREIGN)
+    done = run("inspect", path)
+    assert done.returncode == 0
+    for word in ("Foreign [x]", "2.0, model exchange", "another tool", "a[1]", "2.5", "none: sources only"):
+        assert word in done.stdout
+
+
+@pytest.mark.parametrize("content", [b"", b"no zip", None])
+def test_what_is_no_fmu_is_refused_in_one_line(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "a.fmu"
+    if content is not None:
+        path.write_bytes(content)
+    done = run("inspect", path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "no such FMU" in done.stderr if content is None else "damaged, or not an FMU" in done.stderr
+
+
+@pytest.mark.parametrize("kind", ["native", "native_3", "python"])
+def test_a_crosscheck_folder_is_complete(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    results = write_crosscheck(fmus[kind], tmp_path)
+    name = "StrainLoadEstimator"
+    files = {f"{name}.fmu", f"{name}_in.csv", f"{name}_ref.csv", f"{name}_ref.opt", "Readme.txt"}
+    assert {path.name for path in tmp_path.iterdir()} == files
+    assert (tmp_path / f"{name}.fmu").read_bytes() == fmus[kind].read_bytes()
+    options = dict(line.split(",") for line in (tmp_path / f"{name}_ref.opt").read_text().splitlines())
+    assert options == {"StartTime": "0", "StopTime": "1", "StepSize": "0.1", "RelTol": "1e-05"}
+    inputs = read_table(tmp_path / f"{name}_in.csv")
+    assert list(inputs) == ["time", "strain"] if kind == "native_3" else ["time", *STRAINS]
+    fmpy_result = next(result for result in results if result.importer.startswith("FMPy"))
+    assert fmpy_result.outcome == "passed"
+    readme = (tmp_path / "Readme.txt").read_text()
+    for result in results:
+        assert result.line in readme
+        assert result.outcome != "failed"
+
+
+def test_a_result_that_differs_is_found() -> None:
+    reference = {"time": [[0.0], [1.0]], "a": [[2.0, 1.0], [4.0, 1.0]], "b": [[0.0], [0.0]]}
+    assert largest_deviation(reference, reference)[0] == 0.0
+    off = {**reference, "a": [[2.0, 1.0], [4.0, 1.4]]}
+    assert largest_deviation(off, reference) == (pytest.approx(0.1), "a")
+    assert largest_deviation({**reference, "a": [[], []]}, reference)[0] == float("inf")
+    assert largest_deviation({**reference, "b": [[0.0], [float("nan")]]}, reference) == (float("inf"), "b")
+    assert largest_deviation({"time": reference["time"]}, reference)[0] == float("inf")
+    results = [ImporterResult("A 1", "passed", ""), ImporterResult("B 2", "failed", "")]
+    with pytest.raises(StrainfmuError, match="cross-check: B 2 failed"):
+        check_results(results)
+    check_results(results[:1])
+
+
+def test_an_fmu_without_a_reference_run_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no reference run"):
+        write_crosscheck(fmus["plant"], tmp_path / "none")
+    assert not (tmp_path / "none").exists()

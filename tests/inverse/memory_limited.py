@@ -1,0 +1,120 @@
+"""Builds of large maps in a process whose address space is limited.
+
+Arguments: build, field or square, and a folder. Run by ``test_memory.py`` in a process of its own: a limit of the
+address space cannot be lifted again.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.build import build_inverse_map
+from builder.gauge_layout import GaugeLayout
+from builder.geometry import surface_grid
+from builder.inverse.case_2 import gaussian_map
+from builder.inverse.field import data_informed_modes, field_variance, posterior_samples, project_on_modes
+from builder.inverse.noise_model import NoiseModel, gauge_noise
+from builder.inverse.prior import prior_of_snapshots
+from builder.inverse.solution import Problem, solve
+from builder.map_options import MapEntry, Noise
+from builder.snapshots import Snapshots
+from builder.structure.mapped_structure import MappedStructure
+from builder.vehicle import IC3X, load_vehicle
+from strainfmu.inverse_map import save_inverse_map
+
+GIB = 2**30
+
+
+def address_space() -> int:
+    """Return the address space of this process [bytes]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    return pages * resource.getpagesize()
+
+
+def allow(more: int) -> None:
+    """Allow ``more`` bytes beyond what the process has mapped now, its inputs among it."""
+    limit = address_space() + more
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def build(folder: Path) -> dict[str, object]:
+    """Case 1 and Case 2 of 60,000 nodes, 54 gauges, 243 snapshots, within 1 GiB; sizes of the files."""
+    vehicle = load_vehicle(IC3X)
+    grid = surface_grid(vehicle.body(), 242, 250)
+    random = np.random.default_rng(0)
+    n_p, n, n_d = grid.n_nodes, 243, 54
+    condition = np.column_stack([np.linspace(5.0, 7.0, n), np.zeros((n, 2)), np.full(n, 20e3)])
+    # Waves of falling size, and noise: of full rank, as snapshots are.
+    waves = np.cos(np.outer(np.arange(60), np.linspace(0.0, np.pi, n_p))) * np.geomspace(1e3, 1.0, 60)[:, None]
+    pressure = 1e4 + random.normal(size=(n, 60)) @ waves + random.normal(size=(n, n_p))
+    mesh = mesh_of_grid(grid)
+    snapshots = Snapshots(
+        vehicle.name, "table", {}, condition, pressure, np.full(n, 5474.9), np.array([0.1, 0.4, 2.0]),
+        mesh.point, mesh.triangle, grid.x, grid.radius, grid.angle, np.ones(n, dtype=bool), np.arange(n),
+        np.full(n, np.nan), np.zeros(n, dtype=np.int64),
+    )  # fmt: skip
+    names = tuple(f"G{i}" for i in range(n_d))
+    layout = GaugeLayout(names, random.normal(size=(n_d, 3)), random.normal(size=(n_d, 3)))
+    name = vehicle.gauges.layout
+    operator = 1e-12 * random.normal(size=(n_d, n_p))
+    structure = MappedStructure(grid, "random", {name: layout}, {name: operator})
+    allow(GIB)
+    found: dict[str, object] = {"nodes": n_p}
+    for case in (1, 2):
+        changed = vehicle.model_copy(
+            update={"map": MapEntry(case=case, keep_field=True), "noise": Noise(std_um_per_m=0.4)}
+        )
+        start = perf_counter()
+        inverse_map = build_inverse_map(changed, snapshots, structure)
+        found[f"case {case}, seconds"] = perf_counter() - start
+        bare = replace(inverse_map, field_mean=None, field_modes=None, point=None, triangle=None)
+        for which, one in (("with", inverse_map), ("without", bare)):
+            save_inverse_map(one, folder / "map.h5")
+            found[f"case {case}, bytes {which} field"] = (folder / "map.h5").stat().st_size
+    return found
+
+
+def field(_: Path) -> dict[str, object]:
+    """All that is done with fields of 500,000 nodes, within 1 GiB; n_p x n_p would be 2 TB."""
+    n_p, n, n_d = 500_000, 12, 6
+    random = np.random.default_rng(0)
+    pressure = random.normal(1e4, 1e3, size=(n, n_p))
+    operator, loads = 1e-12 * random.normal(size=(n_d, n_p)), 1e-6 * random.normal(size=(5, n_p))
+    noise, area = (gauge_noise(1e-14 * np.eye(n_d)),), np.ones(n_p)
+    allow(GIB)
+    entries = (
+        MapEntry(case=2),
+        MapEntry(case=2, prior_modes=5, gamma="morozov"),
+        MapEntry(case=1, modes=3),
+        MapEntry(case=1, modes=3, inner_product="area"),
+    )
+    shapes = [
+        solve(Problem(pressure, 0.0, operator, loads, area, noise, True, entry)).field_modes.shape
+        for entry in entries
+    ]
+    prior = prior_of_snapshots(pressure)
+    solved = gaussian_map(operator @ prior.factor, operator @ prior.mean, NoiseModel(noise).covariance)
+    modes = data_informed_modes(prior, solved.spectrum)
+    project_on_modes(pressure[:2], prior.mean, modes)
+    variance = field_variance(prior, solved)
+    samples = posterior_samples(prior, solved, solved.mean_strain, 2, 0)
+    return {"shapes": shapes, "share": float(variance.share_removed.mean()), "samples": samples.shape}
+
+
+def square(_: Path) -> dict[str, object]:
+    """What must not happen anywhere: the limit stops the smallest square of 500,000 nodes."""
+    allow(GIB)
+    np.empty((500_000, 500_000), dtype=np.int8)
+    return {}
+
+
+if __name__ == "__main__":
+    print(json.dumps({"build": build, "field": field, "square": square}[sys.argv[1]](Path(sys.argv[2]))))

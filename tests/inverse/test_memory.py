@@ -1,0 +1,63 @@
+"""What large maps need of memory and leave on disk, in processes whose address space is limited."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SCRIPT = Path(__file__).parent / "memory_limited.py"
+MIB = 2**20
+
+
+def limited(what: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the script with one thread, whose stacks and buffers count too."""
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), what, str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **threads},
+    )
+
+
+def result(what: str, folder: Path) -> dict[str, Any]:
+    finished = limited(what, folder)
+    assert finished.returncode == 0, finished.stderr
+    found: dict[str, Any] = json.loads(finished.stdout)
+    return found
+
+
+def test_maps_of_sixty_thousand_nodes_are_built_in_one_gibibyte(tmp_path: Path) -> None:
+    """54 gauges, 243 snapshots, both cases: on disk under 40 MiB with the field, under 1 MiB without."""
+    found = result("build", tmp_path)
+    assert found["nodes"] >= 60_000
+    for case in (1, 2):
+        assert found[f"case {case}, bytes with field"] < 40 * MIB
+        assert found[f"case {case}, bytes without field"] < MIB
+
+
+def test_half_a_million_nodes_need_no_square(tmp_path: Path) -> None:
+    """Both cases, modes, projection, variances, samples within 1 GiB, where one square would be 2 TB."""
+    found = result("field", tmp_path)
+    assert [shape[0] for shape in found["shapes"]] == [500_000] * 4
+    assert found["samples"] == [2, 500_000]
+    assert 0.0 < found["share"] < 1.0
+
+
+def test_the_limit_holds(tmp_path: Path) -> None:
+    """The same process with a square of 500,000 nodes, of single bytes, ends for want of memory."""
+    finished = limited("square", tmp_path)
+    assert finished.returncode != 0
+    assert "MemoryError" in finished.stderr
+
+
+@pytest.fixture(autouse=True)
+def _only_where_limits_exist() -> None:
+    pytest.importorskip("resource")

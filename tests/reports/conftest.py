@@ -1,0 +1,36 @@
+"""Maps of both cases of one small vehicle, made once."""
+
+from __future__ import annotations
+
+import pytest
+from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
+
+from builder.reports.build_page import report_page
+from builder.reports.build_report import BuildReport, build_report
+from builder.reports.html import page_html
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel
+from builder.vehicle import Vehicle
+
+Parts = tuple[Vehicle, Snapshots, StructuralModel]
+
+
+@pytest.fixture(scope="session")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
+    return solved_vehicle(tmp_path_factory.mktemp("ogive"))
+
+
+@pytest.fixture(scope="session", params=[CASE_1, CASE_2], ids=["case 1", "case 2"])
+def case(request: pytest.FixtureRequest, parts: Parts) -> ReportCase:
+    return case_of(parts, request.param)
+
+
+@pytest.fixture(scope="session")
+def html(report: BuildReport) -> str:
+    """The report's page."""
+    return page_html(report_page(report))
+
+
+@pytest.fixture(scope="session")
+def report(case: ReportCase) -> BuildReport:
+    return build_report(case.vehicle, case.snapshots, case.structure, case.inverse_map)

@@ -1,0 +1,106 @@
+"""A small vehicle with everything that a report needs: the ogive, Newtonian pressure, Fourier structure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from builder.aero.engines import make_engine
+from builder.build import inverse_map_of, inverse_problem
+from builder.campaign.run import take_snapshots
+from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.noise_model import NoiseTerm
+from builder.inverse.solution import Problem, Solution, solve
+from builder.map_options import MapEntry
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel, structural_model, used_layouts
+from builder.vehicle import Vehicle, load_vehicle
+from strainfmu.inverse_map import InverseMap
+
+OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
+NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
+
+CASE_1 = MapEntry(modes=4)
+CASE_2 = MapEntry(case=2, gamma=2.0)
+
+
+@dataclass(frozen=True)
+class ReportCase:
+    """A vehicle, what its map is made of, and the map."""
+
+    vehicle: Vehicle
+    snapshots: Snapshots
+    structure: StructuralModel
+    problem: Problem
+    solution: Solution
+    inverse_map: InverseMap
+
+
+def ogive_with(folder: Path, map_lines: str = "modes = 4") -> Path:
+    """Copy the ogive's files to ``folder``, with Newtonian pressure and other lines under [map]."""
+    text = OGIVE.read_text(encoding="utf-8").replace("modes = 4", map_lines)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in ("gauges.csv", "manoeuvre.csv"):
+        (folder / name).write_bytes((OGIVE.parent / name).read_bytes())
+    path = folder / "ogive.toml"
+    path.write_text(f"{text}\n{NEWTONIAN}", encoding="utf-8")
+    return path
+
+
+def solved_vehicle(folder: Path) -> tuple[Vehicle, Snapshots, StructuralModel]:
+    """Return the ogive with its snapshots and structure."""
+    vehicle = load_vehicle(ogive_with(folder))
+    engine = make_engine(vehicle, None, vehicle.resolution.map)
+    campaign = vehicle_campaign(vehicle, engine)
+    keys = map(engine.flow_key, campaign.conditions)
+    flows = {one.flow.key: one.flow for one in solve_flows(engine, keys, Scheduling(workers=0))}
+    structure = structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle))
+    return vehicle, take_snapshots(campaign, flows), structure
+
+
+def case_of(parts: tuple[Vehicle, Snapshots, StructuralModel], entry: MapEntry) -> ReportCase:
+    """Return the map of ``entry``, with everything it is made of."""
+    vehicle, snapshots, structure = parts
+    vehicle = vehicle.model_copy(update={"map": entry})
+    problem = inverse_problem(vehicle, snapshots, structure)
+    solution = solve(problem)
+    inverse_map = inverse_map_of(vehicle, snapshots, structure, problem, solution)
+    return ReportCase(vehicle, snapshots, structure, problem, solution, inverse_map)
+
+
+def with_gauges(problem: Problem, kept: list[int]) -> Problem:
+    """Return the problem of some of the gauges: a map of it is built without the others."""
+    noise = tuple(NoiseTerm(term.name, term.strain[kept], term.load) for term in problem.noise)
+    return replace(problem, strain_operator=problem.strain_operator[kept], noise=noise)
+
+
+def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: list[int]) -> InverseMap:
+    """Return the map of ``kept`` gauges from its own problem and solution."""
+    whole, solved = case.inverse_map, solution.solved
+    per_state = problem.load_operator @ solution.field_modes
+    outside = solution.noise.strain_load_covariance
+    return replace(
+        whole,
+        gauge_names=tuple(whole.gauge_names[i] for i in kept),
+        gauge_position=whole.gauge_position[kept],
+        gauge_direction=whole.gauge_direction[kept],
+        noise_std=whole.noise_std[kept],
+        strain_range=whole.strain_range[kept],
+        state_operator=solved.state_operator,
+        noise_covariance=solved.noise_covariance,
+        strain_gain=solved.strain_gain,
+        state_offset=solved.state_offset,
+        load_per_state=per_state,
+        load_covariance=load_error_covariance(solved, per_state, solution.noise, outside),
+        mean_strain=solved.mean_strain,
+        residual_whitening=solved.residual_whitening,
+        residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
+        strain_load_covariance=outside,
+    )
+
+
+def others(n: int, lost: list[int]) -> list[int]:
+    """Return the gauges that are not lost."""
+    return [i for i in range(n) if i not in lost]

@@ -1,0 +1,195 @@
+"""The report's page and files: one set of numbers in three forms, for any case, structure and gauges."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_checks import assert_self_contained
+from report_case import CASE_1, ReportCase, case_of
+
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.build import build_inverse_map
+from builder.inverse.noise_model import nuisance_modes
+from builder.map_options import MapEntry
+from builder.reports.build_figures import known_pressure
+from builder.reports.build_page import blind_line, write_numbers
+from builder.reports.build_report import BuildReport, build_report
+from builder.reports.build_tables import report_tables
+from builder.reports.exclusions import exclusions
+from builder.reports.html import Page, Section, page_html, picture
+from builder.reports.tables import Column, shown
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel
+from builder.structure.mapped_structure import MappedStructure
+from builder.vehicle import Vehicle
+from strainfmu.errors import InputError
+from strainfmu.inverse_map import COEFFICIENT_NAMES
+
+Parts = tuple[Vehicle, Snapshots, StructuralModel]
+
+QUESTIONS = [
+    "what-this-layout-sees",
+    "what-it-is-blind-to",
+    "how-sure-each-coefficient-is",
+    "which-gauge-matters-most",
+    "what-a-lost-gauge-costs",
+    "how-much-the-prior-decides",
+    "what-counts-as-noise",
+    "where-the-map-holds",
+    "what-is-not-in-these-numbers",
+    "numbers",
+]
+
+
+def test_page_answers_in_order(report: BuildReport, html: str) -> None:
+    page = assert_self_contained(html)
+    sections = [name for name in page.anchors if not name.startswith("table-")]
+    wanted = [name for name in QUESTIONS if report.gamma or name != "how-much-the-prior-decides"]
+    assert sections == wanted
+    assert "nan" not in page.text.lower().replace("nano", "").split()
+    assert len(page.alternatives) == (8 if report.gamma else 6)
+    assert blind_line(report) in page.text
+
+
+def test_json_and_csv_hold_what_the_page_shows(report: BuildReport, html: str, tmp_path: Path) -> None:
+    write_numbers(report, tmp_path)
+    content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    page = assert_self_contained(html)
+    checked = 0
+    for name, table in content["tables"].items():
+        with (tmp_path / "report_tables" / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
+            headings, *rows = list(csv.reader(stream))
+        assert len(rows) == len(table["rows"])
+        for from_csv, from_json in zip(rows, table["rows"], strict=True):
+            for one, other in zip(from_csv, from_json, strict=True):
+                if isinstance(other, float):
+                    assert float(one) == other
+        if f"table-{name}" not in page.tables:
+            continue
+        shown_headings, *shown_rows = page.tables[f"table-{name}"]
+        assert shown_headings == headings
+        columns = report_tables(report)[name].columns
+        for texts, values in zip(shown_rows, table["rows"], strict=False):
+            for text, value, column in zip(texts, values, columns, strict=True):
+                assert text == shown(value, column)
+                checked += 1
+    assert checked > 500
+    assert content["blind_classes"] == ["odd in y, odd in z"]
+    assert len(content["excluded"]) >= 6
+
+
+def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> None:
+    """Sigma, 3 sigma and range of each coefficient; shares add up to 100 %; every gauge has its row."""
+    tables, one = report_tables(report), case.inverse_map
+    area, length, q = one.reference_area, one.reference_length, one.nominal_dynamic_pressure
+    std = np.sqrt(np.diag(one.load_covariance)) / (q * area * np.array([1, 1, 1, length, length]))
+    for i, row in enumerate(tables["coefficients"].rows):
+        low, high = one.coefficient_range[i]
+        assert row[0] == COEFFICIENT_NAMES[i]
+        assert row[1:6] == pytest.approx((std[i], 3.0 * std[i], low, high, 100.0 * std[i] / (high - low)))
+        assert row[7] == pytest.approx(np.sqrt(one.load_covariance[i, i]))
+    sources = np.array([row[1:] for row in tables["sources"].rows], dtype=float)
+    np.testing.assert_allclose(sources.sum(axis=0), 100.0, rtol=1e-9)
+    noise = np.array([row[1] for row in tables["noise"].rows], dtype=float)
+    assert noise.sum() == pytest.approx(100.0, rel=1e-9)
+    assert [row[0] for row in tables["gauges"].rows] == list(one.gauge_names)
+    growth = np.array([row[7:12] for row in tables["gauges"].rows], dtype=float)
+    dearest = tables["worst_losses"].rows
+    for i in range(5):
+        assert dearest[i][2] == pytest.approx(growth[:, i].max())
+        assert dearest[i][1] == one.gauge_names[int(growth[:, i].argmax())]
+    validity = {row[0]: row[1:] for row in tables["validity"].rows}
+    assert validity["Mach number"] == (4.0, 5.0, "1")
+    assert validity["angle of attack"] == pytest.approx((0.0, 6.0, "deg"))
+    assert validity["altitude"] == (22.0, 22.0, "km")
+
+
+def test_names_of_gauges_are_no_markup(parts: Parts) -> None:
+    """A gauge and a title with tags in their names: escaped on the page."""
+    case = case_of(parts, CASE_1)
+    names = ("<b>one</b>", *case.inverse_map.gauge_names[1:])
+    report = build_report(
+        case.vehicle, case.snapshots, case.structure, replace(case.inverse_map, gauge_names=names)
+    )
+    tables = Section("Tables", tuple(report_tables(report).values()))
+    page = assert_self_contained(page_html(Page("A & <i>B</i>", (), (tables,))))
+    assert not {"b", "i"} & set(page.tags)
+    assert page.tables["table-gauges"][1][0] == "<b>one</b>"
+
+
+def test_a_structure_on_a_free_mesh(parts: Parts) -> None:
+    """The same strains on triangles, as of the solid model: classes and sigmas as on the grid, within 0.5 %."""
+    case = case_of(parts, CASE_1)
+    layout = case.vehicle.gauges.layout
+    grid = case.structure.surface
+    mesh = mesh_of_grid(grid)
+    structure = MappedStructure(
+        mesh, "solid", case.structure.layouts, {layout: case.structure.strain_operator(layout)}
+    )
+    snapshots = replace(
+        case.snapshots,
+        point=mesh.point,
+        triangle=mesh.triangle,
+        station=None,
+        radius=None,
+        meridian_angle=None,
+        pressure=case.problem.pressure,
+    )
+    inverse_map = build_inverse_map(case.vehicle, snapshots, structure)
+    report = build_report(case.vehicle, snapshots, structure, inverse_map)
+    expected = build_report(case.vehicle, case.snapshots, case.structure, case.inverse_map)
+    np.testing.assert_allclose(report.sight.class_share, expected.sight.class_share, rtol=5e-3, atol=1e-6)
+    np.testing.assert_allclose(report.sight.removed, expected.sight.removed, rtol=5e-3)
+    assert report.blind_classes == expected.blind_classes
+    assert picture(known_pressure(report), "caption", "words").content.startswith(b"\x89PNG")
+
+
+def test_a_map_of_something_else_is_refused(parts: Parts) -> None:
+    """A map with other noise, and one with other states."""
+    case = case_of(parts, CASE_1)
+    noise = case.vehicle.noise.model_copy(update={"std_um_per_m": 0.4})
+    for other in (
+        case.vehicle.model_copy(update={"noise": noise}),
+        case.vehicle.model_copy(update={"map": MapEntry(modes=3)}),
+    ):
+        with pytest.raises(InputError, match="was not built from these"):
+            build_report(other, case.snapshots, case.structure, case.inverse_map)
+
+
+def test_nuisance_terms_are_causes(parts: Parts) -> None:
+    """Apparent strain of 5 um/m, alike at all gauges, given beside the vehicle file."""
+    case = case_of(parts, CASE_1)
+    n = case.inverse_map.n_gauges
+    thermal = (nuisance_modes("thermal strain", np.ones((n, 1)), np.array([5e-6])),)
+    warm = build_inverse_map(case.vehicle, case.snapshots, case.structure, thermal)
+    report = build_report(case.vehicle, case.snapshots, case.structure, warm, thermal)
+    assert "thermal strain" in report.coefficients.names
+    assert [one.name for one in report.noise] == ["gauge noise", "thermal strain", "truncated modes"]
+    sums = report.coefficients.variance.sum(axis=0)
+    np.testing.assert_allclose(sums, report.coefficients.std**2, rtol=1e-9)
+
+
+def test_a_zero_has_no_sign() -> None:
+    assert shown(-1e-9, Column("a", "", ".1f")) == "0.0"
+    assert shown(-0.06, Column("a", "", ".1f")) == "-0.1"
+
+
+def test_what_is_excluded_follows_the_noise_section(parts: Parts) -> None:
+    vehicle = parts[0]
+
+    def said(**entries: object) -> str:
+        noise = vehicle.noise.model_copy(update=entries)
+        return " ".join(exclusions(vehicle.model_copy(update={"noise": noise}), "newtonian"))
+
+    assert "noise.gauge_gain_percent is 0" in said()
+    assert "noise.gauge_gain_percent" not in said(gauge_gain_percent=1.0)
+    assert "noise.apparent_strain_um_per_m is 0" in said()
+    assert "noise.apparent_strain_um_per_m" not in said(nuisance_file="thermal.csv")
+    assert "cut off" not in said()
+    assert "cut off" in said(truncated_modes=False)
+    assert "newtonian" in said()

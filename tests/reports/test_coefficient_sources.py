@@ -1,0 +1,96 @@
+"""Causes of the coefficients' variance add up, and each is what it would be alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_case import CASE_1, CASE_2, ReportCase, case_of
+
+from builder.inverse.pod import proper_orthogonal_decomposition
+from builder.inverse.regularisation import expected_data, select_gamma
+from builder.reports.coefficient_sources import OF_STATES, coefficient_sources
+from builder.reports.gamma_choice import gamma_choice
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel
+from builder.vehicle import Vehicle
+
+Parts = tuple[Vehicle, Snapshots, StructuralModel]
+
+
+def test_causes_add_up_to_the_variance(case: ReportCase) -> None:
+    found = coefficient_sources(case.inverse_map, case.problem, case.solution)
+    np.testing.assert_allclose(found.variance.sum(axis=0), found.std**2, rtol=1e-9)
+    assert (found.variance >= 0.0).all()
+    one = case.inverse_map
+    area, length, q = one.reference_area, one.reference_length, one.nominal_dynamic_pressure
+    by_hand = np.sqrt(np.diag(one.load_covariance)) / (q * area * np.array([1, 1, 1, length, length]))
+    np.testing.assert_allclose(found.std, by_hand, rtol=1e-12)
+    np.testing.assert_allclose(np.diag(found.correlation), 1.0)
+
+
+def test_truncated_modes_are_what_flying_them_does(parts: Parts) -> None:
+    """Each truncated mode at one deviation through gain and loads; squares of the errors in C_A .. M_Y, 1e-8."""
+    case = case_of(parts, CASE_1)
+    found, one = coefficient_sources(case.inverse_map, case.problem, case.solution), case.inverse_map
+    modes = proper_orthogonal_decomposition(case.problem.pressure)
+    scale = found.std / np.sqrt(np.diag(one.load_covariance))
+    total = np.zeros(5)
+    for j in range(4, modes.modes.shape[1]):
+        pressure = modes.modes[:, j] * modes.coefficient_std()[j]
+        error = one.load_gain @ (case.problem.strain_operator @ pressure) - case.problem.load_operator @ pressure
+        total += (scale * error) ** 2
+    row = found.names.index("truncated modes")
+    np.testing.assert_allclose(found.variance[row], total, rtol=1e-8)
+
+
+def test_gauge_noise_alone(case: ReportCase) -> None:
+    """G Gamma G' of the ogive's 0.3 um/m."""
+    found, one = coefficient_sources(case.inverse_map, case.problem, case.solution), case.inverse_map
+    scale = found.std / np.sqrt(np.diag(one.load_covariance))
+    expected = (scale * 0.3e-6) ** 2 * np.sum(one.load_gain**2, axis=1)
+    np.testing.assert_allclose(found.variance[found.names.index("gauge noise")], expected, rtol=1e-9)
+
+
+def test_the_prior_is_a_cause_in_case_2_only(parts: Parts) -> None:
+    for entry, there in ((CASE_1, False), (CASE_2, True)):
+        case = case_of(parts, entry)
+        assert (OF_STATES in coefficient_sources(case.inverse_map, case.problem, case.solution).names) == there
+
+
+def test_gamma_of_every_rule(parts: Parts) -> None:
+    """The gamma in use gives the map's own sigmas; the others are those that the rules select."""
+    case = case_of(parts, CASE_2)
+    choice = gamma_choice(case.inverse_map, case.problem, case.solution)
+    assert choice is not None
+    used = choice.rules[0]
+    assert (used.rule, used.gamma) == ("this map", 2.0)
+    assert used.coefficient_std is not None
+    expected = coefficient_sources(case.inverse_map, case.problem, case.solution).std
+    np.testing.assert_allclose(used.coefficient_std, expected, rtol=1e-9)
+    assert used.n_recoverable == int(np.sum(choice.eigenvalues >= 2.0))
+    assert used.degrees_of_freedom == pytest.approx(np.sum(choice.eigenvalues / (choice.eigenvalues + 2.0)))
+    data = expected_data(case.solution.solved.spectrum)  # type: ignore[attr-defined]
+    for one in choice.rules[1:]:
+        if one.gamma is None:
+            assert one.why_not
+        else:
+            assert one.gamma == pytest.approx(select_gamma(one.rule, data))  # type: ignore[arg-type]
+    assert sum(one.gamma is not None for one in choice.rules) >= 3
+
+
+def test_case_1_has_no_gamma(parts: Parts) -> None:
+    case = case_of(parts, CASE_1)
+    assert gamma_choice(case.inverse_map, case.problem, case.solution) is None
+
+
+def test_a_coefficient_that_does_not_change_has_no_share_of_range(parts: Parts) -> None:
+    """C_Y without sideslip: a range of round-off."""
+    case = case_of(parts, CASE_1)
+    changed = case.inverse_map.coefficient_range.copy()
+    changed[2] = [-1e-17, 1e-17]
+    one = replace(case.inverse_map, coefficient_range=changed)
+    share = coefficient_sources(one, case.problem, case.solution).std_of_range
+    assert np.isinf(share[2])
+    assert np.isfinite(np.delete(share, 2)).all()

@@ -1,0 +1,118 @@
+"""``strainfmu build`` leaves a report, ``inspect`` shows a map, ``check`` says where it will hold."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_checks import assert_self_contained
+from report_case import CASE_2, ReportCase, case_of, ogive_with
+from rich.console import Console
+from scipy.stats import norm
+
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel
+from builder.vehicle import Vehicle
+from strainfmu.inspection import inspect_artefact
+from strainfmu.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.map_inspection import detectable_bias, hessian_eigenvalues
+from strainfmu.validity import ValidRange, valid_ranges
+
+Parts = tuple[Vehicle, Snapshots, StructuralModel]
+Run = Callable[..., tuple[int, str, str]]
+
+
+def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> None:
+    vehicle = ogive_with(tmp_path / "vehicle", 'case = 2\ngamma = "morozov"')
+    code, printed, message = run("build", vehicle, "-o", tmp_path / "out")
+    assert (code, message) == (0, "")
+    assert "report.html: written" in printed
+    assert "is blind to pressure odd in y, odd in z (" in printed
+    page = assert_self_contained((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
+    content = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+    assert content["case"] == "2"
+    used = content["tables"]["gamma_rules"]["rows"]
+    assert used[0][1] == pytest.approx(used[1][1], rel=1e-9)  # this map's gamma is Morozov's
+    linked = {link for link in page.links if not link.startswith("#")}
+    files = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
+    assert linked < files
+    code, printed, _ = run("build", vehicle, "-o", tmp_path / "out")
+    assert code == 0
+    for name in ("map.h5", "report.json", "report.html"):
+        assert f"{name}: up to date, reused" in printed
+    (tmp_path / "out" / "report.json").unlink()
+    assert run("build", vehicle, "-o", tmp_path / "out")[0] == 0
+    assert json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8")) == content
+
+
+def test_check_says_where_the_map_will_hold(run: Run, tmp_path: Path) -> None:
+    code, printed, _ = run("check", ogive_with(tmp_path))
+    assert code == 0
+    cells = [[cell.strip() for cell in line.split("│")] for line in printed.splitlines() if "│" in line]
+    lines = {cell[1]: cell[2] for cell in cells}
+    assert lines["valid over Mach number"] == "4 to 5"
+    assert lines["valid over angle of attack"] == "0 to 6 deg"
+    assert lines["valid over sideslip angle"] == "0 to 3 deg"
+    assert lines["valid over altitude"] == "22 km"
+
+
+def inspected(case: ReportCase, folder: Path, figures: Path | None = None) -> str:
+    """What is printed of the case's map, on a wide console."""
+    names = ("G[deg]", *case.inverse_map.gauge_names[1:])
+    save_inverse_map(replace(case.inverse_map, vehicle="A [deg] B", gauge_names=names), folder / "map.h5")
+    out = StringIO()
+    inspect_artefact(folder / "map.h5", figures, Console(file=out, width=150))
+    return out.getvalue()
+
+
+def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
+    """Headings in brackets and names with brackets are no markup."""
+    printed = inspected(case, tmp_path)
+    for text in ("A [deg] B", "G[deg]", "roll [deg]", "x [m]", "sigma [um/m]", "share [%]", "angle of attack"):
+        assert text in printed
+    assert "0 to 6 deg" in printed
+    lines = [line.split() for line in printed.splitlines()]
+    row = next(line for line in lines if line[:1] == ["G[deg]"])
+    one = case.inverse_map
+    bias = detectable_bias(one)
+    assert row[1] == f"{one.gauge_position[0, 0]:.4g}"
+    assert row[5:] == ["0.3", f"{1e6 * bias[0]:.3g}", f"{1e6 * one.strain_range[0]:.3g}"]
+    share = {line[0]: line for line in lines if line[:1] and line[0].startswith(("C_", "M_"))}
+    sigma = np.sqrt(one.load_covariance[0, 0]) / (one.nominal_dynamic_pressure * one.reference_area)
+    assert share["C_A"][3] == f"{sigma:.4f}"
+    assert ("gamma, found by" in printed) == (one.case == "2")
+    assert not list(tmp_path.glob("*figures*"))
+
+
+def test_figures_of_a_map(parts: Parts, tmp_path: Path) -> None:
+    printed = inspected(case_of(parts, CASE_2), tmp_path, tmp_path / "figures")
+    drawn = sorted(path.name for path in (tmp_path / "figures").iterdir())
+    assert drawn == ["correlations.png", "eigenvalues.png", "gauge_loss.png", "pair_loss.png"]
+    assert all(f"{name}: written" in printed for name in drawn)
+
+
+def test_eigenvalues_and_biases_of_a_map(parts: Parts, tmp_path: Path) -> None:
+    """lambda of the map's own matrices is that of its provenance, 1e-9 of the largest; the bias is Baarda's."""
+    case = case_of(parts, CASE_2)
+    save_inverse_map(case.inverse_map, tmp_path / "map.h5")
+    one = load_inverse_map(tmp_path / "map.h5")
+    values = hessian_eigenvalues(one)
+    np.testing.assert_allclose(values, one.provenance["hessian_eigenvalues"], atol=1e-9 * values[0])
+    precision = np.linalg.inv(one.noise_covariance + one.state_operator @ one.state_operator.T)
+    shift = norm.isf(0.5e-4 / one.n_gauges) + norm.isf(0.01)
+    np.testing.assert_allclose(detectable_bias(one), shift / np.sqrt(np.diag(precision)), rtol=1e-6)
+
+
+def test_ranges_for_a_reader(case: ReportCase) -> None:
+    found = {one.quantity: one for one in valid_ranges(case.inverse_map)}
+    assert found["Mach number"].text == "4 to 5"
+    assert found["sideslip angle"].text == "0 to 3 deg"
+    assert found["altitude"].text == "22 km"
+    assert found["|strain| of the gauge that strains most"].greatest == 1e6 * case.inverse_map.strain_range.max()
+    older = replace(case.inverse_map, provenance={"altitude_m": 22e3})
+    assert valid_ranges(older)[0] == ValidRange("altitude", 22.0, 22.0, "km")

@@ -1,0 +1,136 @@
+"""Classes of symmetry and observability, against constructed pressures and snapshots flown one by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_case import CASE_1, CASE_2, ReportCase, case_of
+
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.geometry import SurfaceGrid
+from builder.inverse.noise_model import gauge_noise
+from builder.inverse.solution import Problem, solve
+from builder.map_options import MapEntry
+from builder.reports.prior_sight import PriorSight, mirror_operators, prior_sight, symmetric_part
+from builder.snapshots import Snapshots
+from builder.structural_model import StructuralModel
+from builder.structure.observability import SYMMETRIES
+from builder.vehicle import Vehicle
+
+Parts = tuple[Vehicle, Snapshots, StructuralModel]
+
+N_ROLL, STATIONS = 24, 21
+GRID = SurfaceGrid(np.linspace(0.0, 2.0, STATIONS), np.full(STATIONS, 0.1), np.zeros(STATIONS), N_ROLL)
+ODD_ODD = [str(one) for one in SYMMETRIES].index("odd in y, odd in z")
+EVEN_ODD = [str(one) for one in SYMMETRIES].index("even in y, odd in z")
+
+
+def constructed(correlated: bool) -> tuple[PriorSight, float]:
+    """cos(phi) of 300 Pa and sin(2 phi) of 100 Pa, over four gauges that feel 1, cos and sin; and their share."""
+    phi = np.tile(GRID.roll_angle, STATIONS)
+    random = np.random.default_rng(5)
+    first = random.normal(size=40)
+    second = first if correlated else random.normal(size=40)
+    first, second = first - first.mean(), second - second.mean()
+    if not correlated:
+        second -= first * (first @ second) / (first @ first)
+    pressure = 5e3 + np.outer(300.0 * first, np.cos(phi)) + np.outer(100.0 * second, np.sin(2.0 * phi))
+    area = mesh_of_grid(GRID).node_area
+    at = np.radians([0.0, 90.0, 180.0, 270.0])
+    strain_operator = 1e-9 * (1.0 + np.cos(phi - at[:, None])) * area
+    noise = (gauge_noise(np.diag(np.full(4, 1e-12) ** 2)),)
+    entry = MapEntry(case=2, gamma=1.0)
+    problem = Problem(pressure, 0.0, strain_operator, np.ones((5, len(phi))), area, noise, True, entry)
+    # Both waves have a mean square of 1/2 over the area.
+    share = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
+    return prior_sight(problem, solve(problem), GRID), share
+
+
+def test_blind_share_of_a_constructed_case() -> None:
+    """sin(2 phi) is odd in y and z: its share by the amplitudes; uncorrelated, nothing of it becomes known."""
+    sight, share = constructed(correlated=False)
+    assert sight.class_share[ODD_ODD] == pytest.approx(share, rel=1e-9)
+    assert sight.class_share[EVEN_ODD] == pytest.approx(1.0 - share, rel=1e-9)
+    assert sight.class_share.sum() == pytest.approx(1.0, rel=1e-12)
+    assert sight.class_strain[ODD_ODD] < 1e-12 * sight.class_strain[EVEN_ODD]
+    assert sight.class_removed[ODD_ODD] == pytest.approx(0.0, abs=1e-6)
+    assert sight.class_removed[EVEN_ODD] > 0.999
+    assert sight.removed == pytest.approx(1.0 - share, abs=1e-3)
+    assert sight.mode_classes[0, EVEN_ODD] == pytest.approx(1.0, abs=1e-9)
+    assert sight.mode_classes[1, ODD_ODD] == pytest.approx(1.0, abs=1e-9)
+    empty = np.isnan(sight.class_removed)
+    assert empty.sum() == 2  # the classes that hold nothing
+
+
+def test_blind_pressure_is_inferred_from_what_flies_with_it() -> None:
+    """One amplitude for both waves: the unseen one is known as well as the seen one."""
+    sight, share = constructed(correlated=True)
+    assert sight.class_share[ODD_ODD] == pytest.approx(share, rel=1e-9)
+    assert sight.class_strain[ODD_ODD] < 1e-12 * sight.class_strain[EVEN_ODD]
+    assert sight.class_removed[ODD_ODD] == pytest.approx(sight.class_removed[EVEN_ODD], rel=1e-9)
+    assert sight.class_removed[ODD_ODD] > 0.999
+
+
+def test_parts_add_up_and_have_their_symmetry() -> None:
+    field = np.random.default_rng(1).normal(size=(GRID.n_nodes, 3))
+    mirrors = mirror_operators(GRID)
+    assert mirrors is not None
+    parts = [symmetric_part(field, mirrors, one.even_in_y, one.even_in_z) for one in SYMMETRIES]
+    np.testing.assert_allclose(sum(parts), field, atol=1e-14)
+    for one, part in zip(SYMMETRIES, parts, strict=True):
+        for mirror, even in zip(mirrors, (one.even_in_y, one.even_in_z), strict=True):
+            np.testing.assert_allclose(mirror @ part, part if even else -part, atol=1e-14)
+
+
+def test_mirrors_of_a_free_mesh_are_those_of_the_grid() -> None:
+    """A mesh whose nodes mirror onto nodes: the closest point is the node, to 1e-9."""
+    of_grid, of_mesh = mirror_operators(GRID), mirror_operators(mesh_of_grid(GRID))
+    assert of_grid is not None
+    assert of_mesh is not None
+    field = np.random.default_rng(2).normal(size=GRID.n_nodes)
+    for grid, mesh in zip(of_grid, of_mesh, strict=True):
+        np.testing.assert_allclose(mesh @ field, grid @ field, atol=1e-9)
+
+
+def test_a_body_without_symmetry_has_no_classes(parts: Parts) -> None:
+    """A bent surface: shares are not given, the rest is."""
+    case = case_of(parts, CASE_1)
+    mesh = mesh_of_grid(case.structure.surface)
+    bent = replace(mesh, point=mesh.point + np.outer(0.1 * mesh.point[:, 0] ** 2, [0.0, 1.0, 1.0]))
+    assert mirror_operators(bent) is None
+    sight = prior_sight(case.problem, case.solution, bent)
+    assert np.isnan(sight.class_share).all()
+    assert 0.0 < sight.removed <= 1.0
+
+
+def test_removed_variance_is_that_of_snapshots_flown_one_by_one(case: ReportCase) -> None:
+    """Fields estimated from each snapshot's strain, and the noise's part: mean square error over area, 1e-9."""
+    problem, solution = case.problem, case.solution
+    sight = prior_sight(problem, solution, case.structure.surface)
+    net = problem.pressure - problem.internal_pressure
+    states = net @ problem.strain_operator.T @ solution.solved.strain_gain.T + solution.solved.state_offset
+    error = solution.mean + states @ solution.field_modes.T - problem.pressure
+    area = problem.node_area / problem.node_area.sum()
+    n = len(net) - 1
+    of_noise = solution.field_modes @ solution.solved.strain_gain @ problem.noise[0].strain
+    left = (np.sum(error**2, axis=0) / n + np.sum(of_noise**2, axis=1)) @ area
+    before = np.sum((problem.pressure - solution.mean) ** 2, axis=0) / n
+    assert sight.removed == pytest.approx(1.0 - left / (before @ area), rel=1e-9)
+    per_node = 1.0 - (np.sum(error**2, axis=0) / n + np.sum(of_noise**2, axis=1)) / before
+    np.testing.assert_allclose(sight.node_removed, per_node, rtol=1e-7, atol=1e-9)
+
+
+def test_no_linear_map_is_better_than_the_best(parts: Parts) -> None:
+    """At gamma = 1 and with all modes the map is the best one; with four modes it is not, for any mode kept."""
+    best = case_of(parts, MapEntry(case=2, gamma=1.0))
+    sight = prior_sight(best.problem, best.solution, best.structure.surface)
+    assert sight.removed == pytest.approx(sight.removed_at_best, rel=1e-9)
+    np.testing.assert_allclose(sight.mode_removed, sight.mode_removed_at_best, rtol=1e-6, atol=1e-8)
+    for entry in (CASE_1, CASE_2):
+        case = case_of(parts, entry)
+        other = prior_sight(case.problem, case.solution, case.structure.surface)
+        assert other.removed_at_best == pytest.approx(sight.removed, rel=1e-9)
+        assert other.removed < other.removed_at_best
+        assert (other.mode_removed <= other.mode_removed_at_best + 1e-9).all()
