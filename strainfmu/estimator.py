@@ -15,7 +15,8 @@ from strainfmu.estimator_settings import EstimatorSettings, default_settings
 from strainfmu.health import HealthState
 from strainfmu.inverse_map import InverseMap
 from strainfmu.isolation import suspected_gauges
-from strainfmu.masked_map import MaskedMap, complete_map, map_parts, masked_map
+from strainfmu.map_parts import map_parts
+from strainfmu.masked_map import MaskedMap, complete_map, masked_map
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

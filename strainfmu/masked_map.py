@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.fixed_order import load_gain_of, noise_whitening_of
 from strainfmu.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.innovation import innovation_whitening, inverse_cholesky
-from strainfmu.inverse_map import InverseMap
 from strainfmu.isolation import ambiguous_groups, correlations, inverse_root, outlier_threshold
-from strainfmu.load_errors import LoadErrorModel, load_error_covariance, load_error_model
+from strainfmu.load_errors import load_error_covariance
+from strainfmu.map_parts import MapParts
 from strainfmu.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
 
 FloatArray = NDArray[np.float64]
@@ -47,44 +45,6 @@ class MaskedMap:
     chi_square_limit: float
     outlier_threshold: float
     ambiguous_groups: tuple[tuple[int, ...], ...]
-
-
-@dataclass(frozen=True)
-class MapParts:
-    """What the matrices of every set of gauges are made from.
-
-    Attributes
-    ----------
-    inverse_map : the map.
-    load_gain : (5, n_d) G of all gauges [N, N m].
-    error_model : terms of the covariance of loads.
-    noise_whitening : (n_d, n_d) L^-1 [1/(m/m)].
-    gain_whitening : (n_d, n_d) W of the gamma that the estimate is made with [1/(m/m)].
-    """
-
-    inverse_map: InverseMap
-    load_gain: FloatArray
-    error_model: LoadErrorModel
-    noise_whitening: FloatArray
-    gain_whitening: FloatArray
-
-
-def map_parts(inverse_map: InverseMap) -> MapParts:
-    """Return the parts of ``inverse_map``."""
-    a, gamma = inverse_map.state_operator, inverse_map.noise_covariance
-    error_model = load_error_model(
-        inverse_map.load_covariance,
-        a,
-        gamma,
-        inverse_map.load_per_state,
-        inverse_map.load_gain,
-        inverse_map.strain_load_covariance,
-        known_prior=inverse_map.case == "2",
-    )
-    whitening = innovation_whitening(a, gamma, inverse_map.regularisation)
-    # The same bits on every machine and in every kind of FMU: loads are small differences of large terms.
-    gain = load_gain_of(inverse_map, noise_whitening_of(gamma))
-    return MapParts(inverse_map, gain, error_model, inverse_cholesky(gamma), whitening)
 
 
 def complete_map(parts: MapParts) -> MaskedMap:

@@ -17,7 +17,7 @@ from strainfmu.detectability import detectable_noncentrality, minimal_detectable
 from strainfmu.health import FALSE_ALARM_PROBABILITY
 from strainfmu.inverse_map import InverseMap
 from strainfmu.isolation import ambiguous_groups, correlations, outlier_threshold
-from strainfmu.masked_map import map_parts
+from strainfmu.map_parts import map_parts
 from strainfmu.masks import LEAST_INFORMATION
 
 FloatArray = NDArray[np.float64]

@@ -36,7 +36,8 @@ class Case1Study:
     pod_bound : (r,) 3 sigma of the same from the covariance of the noise alone [1].
     covered : (r,) share of the samples within that bound.
     field_error : (n,) relative error of the pressure field of every sample [1].
-    truncation : (N,) of it that five modes cannot represent, per condition [1].
+    noise_free_error : (N,) the same without noise, per condition [1].
+    truncation : (N,) of it that five modes cannot represent [1].
     coefficient_error : (n, 5) normalised difference of C_A, C_N, C_Y, M_P, M_Y [1].
     """
 
@@ -47,6 +48,7 @@ class Case1Study:
     pod_bound: FloatArray
     covered: FloatArray
     field_error: FloatArray
+    noise_free_error: FloatArray
     truncation: FloatArray
     coefficient_error: FloatArray
 
@@ -120,6 +122,8 @@ def study_case_1(
     left = tested - modes.mean - true @ of.basis.T
     truncated = np.sum(weights * left**2, axis=1)
     square = np.sum(difference.reshape(len(tested), draws, MODES) ** 2, axis=2) + truncated[:, None]
+    without_noise = (tested - pressures.internal) @ of.data_operator.T @ solved.strain_gain.T + solved.state_offset
+    exact = np.sum((without_noise - true) ** 2, axis=1) + truncated
     n_gauges, std = len(of.data_operator), modes.coefficient_std()[:MODES]
     relative = relative_condition(
         solved.state_operator, PUBLISHED_STRAIN * np.sqrt(n_gauges), 1.0, float(np.linalg.norm(std))
@@ -132,6 +136,7 @@ def study_case_1(
         pod_bound=bound,
         covered=np.mean(np.abs(difference / spread) <= bound, axis=0),
         field_error=np.sqrt(square / size[:, None]).ravel(),
+        noise_free_error=np.sqrt(exact / size),
         truncation=np.sqrt(truncated / size),
         coefficient_error=_coefficient_error(of, pressures, tested, conditions, estimate),
     )

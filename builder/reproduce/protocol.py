@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import radians
 
+from builder.campaign.scheduling import Scheduling
 from builder.flight_conditions import PUBLISHED_ALTITUDE, ConditionSet, condition_grid, condition_set
 from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.vehicle import Resolution, Vehicle
@@ -63,6 +64,7 @@ class Sizes:
 
     Attributes
     ----------
+    scheduling : of the flows; coarse ones are solved before processes have started.
     surface_stations, surface_roll_angles : pressure nodes, about their product.
     flow_grid, held_out_grid : level of the flow's grid, of the snapshots and of the held-out flows.
     hexahedra : of the converged model.
@@ -71,6 +73,7 @@ class Sizes:
     """
 
     name: str
+    scheduling: Scheduling
     surface_stations: int
     surface_roll_angles: int
     flow_grid: str
@@ -83,7 +86,17 @@ class Sizes:
 
 
 PAPER = Sizes(
-    "paper", 504, 120, "medium", "fine", RESOLUTIONS["paper"], SweptResolution(0.00995, 1, 192), 6.0, 3, 24
+    "paper",
+    Scheduling(),
+    504,
+    120,
+    "medium",
+    "fine",
+    RESOLUTIONS["paper"],
+    SweptResolution(0.00995, 1, 192),
+    6.0,
+    3,
+    24,
 )
 """60,480 pressure nodes and, of linear tetrahedra, 461,952 dofs where the source has 60,538 and 461,664.
 
@@ -92,7 +105,17 @@ through the wall of 4 mm.
 """
 
 QUICK = Sizes(
-    "quick", 120, 72, "coarse", "medium", RESOLUTIONS["coarse"], SweptResolution(0.020, 1, 96), 12.0, 2, 16
+    "quick",
+    Scheduling(workers=0),
+    120,
+    72,
+    "coarse",
+    "medium",
+    RESOLUTIONS["coarse"],
+    SweptResolution(0.020, 1, 96),
+    12.0,
+    2,
+    16,
 )
 """The same protocol on coarse grids: for trying out, not for numbers."""
 

@@ -11,7 +11,6 @@ from typing import Any
 from builder.aero.engines import make_engine
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.run import run_campaign
-from builder.campaign.scheduling import Scheduling
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.flight_conditions import ConditionSet
 from builder.geometry import SurfaceGrid
@@ -83,7 +82,9 @@ class _Stages:
 
     def ensure(self, name: str, inputs: dict[str, Any], make: Callable[[Path], object]) -> Path:
         """Make ``name`` or reuse it; return its path."""
-        inputs = {"sizes": asdict(self.sizes), "vehicle": self.vehicle.model_dump(mode="json"), **inputs}
+        # Who solves the flows changes nothing in them.
+        sizes = {name: value for name, value in asdict(self.sizes).items() if name != "scheduling"}
+        inputs = {"sizes": sizes, "vehicle": self.vehicle.model_dump(mode="json"), **inputs}
         if self.workspace.ensure(name, inputs, make):
             self.reused.append(name)
             if "/" not in name:  # of figures the stage speaks
@@ -136,7 +137,9 @@ def _flows(stages: _Stages, name: str, sets: list[ConditionSet], level: str) -> 
         "surface": sha256(campaign.engine.surface.point.tobytes()).hexdigest(),
         "conditions": [condition.as_tuple() for condition in campaign.conditions],
     }
-    path = stages.ensure(name, inputs, lambda path: run_campaign(campaign, path, Scheduling(), stages.reporter))
+    path = stages.ensure(
+        name, inputs, lambda path: run_campaign(campaign, path, stages.sizes.scheduling, stages.reporter)
+    )
     return load_snapshots(path)
 
 

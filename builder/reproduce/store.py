@@ -15,7 +15,7 @@ from strainfmu.records import read_record, write_record
 Record = TypeVar("Record")
 
 SCHEMA = "strainfmu.reproduce.studies"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 UNITS = {"reference": "Pa", "estimate": "Pa", "projection": "Pa"}
 

@@ -20,7 +20,8 @@ MOST_STATIONS = 160
 """Drawn along the body."""
 
 FRONT = "front"
-SIDES = {"from starboard (+y)": 0.5 * np.pi, "from port (-y)": 1.5 * np.pi}
+STARBOARD = "from starboard (+y)"
+SIDES = {STARBOARD: 0.5 * np.pi, "from port (-y)": 1.5 * np.pi}
 """Roll angle [rad] of the meridian that faces the reader, of the two views onto the xz-plane."""
 
 HIGHEST = 99.0
@@ -60,7 +61,7 @@ def field_figure(rows: list[FieldRow], grid: SurfaceGrid, views: dict[str, float
     height = 0.7 + 1.6 * len(rows)
     figure = blank_figure(10.0, height)
     figure.set_layout_engine(None)  # fixed margins take half the time
-    figure.subplots_adjust(0.06, 0.45 / height, 0.93, 1.0 - 0.55 / height, 0.14, 0.55)
+    figure.subplots_adjust(0.06, 0.45 / height, 0.93, 1.0 - 0.55 / height, 0.16, 0.55)
     widths = [*(1.0 if view == FRONT else 2.6 for view in views.values()), 0.06]
     axes = figure.subplots(len(rows), len(widths), width_ratios=widths, squeeze=False)
     for line, row in zip(axes, rows, strict=True):
@@ -80,22 +81,20 @@ def _thinned(row: FieldRow, grid: SurfaceGrid) -> tuple[FloatArray, FloatArray, 
 
 
 def _draw_side(axis: Any, row: FieldRow, grid: SurfaceGrid, facing: float) -> Any:
-    """Draw the half that faces the reader, the nose to the left."""
+    """Draw the half that faces the reader; with the nose to the left a roll angle of ``facing`` + 90 deg is up.
+
+    From starboard the nose is to the right, so that +z is up there too.
+    """
     x, radius, values = _thinned(row, grid)
     n = grid.n_roll
-    middle = round(facing / (2.0 * np.pi) * n)
-    around = middle + np.arange(-(n // 4), n // 4 + 1)
+    around = round(facing / (2.0 * np.pi) * n) + np.arange(-(n // 4), n // 4 + 1)
     away = 2.0 * np.pi * around / n - facing
-    # Seen from outside, roll angles run from right to left of somebody who flies; up is away from the axis.
-    across = (
-        -1e3 * np.outer(radius, np.sin(away))
-        if np.isclose(facing, 0.5 * np.pi)
-        else 1e3 * np.outer(radius, np.sin(away))
-    )
+    turned = bool(np.isclose(facing, SIDES[STARBOARD]))
+    across = (-1e3 if turned else 1e3) * np.outer(radius, np.sin(away))
     shown = values[:, around % n]
     colour = 0.25 * (shown[1:, 1:] + shown[:-1, 1:] + shown[1:, :-1] + shown[:-1, :-1])
     along = np.repeat(x[:, None], len(around), axis=1)
-    axis.set_xlim(0.0, x[-1])
+    axis.set_xlim((x[-1], 0.0) if turned else (0.0, x[-1]))
     axis.set_ylim(-1.05e3 * radius.max(), 1.05e3 * radius.max())
     axis.set_xlabel("x [m]", fontsize=6)
     axis.set_ylabel("across [mm]", fontsize=6)

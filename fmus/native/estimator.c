@@ -217,21 +217,26 @@ static int set_coefficients(const Estimator *e, double *output) {
     return 1;
 }
 
+/* Whether some |z| is above the threshold; z gets its scale. Without branches, for it runs in every step. */
+static int scale_and_compare(size_t n, double *restrict z, const double *restrict scale, double threshold) {
+    int above = 0;
+    for (size_t k = 0; k < n; k++) {
+        z[k] *= scale[k];
+        above |= fabs(z[k]) > threshold;
+    }
+    return above;
+}
+
 /* The gauge of the largest |z| and those it cannot be told from. */
 static void set_suspects(Estimator *e, double alarm_scale, double *output) {
     const MaskedMap *m = e->masked;
     triangle_transposed_times(m->n_used, m->triangle_rows, e->whitened, e->z);
-    size_t worst = 0;
-    double largest = 0.0;
-    for (size_t k = 0; k < m->n_used; k++) {
-        const double size = fabs(e->z[k] * m->z_scale[k]);
-        if (size > largest) {
-            largest = size;
-            worst = k;
-        }
-    }
-    if (!(largest > sqrt(alarm_scale) * m->outlier_threshold)) {
+    if (!scale_and_compare(m->n_used, e->z, m->z_scale, sqrt(alarm_scale) * m->outlier_threshold)) {
         return;
+    }
+    size_t worst = 0;
+    for (size_t k = 1; k < m->n_used; k++) {
+        worst = fabs(e->z[k]) > fabs(e->z[worst]) ? k : worst;
     }
     output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
     for (size_t k = 0; k < m->n_used; k++) {

@@ -25,7 +25,7 @@ from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.receiver import BusFault, FrameQueue, Receiver
 from strainfmu.can.reconnect import BackOff, BackOffSettings
-from strainfmu.can.result import CycleResult
+from strainfmu.can.result import CycleResult, published
 from strainfmu.can.result_frames import STATUS_PERIOD, BridgeStatus, ResultFrames
 from strainfmu.can.transmitter import Transmitter
 from strainfmu.errors import StrainfmuError
@@ -190,7 +190,9 @@ class Bridge:
 
     def _publish(self, results: list[CycleResult]) -> None:
         """Send results, then count and hand them on."""
-        for result in results:
+        limit = self._core.settings.max_age * self._core.layout.cycle_time
+        for judged in results:
+            result = published(judged, self._clock(), limit)
             working = self._transmitter.send(self._frames.of_result(result))
             self._qualities[result.quality] += 1
             self._last_quality = result.quality

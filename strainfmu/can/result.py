@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -75,6 +75,25 @@ class CycleResult:
     chi_square: float = np.nan
     health: int | None = None
     arrival: float | None = None
+
+
+def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
+    """Return ``result`` as it is by the time ``now`` [s] at which it goes out.
+
+    A bridge that stood still has believed what was fresh on reception. Strains older than ``max_age`` [s] by now
+    are STALE all the same, and their coefficients do not go out.
+    """
+    age = result.age + max(now - result.time, 0.0)
+    later = replace(result, time=max(now, result.time), age=age)
+    if not result.quality.has_coefficients or age <= max_age:
+        return later
+    return replace(
+        later,
+        quality=Quality.STALE,
+        causes=result.causes | Cause.OLD | Cause.OVERLOAD,
+        coefficients=_no_numbers(),
+        coefficients_std=_no_numbers(),
+    )
 
 
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})

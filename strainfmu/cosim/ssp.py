@@ -66,8 +66,8 @@ def system_structure(
         register_namespace(prefix, uri)
     root = Element(f"{{{SSD}}}SystemStructureDescription", {"version": "1.0", "name": name})
     top = SubElement(root, f"{{{SSD}}}System", {"name": "flight"})
-    outputs = _scalar_outputs(descriptions) if system_connectors else []
-    if outputs:
+    outputs = _scalar_outputs(descriptions)
+    if system_connectors:
         connectors = SubElement(top, f"{{{SSD}}}Connectors")
         for signal in outputs:
             _add_connector(connectors, _system_name(signal), "output", find_variable(signal, descriptions).type)
@@ -77,7 +77,7 @@ def system_structure(
     connections = SubElement(top, f"{{{SSD}}}Connections")
     for connection in system.connections:
         _add_connection(connections, split_signal(connection.source, descriptions), connection.target, descriptions)
-    for signal in outputs:
+    for signal in outputs if system_connectors else ():
         instance, variable = split_signal(signal, descriptions)
         ends = {"startElement": instance, "startConnector": variable, "endConnector": _system_name(signal)}
         SubElement(connections, f"{{{SSD}}}Connection", ends)
@@ -110,7 +110,7 @@ def _add_component(
     outputs: list[str],
     place: int,
 ) -> None:
-    """Add one FMU with the connectors in use; a tool that sets all connectors must not touch the others."""
+    """Add one FMU with its scalar outputs and what is connected: FMPy sets every input that has a connector."""
     component = SubElement(
         elements,
         f"{{{SSD}}}Component",

@@ -45,6 +45,7 @@ _ESTIMATOR_MODULES = (
     "inverse_map.py",
     "isolation.py",
     "load_errors.py",
+    "map_parts.py",
     "masked_map.py",
     "masks.py",
     "records.py",

@@ -5,8 +5,8 @@ follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees o
 the guid, ended by a zero. Then float64 values: ten scalars and the arrays, in the order of :func:`_arrays`.
 ``fmus/native/map_resource.h`` tells the same to the C code.
 
-Every value is that of :class:`~strainfmu.estimator.Estimator`, computed in one order on every machine
-(:mod:`strainfmu.fmu.fixed_order`). Of the whitening matrices the
+Every value is that of :class:`~strainfmu.estimator.Estimator`, in the same bits on every machine
+(:mod:`strainfmu.fixed_order`). Of the whitening matrices the
 file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and Q' W, and a
 triangle takes half the time and half the room.
 """
@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from strainfmu.errors import InputError
 from strainfmu.estimator import LEAST_DYNAMIC_PRESSURE
 from strainfmu.estimator_settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
-from strainfmu.fmu.fixed_order import householder, map_parts_in_fixed_order
+from strainfmu.fixed_order import householder
 from strainfmu.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.inverse_map import InverseMap
 from strainfmu.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
-from strainfmu.masked_map import MapParts
+from strainfmu.map_parts import MapParts, map_parts
 from strainfmu.masks import LEAST_INFORMATION
 
 FloatArray = NDArray[np.float64]
@@ -87,7 +87,7 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
 
 def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
     """Return the arrays of the C structure ``Map``, in its order."""
-    parts, counts = map_parts_in_fixed_order(inverse_map), range(1, inverse_map.n_gauges + 1)
+    parts, counts = map_parts(inverse_map), range(1, inverse_map.n_gauges + 1)
     model = parts.error_model
     return (
         inverse_map.mean_strain,
@@ -95,7 +95,7 @@ def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
         parts.load_gain.T,
         inverse_map.load_covariance,
         _packed_columns(householder(inverse_map.residual_whitening)[0]),
-        _packed_columns(householder(parts.gain_whitening)[0]),
+        _packed_columns(parts.gain_whitening),
         _packed_columns(parts.noise_whitening.T),
         _packed_columns(model.noise_root.T),
         model.regression,

@@ -151,8 +151,8 @@ def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> N
         file["strain_gain"][0, 0] *= 1.0 + 1e-9
     refused(run("export", path, "-o", fmu), "damaged or altered")
     path.write_bytes(original)
-    path.write_bytes(original.replace(b"strainfmu.inverse_map 2 ", b"strainfmu.inverse_map 1 ", 1))
-    refused(run("export", path, "-o", fmu), "schema version 1 found", "2 wanted")
+    path.write_bytes(original.replace(b"strainfmu.inverse_map 3 ", b"strainfmu.inverse_map 1 ", 1))
+    refused(run("export", path, "-o", fmu), "schema version 1 found", "3 wanted")
     refused(run("export", ogive_demo / "snapshots.h5", "-o", fmu), "strainfmu.snapshots")
     assert not fmu.exists()
 

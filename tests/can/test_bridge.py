@@ -278,6 +278,11 @@ def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
     assert summary.queue_highest <= 9
     assert any(result.causes & Cause.OVERLOAD for result in running.results)
     assert not any(r.causes & Cause.OVERLOAD and r.quality is Quality.VALID for r in running.results)
+    # What has waited longer than strains may be old is not sent as fresh.
+    waited = [r for r in running.results if r.arrival is not None and r.time - r.arrival > 5 * CYCLE]
+    assert waited
+    assert all(r.quality in (Quality.STALE, Quality.INVALID, Quality.NO_DATA) for r in waited)
+    assert all(np.isnan(r.coefficients).all() for r in waited)
 
 
 def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Running) -> None:

@@ -107,8 +107,13 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
     answers = run.column("SampleTime") != 2**32 - 1
     cycles = np.rint(run.column("SampleTime")[answers] * 1e-6 / cycle_time).astype(int)
     assert len(set(cycles.tolist())) == len(cycles), "one answer for a cycle"
+    missing = sorted(set(range(n_cycles)) - set(cycles.tolist()))
+    overrun = run.number("frames: dropped: queue full")
+    dropped = run.number("dropped by the system")
     if lossless:
-        assert sorted(set(range(n_cycles)) - set(cycles.tolist())) == [], "every cycle answered"
+        # Every cycle is answered, but for those whose frames a host that stood still dropped, each accounted for.
+        assert len(missing) <= overrun + dropped, missing
+    print(f"{len(missing)} cycles not answered; {overrun} frames overrun, {dropped} dropped by the system")
     quality = run.column("Quality")[answers].astype(int)
     valid = quality == Quality.VALID
     if lossless:
@@ -122,7 +127,6 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
     assert run.number("frames: not accounted for") == 0
     # Own results come back on udp_multicast; what the system dropped may be those as well.
     foreign = run.number("frames: own frame") + run.number("frames: unknown identifier")
-    dropped = run.number("dropped by the system")
     taken = run.number("frames: received") - foreign
     assert taken <= 3 * n_cycles <= taken + dropped
 

@@ -1,4 +1,4 @@
-"""Matrices in fixed order: equal to LAPACK's to round-off, and to themselves on every processor to the bit."""
+"""What masks are made from: equal to LAPACK's to round-off, and to themselves on every processor to the bit."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "runtime"))
-
 from runtime_map import map_of, random_map, random_model
 
-from strainfmu.fixed_order import cholesky, product, solve_lower
-from strainfmu.fmu.fixed_order import eigen, householder, left_singular, map_parts_in_fixed_order
-from strainfmu.inverse_map import InverseMap
-from strainfmu.masked_map import map_parts
+from strainfmu.fixed_order import apply_orthogonal, cholesky, eigen, householder, product, solve_lower
+from strainfmu.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.inverse_map import InverseMap, save_inverse_map
+from strainfmu.load_errors import load_error_model
+from strainfmu.map_parts import map_parts
 
 MAPS = {
     "case 1": lambda: map_of(random_model(gamma=0.0, n_gauges=54, n_states=5)),
@@ -39,14 +37,11 @@ def test_algebra_is_that_of_numpy() -> None:
     right = random.normal(size=(7, 3))
     np.testing.assert_allclose(solve_lower(lower, right), np.linalg.solve(lower, right), rtol=0.0, atol=1e-12)
     for matrix in (a, a.T, np.zeros((3, 3)), np.array([[0.0, 1.0], [0.0, 0.0]])):
-        r, _ = householder(matrix)
+        r, reflectors = householder(matrix)
         np.testing.assert_array_equal(r, np.triu(r))
-        np.testing.assert_allclose(r.T @ r, matrix.T @ matrix, rtol=0.0, atol=1e-13)
-    for matrix in (a, a.T, b, np.vander(np.linspace(0.1, 1.0, 8), 6)):
-        u, s = left_singular(matrix)
-        np.testing.assert_allclose(u.T @ u, np.eye(len(matrix)), rtol=0.0, atol=1e-13)
-        np.testing.assert_allclose(np.sort(s), np.sort(np.linalg.svd(matrix)[1]), rtol=1e-12)
-        np.testing.assert_allclose(np.linalg.norm(u.T @ matrix, axis=1)[: len(s)], s, rtol=1e-12)
+        np.testing.assert_allclose(apply_orthogonal(reflectors, r), matrix, rtol=0.0, atol=1e-13)
+        q = apply_orthogonal(reflectors, np.eye(len(matrix)))
+        np.testing.assert_allclose(q.T @ q, np.eye(len(matrix)), rtol=0.0, atol=1e-13)
     values, vectors = eigen(spd)
     np.testing.assert_allclose(np.sort(values), np.linalg.eigvalsh(spd), rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose((vectors * values) @ vectors.T, spd, rtol=0.0, atol=1e-13)
@@ -54,22 +49,31 @@ def test_algebra_is_that_of_numpy() -> None:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_parts_are_those_of_the_estimator(name: str) -> None:
-    """To 1e-10 of each matrix; of W that of W' W, all that is computed from it."""
+def test_parts_are_those_of_lapack(name: str) -> None:
+    """To 1e-10 of each matrix; of W that of W' W, from which all follows."""
     inverse_map = MAPS[name]()
-    found, wanted = map_parts_in_fixed_order(inverse_map), map_parts(inverse_map)
+    found = map_parts(inverse_map)
+    a, covariance = inverse_map.state_operator, inverse_map.noise_covariance
     assert_close(found.load_gain, inverse_map.load_gain)
-    np.testing.assert_array_equal(found.load_gain, wanted.load_gain)
-    assert_close(found.noise_whitening, wanted.noise_whitening)
-    assert_close(found.error_model.noise_root, wanted.error_model.noise_root)
-    assert_close(found.error_model.regression, wanted.error_model.regression)
+    assert_close(found.noise_whitening, inverse_cholesky(covariance))
+    model = load_error_model(
+        inverse_map.load_covariance,
+        a,
+        covariance,
+        inverse_map.load_per_state,
+        inverse_map.load_gain,
+        inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == "2",
+    )
+    assert_close(found.error_model.noise_root, model.noise_root)
+    assert_close(found.error_model.regression, model.regression)
     size = np.sqrt(np.diag(inverse_map.load_covariance))
-    difference = found.error_model.remainder - wanted.error_model.remainder
+    difference = found.error_model.remainder - model.remainder
     np.testing.assert_allclose(difference / np.outer(size, size), 0.0, atol=1e-10)
-    std = inverse_map.noise_std
-    precisions = [part.gain_whitening.T @ part.gain_whitening * np.outer(std, std) for part in (found, wanted)]
-    assert_close(*precisions)
-    assert found.error_model.known_prior == wanted.error_model.known_prior
+    assert found.error_model.known_prior is model.known_prior
+    std = np.outer(inverse_map.noise_std, inverse_map.noise_std)
+    whitening = innovation_whitening(a, covariance, inverse_map.regularisation)
+    assert_close(found.gain_whitening.T @ found.gain_whitening * std, whitening.T @ whitening * std)
 
 
 def assert_close(found: np.ndarray, wanted: np.ndarray) -> None:
@@ -78,7 +82,7 @@ def assert_close(found: np.ndarray, wanted: np.ndarray) -> None:
 
 def digest(inverse_map: InverseMap) -> str:
     """Hash of every bit of the parts."""
-    parts = map_parts_in_fixed_order(inverse_map)
+    parts = map_parts(inverse_map)
     model = parts.error_model
     arrays = (parts.load_gain, parts.noise_whitening, parts.gain_whitening, model.regression, model.remainder)
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
@@ -87,14 +91,12 @@ def digest(inverse_map: InverseMap) -> str:
 def test_bits_do_not_follow_the_processor(tmp_path: Path) -> None:
     """OpenBLAS with the kernels of two processors, numpy without the wide instructions."""
     inverse_map = MAPS["case 2"]()
-    from strainfmu.inverse_map import save_inverse_map
-
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     program = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from pathlib import Path\n"
         "from strainfmu.inverse_map import load_inverse_map\n"
-        "from test_fixed_order import digest\n"
+        "from test_map_parts import digest\n"
         "print(digest(load_inverse_map(Path(sys.argv[2]))))\n"
     )
     features = "AVX2 FMA3 AVX512F AVX512_SKX"

@@ -1,0 +1,149 @@
+"""Plant, autopilot and schedule as packages: compliant, reproducible, and safe when damaged."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+from fmu_host import loaded
+from lxml import etree
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.cosim.instance import Instance, read_description
+from strainfmu.cosim.schedule import ScheduledSignal
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.fmi_variables import Variable
+from strainfmu.fmu.plant_build import PLATFORMS, library_file
+from strainfmu.fmu.plant_export import export_native_plant, export_schedule
+from strainfmu.plant_interface import FlightStart, Motion
+
+START = FlightStart(6.0, 20e3)
+SIGNALS = [
+    ScheduledSignal(Variable("a", "one", "output", unit="rad"), (0.0, 0.1, 0.3), (1.0, 2.0, 3.0)),
+    ScheduledSignal(Variable("b", "two", "output", "discrete", "Integer"), (0.0, 0.2), (4.0, -5.0)),
+]
+
+
+def make(synthetic: SyntheticFiles, folder: Path) -> dict[str, Path]:
+    """Every FMU that needs no rising C_N."""
+    fmus = {name: folder / f"{name}.fmu" for name in ("inputs", "trajectory", "short_period", "schedule")}
+    for motion in Motion:
+        trajectory = synthetic.trajectory if motion is Motion.TRAJECTORY else None
+        export_native_plant(synthetic.flight_model, fmus[motion.name.lower()], motion, START, trajectory)
+    export_schedule(SIGNALS, fmus["schedule"])
+    return fmus
+
+
+@pytest.fixture(scope="module")
+def fmus(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return make(synthetic, tmp_path_factory.mktemp("packages"))
+
+
+@pytest.mark.parametrize("name", ["inputs", "trajectory", "short_period", "schedule"])
+def test_compliance(fmus: dict[str, Path], name: str) -> None:
+    assert validate_fmu(str(fmus[name])) == []
+    schema = Path(fmpy.__file__).parent / "schema" / "fmi2" / "fmi2ModelDescription.xsd"
+    with zipfile.ZipFile(fmus[name]) as archive:
+        root = etree.fromstring(archive.read("modelDescription.xml"))
+    etree.XMLSchema(etree.parse(str(schema))).assertValid(root)
+
+
+def test_fmutool_finds_nothing(fmus: dict[str, Path]) -> None:
+    pytest.importorskip("fmu_manipulation_toolbox", reason="pip install fmu-manipulation-toolbox")
+    for path in fmus.values():
+        command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(path), "-check"]
+        found = subprocess.run(command, capture_output=True, text=True, check=True)
+        text = found.stdout + found.stderr
+        assert "seems to be compliant with FMI-2.0" in text
+        assert "No semantic error" in text
+
+
+def test_equal_exports_are_equal_to_the_byte(fmus: dict[str, Path], synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    for name, path in make(synthetic, tmp_path).items():
+        assert path.read_bytes() == fmus[name].read_bytes(), name
+
+
+def test_every_platform_is_shipped(fmus: dict[str, Path]) -> None:
+    for platform in PLATFORMS:
+        assert library_file(platform).is_file()
+    with zipfile.ZipFile(fmus["inputs"]) as archive:
+        names = archive.namelist()
+    for platform, item in PLATFORMS.items():
+        assert f"binaries/{platform}/StrainedVehicle{item.suffix}" in names
+    assert "sources/fmi2_model.c" in names
+
+
+def test_schedule_jumps_at_its_times(fmus: dict[str, Path], tmp_path: Path) -> None:
+    with loaded(fmus["schedule"], tmp_path / "x") as host:
+        host.initialize()
+        found = []
+        for k in range(5):
+            found.append((host.get(["a"])[0], host.integers(["b"])[0]))
+            host.fmu.doStep(k * 0.1, 0.1)
+    assert found == [(1.0, 4), (2.0, 4), (2.0, -5), (3.0, -5), (3.0, -5)]
+
+
+def test_schedules_that_cannot_be() -> None:
+    variable = Variable("a", "one", "output")
+    for times, values in (((), ()), ((0.0, 0.0), (1.0, 2.0)), ((0.0,), (1.0, 2.0)), ((0.0,), (np.nan,))):
+        with pytest.raises(InputError, match="schedule"):
+            ScheduledSignal(variable, times, values)
+
+
+def test_a_trajectory_for_the_motion_on_one_only(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    for motion, trajectory in ((Motion.TRAJECTORY, None), (Motion.INPUTS, synthetic.trajectory)):
+        with pytest.raises(InputError, match="trajectory"):
+            export_native_plant(synthetic.flight_model, tmp_path / "x.fmu", motion, START, trajectory)
+
+
+def cut(content: bytes) -> bytes:
+    return content[:-8]
+
+
+def altered(content: bytes) -> bytes:
+    return content[:3000] + bytes([content[3000] ^ 1]) + content[3001:]
+
+
+def other_version(content: bytes) -> bytes:
+    return content[:8] + b"\x09\0\0\0" + content[12:]
+
+
+def other_guid(content: bytes) -> bytes:
+    return content
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (cut, "cut or extended"),
+        (altered, "checksum is wrong"),
+        (other_version, "format version 9, must be 1"),
+        (lambda _: b"", "is no model"),
+        (None, "cannot be opened"),
+        (other_guid, "guid"),
+    ],
+)
+def test_damaged(
+    fmus: dict[str, Path], tmp_path: Path, damage: Callable[[bytes], bytes] | None, message: str
+) -> None:
+    folder = tmp_path / "Jürgen + (1)"
+    fmpy.extract(str(fmus["inputs"]), str(folder))
+    resource = folder / "resources" / "model.bin"
+    description = read_description(fmus["inputs"])
+    if damage is None:
+        resource.unlink()
+    elif damage is other_guid:
+        description.guid = "{0}"
+    else:
+        resource.write_bytes(damage(resource.read_bytes()))
+    with pytest.raises(StrainfmuError, match=message):
+        Instance("plant", fmus["inputs"], description, folder)
+    shutil.rmtree(folder)

@@ -1,0 +1,133 @@
+"""Plant, autopilot and schedule in C: the same bits on every platform, and clean under sanitizers."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import fmpy
+import pytest
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.cosim.flight import export_flight
+from strainfmu.cosim.scenario import load_scenario
+from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers
+from strainfmu.fmu.plant_build import SOURCES, library_file, source_files
+from strainfmu.fmu.plant_export import export_native_plant
+from strainfmu.plant_interface import FlightStart, Motion
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "cosim"))
+
+from slender_vehicle import make_slender_files
+
+pytestmark = pytest.mark.slow
+
+HOST = Path(__file__).with_name("model_host.c")
+INCLUDES = [f"-I{NATIVE}", f"-I{SOURCES}"]
+FILES = [str(HOST), *map(str, source_files())]
+STEPS = 300
+
+
+@dataclass(frozen=True)
+class Resources:
+    """A folder with a model.bin, and the guid in it."""
+
+    folder: Path
+    guid: str
+
+
+@pytest.fixture(scope="module")
+def models(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Resources]:
+    """One of every kind."""
+    folder = tmp_path_factory.mktemp("models")
+    files = make_slender_files(folder)
+    fmus = export_flight(load_scenario(files.scenario), folder / "fmus")
+    del fmus["estimator"]
+    fmus["trajectory"] = folder / "trajectory.fmu"
+    start = FlightStart(6.0, 20e3)
+    export_native_plant(synthetic.flight_model, fmus["trajectory"], Motion.TRAJECTORY, start, synthetic.trajectory)
+    made = {}
+    for name, path in fmus.items():
+        fmpy.extract(str(path), str(folder / name))
+        made[name] = Resources(folder / name / "resources", fmpy.read_model_description(str(path)).guid)
+    return made
+
+
+def program(*names: str, install: str) -> str:
+    """The first of the programs that is installed; without any, the test is skipped."""
+    for name in names:
+        found = shutil.which(name) or (name if os.access(name, os.X_OK) else None)
+        if found is not None:
+            return found
+    return pytest.skip(f"needs {names[0]}: {install}")
+
+
+def by_zig(target: str, output: Path) -> str:
+    pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
+    compile_with_zig(target, [*INCLUDES, *FILES, "-s", "-o", str(output)])
+    return str(output)
+
+
+def output_of(command: list[str], *arguments: str) -> list[str]:
+    finished = subprocess.run(
+        [*command, *arguments], capture_output=True, text=True, check=False, env=os.environ | {"WINEDEBUG": "-all"}
+    )
+    assert finished.returncode == 0, finished.stderr[-4000:]
+    return finished.stdout.split()
+
+
+def run_all(command: list[str], models: dict[str, Resources], root: str = "") -> dict[str, list[str]]:
+    return {
+        name: output_of(command, "run", f"file://{root}{item.folder}", item.guid, str(STEPS))
+        for name, item in models.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def linux(models: dict[str, Resources], tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """Outputs on x86-64 Linux."""
+    found = run_all([by_zig("x86_64-linux-gnu.2.17", tmp_path_factory.mktemp("host") / "host")], models)
+    for name, numbers in found.items():
+        assert len(numbers) % STEPS == 0
+        assert name == "schedule" or len(set(numbers)) > STEPS
+    return found
+
+
+def test_aarch64(models: dict[str, Resources], linux: dict[str, list[str]], tmp_path: Path) -> None:
+    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
+    sysroot = Path("/usr/aarch64-linux-gnu")
+    if not sysroot.is_dir():
+        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
+    host = by_zig("aarch64-linux-gnu.2.17", tmp_path / "host")
+    assert run_all([emulator, "-L", str(sysroot), host], models) == linux
+
+
+def test_windows(models: dict[str, Resources], linux: dict[str, list[str]], tmp_path: Path) -> None:
+    wine = program("wine64", "wine", "/usr/lib/wine/wine64", install="apt install wine64")
+    host = by_zig("x86_64-windows-gnu", tmp_path / "host.exe")
+    assert run_all([wine, host], models, "/Z:") == linux
+
+
+def test_sanitizers(models: dict[str, Resources], tmp_path: Path) -> None:
+    clang = program("clang", "clang-14", "clang-16", "clang-19", install="apt install clang libclang-rt-14-dev")
+    host = tmp_path / "host"
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    command = [clang, *flags, f"-I{fmi_headers()}", *INCLUDES, *FILES, "-lm", "-o", str(host)]
+    built = subprocess.run(command, capture_output=True, text=True, check=False)
+    if built.returncode != 0 and "clang_rt" in built.stderr:
+        pytest.skip("needs the sanitizers' run-time: apt install libclang-rt-14-dev")
+    assert built.returncode == 0, built.stderr
+    run_all([str(host)], models)
+    for item in models.values():
+        words = output_of([str(host)], "damage", str(item.folder / "model.bin"), "3000")
+        assert 0 < int(words[0]) < 3000
+
+
+def test_the_library_needs_the_c_library_alone() -> None:
+    text = library_file("linux64").read_bytes()
+    assert b"libc.so.6" in text
+    assert b"libm.so" not in text
