@@ -16,8 +16,8 @@ class HealthState(IntEnum):
     INCONSISTENT = 1
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
-    """Dynamic pressure is below 1e-6 Pa or not finite, or its deviation is negative or not finite: no coefficients;
-    chi-square tells of the loads."""
+    """Dynamic pressure is below 1e-6 Pa or not finite, or its deviation is negative or not finite: no
+    coefficients; chi-square tells of the loads."""
     INVALID = 3
     """No gauge gives a valid strain: nothing can be computed."""
     DEGRADED = 4

@@ -124,7 +124,9 @@ class FlightStart:
     pitch_damping: float = -20.0
 
 
-def native_plant_interface(flight_model: FlightModel, motion: Motion, start: FlightStart, seed: int = 1) -> tuple[Variable, ...]:
+def native_plant_interface(
+    flight_model: FlightModel, motion: Motion, start: FlightStart, seed: int = 1
+) -> tuple[Variable, ...]:
     """Return the variables of the native plant FMU in the order of their value references."""
     n = flight_model.n_gauges
     given = {
@@ -156,9 +158,7 @@ def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion)
         depends_on, initial = tuple(name for name in given if name in ("mach_number", "altitude")), ()
     elif output.name not in COEFFICIENTS:
         depends_on = ()
-    return replace(
-        output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial)
-    )
+    return replace(output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial))
 
 
 def _faults(flight_model: FlightModel, n_gauges: int) -> list[Variable]:

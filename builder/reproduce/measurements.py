@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from builder.geometry import SurfaceGrid
 from builder.inverse.case_1 import relative_condition
 from builder.inverse.pod import PressureModes
-from builder.inverse.prior import LowRankPrior
+from builder.inverse.prior import LowRankPrior, prior_of_snapshots
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
-from builder.reproduce.protocol import EXAMPLES, MODES, NOISE_FREE_GAMMA, P1
+from builder.reproduce.protocol import EXAMPLES, MODES, NOISE_FREE_GAMMA, P1, SEED
 from builder.reproduce.readings import READINGS, SHIPPED, Reading
 from builder.reproduce.setups import INDEPENDENT, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel
@@ -243,3 +243,41 @@ def _class_shares(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
         part = 0.25 * (by_ring + y * mirrored_y + z * mirrored_z + y * z * both)
         shares[str(symmetry)] = float(np.sum(part**2)) / total
     return shares
+
+
+@dataclass(frozen=True)
+class ScatterRow:
+    """The eigenvalues where every pressure of every snapshot has an error of its own.
+
+    Attributes
+    ----------
+    model : name.
+    scatter : standard deviation of that error over the pressure [1].
+    above : eigenvalues above 1e-6, the gamma of the noise-free example.
+    decay : lambda_1 / lambda_8.
+    smallest : of all.
+    """
+
+    model: str
+    scatter: float
+    above: int
+    decay: float
+    smallest: float
+
+
+def scatter_rows(
+    model: StrainModel, names: list[str], pressures: Pressures, scatters: list[float]
+) -> list[ScatterRow]:
+    """Return the eigenvalues of Case 2 with snapshots that scatter.
+
+    Our conditions share flows, exactly rolled; results on a mesh of its own per condition have no such relation.
+    """
+    sigma = noise_sigma(model, pressures.p1 - pressures.internal)
+    setup, rows = SetUp(model.name, model, model, sigma), []
+    for scatter in scatters:
+        error = np.random.default_rng(SEED).normal(size=pressures.p2.shape)
+        prior = prior_of_snapshots(pressures.p2 * (1.0 + scatter * error))
+        values = case_2_map(prior, setup, names, pressures.internal).spectrum.eigenvalues
+        above = int(np.sum(values > NOISE_FREE_GAMMA))
+        rows.append(ScatterRow(model.name, scatter, above, float(values[0] / values[7]), float(values[-1])))
+    return rows

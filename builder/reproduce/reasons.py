@@ -109,16 +109,17 @@ def _example(name: str) -> Callable[[Studies], str]:
 
 def _decay(studies: Studies) -> str:
     values = {key: studies.gamma[key].eigenvalues for key in TITLES}
-    counts = ", ".join(
-        f"{int(np.sum(value > 1e-6))} of {len(value)} ({TITLES[key].split(':')[0]})"
-        for key, value in values.items()
-    )
-    flat = values[SAME_MESH]
+    plain, *scattered = studies.measured.scatter
+    lifted = ", ".join(f"{row.above} with {100.0 * row.scatter:g} %" for row in scattered)
     return (
-        f"Linear tetrahedra lose hoop strain, so lambda falls faster: lambda_8 / lambda_1 is "
-        f"{values[PAPER_LIKE][7] / values[PAPER_LIKE][0]:.1e} there and {flat[7] / flat[0]:.1e} on the converged "
-        f"model. Eigenvalues above 1e-6: {counts}; the source has all of them there. The rest belong to pressures "
-        "that a model with the body's symmetry does not feel at all."
+        f"lambda_8 is {values[PAPER_LIKE][7]:.3g}, {values[SAME_MESH][7]:.3g} and {values[INDEPENDENT][7]:.3g} "
+        "in the "
+        "order of the columns: linear tetrahedra lose hoop strain, so there it falls faster. In the source all "
+        "54 are "
+        f"above 1e-6, here {plain.above}. Our snapshots share 45 flows, rolled exactly; with an error of its own "
+        "in "
+        f"every pressure of every snapshot it is {lifted}: the smallest eigenvalues measure the scatter of the "
+        "flow solutions."
     )
 
 
@@ -192,6 +193,10 @@ def _loads(studies: Studies) -> str:
     )
 
 
+def _as_c_n(studies: Studies) -> str:
+    return "As of C_N; every reading is in the table of loads."
+
+
 def _off_set(studies: Studies) -> str:
     odd = 100.0 * float(studies.fields[f"{SAME_MESH}-off_set"].odd_share[0])
     return f"Without angle of attack the doubly odd part is 0 ({odd:.1e} %): nothing is hidden, noise decides."
@@ -214,11 +219,11 @@ REASONS: dict[str, Callable[[Studies], str]] = {
     "modes_kept": _modes_kept,
     "noisy": _noisy,
     "c_n": _loads,
-    "c_y": _loads,
-    "m_p": _loads,
-    "m_y": _loads,
-    "c_a_mean": _loads,
-    "c_a_worst": _loads,
+    "c_y": _as_c_n,
+    "m_p": _as_c_n,
+    "m_y": _as_c_n,
+    "c_a_mean": _as_c_n,
+    "c_a_worst": _as_c_n,
     "off_set": _off_set,
 }
 """By key of :data:`builder.reproduce.published.PUBLISHED`."""

@@ -98,6 +98,7 @@ def all_tables(studies: Studies, moment_station: float) -> dict[str, Table]:
         tables.load_table(studies, moment_station),
         tables.gamma_table(studies),
         tables.coverage_table(studies),
+        tables.scatter_table(studies),
     )
     return {table.name: table for table in made}
 
@@ -179,7 +180,7 @@ def _page(studies: Studies, sizes: Sizes, made: dict[str, Table], pictures: dict
         ),
         Section(
             "Case 2: the whole field",
-            (made["gamma"], made["loads"], *(pictures[n] for n in [*case_2, "draw_ranges"])),
+            (made["gamma"], made["loads"], made["scatter"], *(pictures[n] for n in [*case_2, "draw_ranges"])),
         ),
         Section("Which rows hold the hoop gauges", (made["readings"], pictures["reading_ratios"])),
         Section("What linear tetrahedra lose", (made["hoop_strain"],)),

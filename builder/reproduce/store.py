@@ -15,7 +15,7 @@ from strainfmu.records import read_record, write_record
 Record = TypeVar("Record")
 
 SCHEMA = "strainfmu.reproduce.studies"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 UNITS = {"reference": "Pa", "estimate": "Pa", "projection": "Pa"}
 

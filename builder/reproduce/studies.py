@@ -37,10 +37,12 @@ from builder.reproduce.measurements import (
     CrimeRow,
     HoopRow,
     ReadingRow,
+    ScatterRow,
     class_rows,
     crime_rows,
     hoop_rows,
     reading_rows,
+    scatter_rows,
     span_row,
 )
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FREE_GAMMA, P1, P2, PUBLISHED_GAMMA
@@ -54,6 +56,9 @@ from strainfmu.files import write_bytes_atomically
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+
+SCATTERS = [0.0, 1e-4, 1e-3, 1e-2]
+"""Of pressures, over their value, that the eigenvalues are computed with."""
 
 LAYOUT_2, LAYOUT_45 = "configuration_2", "configuration_45"
 
@@ -87,6 +92,7 @@ class Measurements:
     hoop : how much of the hoop strain each model returns.
     crime : the noise-free example for pairs of models.
     classes : what the layouts see per symmetry class.
+    scatter : the eigenvalues where snapshots scatter.
     surface_nodes, dofs : sizes.
     sigma : per set-up [m/m].
     conditions_left_out : of P2, in the independent set-up.
@@ -97,6 +103,7 @@ class Measurements:
     hoop: list[HoopRow]
     crime: list[CrimeRow]
     classes: list[ClassRow]
+    scatter: list[ScatterRow]
     surface_nodes: int
     dofs: dict[str, int]
     sigma: dict[str, float]
@@ -216,6 +223,7 @@ def run_measurements(
         classes=[
             row for name in (HEXAHEDRA, TETRAHEDRA) for row in class_rows(models[name], layouts, prior, grid, area)
         ],
+        scatter=scatter_rows(models[HEXAHEDRA], layouts[LAYOUT_2], pressures, SCATTERS),
         surface_nodes=pressures.p1.shape[1],
         dofs={name: int(model.facts["dofs"]) for name, model in models.items() if "dofs" in model.facts},
         sigma={key: setup.sigma for key, setup in setups.items()},
@@ -263,7 +271,14 @@ def load_all(case_1: Path, case_2: Path, measurements: Path) -> Studies:
         held = json.loads(measurements.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{measurements}: cannot be read") from error
-    kinds = {"readings": ReadingRow, "spans": ReadingRow, "hoop": HoopRow, "crime": CrimeRow, "classes": ClassRow}
+    kinds: dict[str, Any] = {
+        "readings": ReadingRow,
+        "spans": ReadingRow,
+        "hoop": HoopRow,
+        "crime": CrimeRow,
+        "classes": ClassRow,
+        "scatter": ScatterRow,
+    }
     rows = {name: [kind(**row) for row in held[name]] for name, kind in kinds.items()}
     return Studies(
         case_1=load_studies(Case1Study, case_1, "study"),

@@ -229,3 +229,21 @@ def coverage_table(studies: Studies) -> Table:
         columns,
         cells,
     )
+
+
+def scatter_table(studies: Studies) -> Table:
+    """Return the eigenvalues where snapshots scatter."""
+    columns = [
+        Column("model"),
+        Column("scatter of every pressure", "%"),
+        Column("eigenvalues above 1e-6"),
+        Column("lambda_1 / lambda_8", "1", ".3g"),
+        Column("smallest eigenvalue", "1", ".1e"),
+    ]
+    cells = [
+        [row.model, 100.0 * row.scatter, row.above, row.decay, row.smallest] for row in studies.measured.scatter
+    ]
+    caption = (
+        "Eigenvalues of Case 2 where every pressure of every snapshot has an error of its own (published: 54)"
+    )
+    return make_table("scatter", caption, columns, cells)

@@ -2,19 +2,9 @@
 
 #include <math.h>
 
-/* The two products that every step makes are compiled twice on x86-64: registers of AVX2 hold four doubles, those that
-   every processor has two. Both do the same operations in the same order, so that the result is the same to the bit;
-   fused multiply-adds, which would not be, are neither asked for nor part of AVX2. */
-#if defined(__x86_64__) && defined(__GNUC__)
-#define HAVE_AVX2_VERSION
-#define INLINE inline __attribute__((always_inline))
-#else
-#define INLINE inline
-#endif
-
 /* Four columns at a time: y is loaded and stored once for four products, and each y[i] still gathers its columns from
    left to right, so that the width of vector registers does not change a bit. */
-static INLINE void times(size_t n, const double *restrict upper, const double *restrict x, double *restrict y) {
+void triangle_times(size_t n, const double *restrict upper, const double *restrict x, double *restrict y) {
     for (size_t i = 0; i < n; i++) {
         y[i] = 0.0;
     }
@@ -40,9 +30,25 @@ static INLINE void times(size_t n, const double *restrict upper, const double *r
     }
 }
 
-/* The same with four rows at a time. */
-static INLINE void transposed_times(size_t n, const double *restrict rows, const double *restrict x,
-                                    double *restrict y) {
+/* Four sums, so that additions need not wait for each other. */
+double dot(size_t n, const double *restrict x, const double *restrict y) {
+    double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        a += x[i] * y[i];
+        b += x[i + 1] * y[i + 1];
+        c += x[i + 2] * y[i + 2];
+        d += x[i + 3] * y[i + 3];
+    }
+    double sum = (a + b) + (c + d);
+    for (; i < n; i++) {
+        sum += x[i] * y[i];
+    }
+    return sum;
+}
+
+/* As triangle_times, with four rows at a time. */
+void triangle_transposed_times(size_t n, const double *restrict rows, const double *restrict x, double *restrict y) {
     for (size_t j = 0; j < n; j++) {
         y[j] = 0.0;
     }
@@ -66,57 +72,6 @@ static INLINE void transposed_times(size_t n, const double *restrict rows, const
             y[j] += row[j] * x[i];
         }
     }
-}
-
-#ifdef HAVE_AVX2_VERSION
-
-__attribute__((target("avx2"))) static void times_avx2(size_t n, const double *upper, const double *x, double *y) {
-    times(n, upper, x, y);
-}
-
-__attribute__((target("avx2"))) static void transposed_times_avx2(size_t n, const double *rows, const double *x,
-                                                                  double *y) {
-    transposed_times(n, rows, x, y);
-}
-
-static int processor_has_avx2(void) {
-    return __builtin_cpu_supports("avx2") != 0;
-}
-
-#else
-
-static int processor_has_avx2(void) {
-    return 0;
-}
-
-#define times_avx2 times
-#define transposed_times_avx2 transposed_times
-
-#endif
-
-void triangle_times(size_t n, const double *upper, const double *x, double *y) {
-    (processor_has_avx2() ? times_avx2 : times)(n, upper, x, y);
-}
-
-void triangle_transposed_times(size_t n, const double *rows, const double *x, double *y) {
-    (processor_has_avx2() ? transposed_times_avx2 : transposed_times)(n, rows, x, y);
-}
-
-/* Four sums, so that additions need not wait for each other. */
-double dot(size_t n, const double *restrict x, const double *restrict y) {
-    double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
-    size_t i = 0;
-    for (; i + 4 <= n; i += 4) {
-        a += x[i] * y[i];
-        b += x[i + 1] * y[i + 1];
-        c += x[i + 2] * y[i + 2];
-        d += x[i + 3] * y[i + 3];
-    }
-    double sum = (a + b) + (c + d);
-    for (; i < n; i++) {
-        sum += x[i] * y[i];
-    }
-    return sum;
 }
 
 void triangle_rows(size_t n, const double *upper, double *rows) {

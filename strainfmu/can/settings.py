@@ -21,7 +21,7 @@ class BridgeSettings:
     invalid_after : silence after which they say INVALID.
     max_delta : largest step of an E2E counter that is believed.
     state_machine : limits of the E2E state machine.
-    stuck_cycles : equal raw values in a row after which one gauge is left out; 0 for never.
+    stuck_cycles : equal raw values in a row after which one gauge is left out; 0 for never, nor all of them.
     zero_cycles : exact zeros in a row after which one gauge is left out; 0 for never.
     zero_jump : a fall to exactly zero from more than this [m/m], and three times its last change, counts at once.
     rate_limit : largest change from one cycle to the next [m/m].

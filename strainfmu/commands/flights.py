@@ -37,7 +37,7 @@ def fly(
 ) -> None:
     """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU.
 
-    One run per feedback, the plant's true coefficients or the estimator's: a table, recordings (HDF5, CSV), figures.
+    One run per feedback, the plant's true coefficients or the estimator's: a table, recordings, figures.
     Ends with exit code 1 if the loop does not hold its angle of attack.
 
     Examples:

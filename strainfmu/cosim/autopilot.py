@@ -6,9 +6,14 @@ The law inverts the short-period motion. With w the frequency and z the damping 
     I q' = q_inf S L M_P + M_control
     M_control = I [w^2 (a_c - a) - (2 z w - Z) a'] - q_inf S L M_P,  Z = q_inf S (dC_N/da) / (m V)
 
-gives a'' = w^2 (a_c - a) - 2 z w a': the poles are those of s^2 + 2 z w s + w^2, whatever the vehicle. The angle of
-attack a is not measured: it is read from C_N, which rises with it. The damping that the air gives is left to the
-vehicle. ``fmus/native/plant/autopilot.c`` is the law in C.
+gives a'' = w^2 (a_c - a) - 2 z w a': the poles are those of s^2 + 2 z w s + w^2, whatever the vehicle. The angle
+of attack a is not measured: it is read from C_N, which rises with it. An error of M_P would leave a standing error
+of a; so what accelerates a without being explained, d, is observed and subtracted from the bracket's first term:
+
+    d = p (a' - integral of (a'' as predicted, with d in it)),
+
+the pole of which is -p and which leaves the step response as it is. The damping that the air gives is part of d.
+``fmus/native/plant/autopilot.c`` is the law in C.
 """
 
 from __future__ import annotations
@@ -40,6 +45,7 @@ class AutopilotSettings:
     ----------
     frequency : w, natural frequency of the angle of attack under control [rad/s].
     damping_ratio : z [1].
+    observer_rate : p, rate at which unexplained accelerations are found [rad/s]; 0 for never.
     largest_moment : bound on the control moment [N m].
     hold_time : for how long the last good estimate stands in for one that is missing or suspect [s].
     confirmations : samples in a row after which a suspect gauge is taken out of use; 0 for never.
@@ -48,6 +54,7 @@ class AutopilotSettings:
 
     frequency: float = 4.0
     damping_ratio: float = 0.8
+    observer_rate: float = 2.0
     largest_moment: float = 2000.0
     hold_time: float = 0.1
     confirmations: int = 3
@@ -55,7 +62,7 @@ class AutopilotSettings:
 
 
 def normal_force_table(model: FlightModel, start: FlightStart) -> FloatArray:
-    """Return (k, 2) rows of angle of attack [rad] and C_N [1] at the Mach number, sideslip and altitude of ``start``.
+    """Return (k, 2) rows of angle of attack [rad] and C_N [1] at the flight condition of ``start``.
 
     Raises
     ------
@@ -173,7 +180,9 @@ def _inputs(start: FlightStart) -> list[Variable]:
         Variable("C_N", "Normal force coefficient, positive up", "input", unit="1", start=0.0),
         Variable("M_P", "Pitching moment coefficient, positive nose-up", "input", unit="1", start=0.0),
         Variable("chi_square", "Chi-square of the estimate's residual", "input", unit="1", start=0.0),
-        Variable("chi_square_limit", "Its alarm level: above it the estimate is suspect", "input", unit="1", start=1.0),
+        Variable(
+            "chi_square_limit", "Its alarm level: above it the estimate is suspect", "input", unit="1", start=1.0
+        ),
         Variable(
             "suspect_gauge",
             "Number, from 1, of the gauge that does not fit; 0 for none",
@@ -191,7 +200,9 @@ def _inputs(start: FlightStart) -> list[Variable]:
             display_unit="kPa",
             start=nominal,
         ),
-        Variable("pitch_rate", "Pitch rate, positive nose-up", "input", unit="rad/s", display_unit="deg/s", start=0.0),
+        Variable(
+            "pitch_rate", "Pitch rate, positive nose-up", "input", unit="rad/s", display_unit="deg/s", start=0.0
+        ),
     ]
 
 
@@ -200,6 +211,7 @@ def _parameters(settings: AutopilotSettings) -> list[Variable]:
     reals = (
         ("frequency", "Natural frequency of the angle of attack under control", "rad/s", None, positive, 1e6),
         ("damping_ratio", "Damping ratio of the angle of attack under control", "1", None, 0.0, 1e6),
+        ("observer_rate", "Rate at which unexplained accelerations are found", "rad/s", None, 0.0, 1e6),
         ("largest_moment", "Bound on the control moment", "N.m", "kN.m", 0.0, 1e12),
         ("hold_time", "How long the last good estimate stands in for a suspect one", "s", "ms", 0.0, 1e6),
     )
@@ -223,7 +235,16 @@ def _parameters(settings: AutopilotSettings) -> list[Variable]:
             for name, text, unit, shown, low, high in reals
         ),
         *(
-            Variable(name, text, "parameter", "tunable", "Integer", minimum=0, maximum=10**6, start=getattr(settings, name))
+            Variable(
+                name,
+                text,
+                "parameter",
+                "tunable",
+                "Integer",
+                minimum=0,
+                maximum=10**6,
+                start=getattr(settings, name),
+            )
             for name, text in integers
         ),
     ]

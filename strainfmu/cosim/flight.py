@@ -2,8 +2,8 @@
 
     schedule -> plant -> estimator -> autopilot -> plant (delayed)
 
-Four FMUs: the schedule commands and makes gauges fail; the plant flies and strains; the estimator turns strains into
-coefficients; the autopilot closes the loop through them, and takes bad gauges out of the estimator's use.
+Four FMUs: the schedule commands and makes gauges fail; the plant flies and strains; the estimator turns strains
+into coefficients; the autopilot closes the loop through them, and takes bad gauges out of the estimator's use.
 """
 
 from __future__ import annotations
@@ -56,7 +56,13 @@ def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | N
     folder.mkdir(parents=True, exist_ok=True)
     export_estimator(scenario.inverse_map, fmus["estimator"])
     export_native_plant(
-        scenario.flight_model, fmus["plant"], Motion.SHORT_PERIOD, scenario.start, None, platforms, scenario.noise_seed
+        scenario.flight_model,
+        fmus["plant"],
+        Motion.SHORT_PERIOD,
+        scenario.start,
+        None,
+        platforms,
+        scenario.noise_seed,
     )
     export_autopilot(scenario.flight_model, fmus["autopilot"], scenario.start, scenario.autopilot, platforms)
     export_schedule(scheduled_signals(scenario, model), fmus["schedule"], platforms)
@@ -168,7 +174,7 @@ def fly(
 
 @dataclass(frozen=True)
 class FaultReport:
-    """What came of one fault: seconds until health was other than OK, and until the gauge was out of use; or None."""
+    """What came of one fault: seconds until health was not OK, and until the gauge was out of use; or None."""
 
     event: FaultEvent
     reported_after: float | None
@@ -244,7 +250,8 @@ def _fault_report(event: FaultEvent, recording: Recording, model: FlightModel) -
 
 def fault_text(event: FaultEvent) -> str:
     """Say a fault in a few words."""
-    value = {GaugeFault.DRIFT: f" {1e6 * event.value:g} um/m per s"}.get(event.kind, f" {1e6 * event.value:g} um/m")
+    value = {GaugeFault.DRIFT: f" {1e6 * event.value:g} um/m per s"}.get(
+        event.kind, f" {1e6 * event.value:g} um/m"
+    )
     valued = event.kind in (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
     return f"{event.kind.name.lower()}{value if valued else ''} of gauge {event.gauge} at {event.time:g} s"
-

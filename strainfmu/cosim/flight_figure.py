@@ -86,5 +86,7 @@ def _draw_coefficient(axis: Any, recording: Recording, name: str) -> None:
 
 def _draw_health(axis: Any, recording: Recording) -> None:
     axis.step(recording.time, recording["estimator.health.state"], where="post", color="tab:red", linewidth=0.9)
-    axis.set_yticks([int(state) for state in HealthState], [state.name for state in HealthState], fontsize="x-small")
+    axis.set_yticks(
+        [int(state) for state in HealthState], [state.name for state in HealthState], fontsize="x-small"
+    )
     axis.set_ylabel("health")

@@ -1,8 +1,8 @@
 """Gauge noise of the native plant: standard normal numbers that every platform draws alike, to the last bit.
 
 A number belongs to a seed, a sample and a gauge, whatever was drawn before it, so that a run can be resumed or
-repeated from anywhere. Bits come from SplitMix64 (Steele, Lea & Flood, OOPSLA 2014); the normal quantile comes from
-polynomials, one per octave of the probability, so that no function of a mathematical library is called.
+repeated from anywhere. Bits come from SplitMix64 (Steele, Lea & Flood, OOPSLA 2014); the normal quantile comes
+from polynomials, one per octave of the probability, so that no function of a mathematical library is called.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ _DECIMALS = 11
 def quantile_table() -> FloatArray:
     """Return (OCTAVES, COEFFICIENTS): octave k holds -quantile(p) for p = 2^-(k+2) to twice that [1].
 
-    Coefficients of the powers of t, which goes from -1 to 1 over the octave; interpolation at Chebyshev points. The
-    largest error is below 3e-9.
+    Coefficients of the powers of t, which goes from -1 to 1 over the octave; interpolation at Chebyshev points.
+    The largest error is below 3e-9.
     """
     normal = NormalDist()
     nodes = np.polynomial.chebyshev.chebpts1(COEFFICIENTS)

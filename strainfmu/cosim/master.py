@@ -83,8 +83,8 @@ def simulate(
     communication_step_size : time between communication points [s].
     record : signals ``instance.variable`` to record; None records all outputs that are numbers.
     progress : called with the simulated time [s] after every step.
-    at_once : step all instances with what the others gave at the communication point before (Jacobi), as most other
-        engines do: every connection then has a delay of one step. The start is the same.
+    at_once : step all instances with what the others gave at the communication point before (Jacobi), as most
+        other engines do: every connection then has a delay of one step. The start is the same.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def _wire(instance: Instance, system: System, signals: Sequence[str]) -> _Wired:
 
 
 def _initialize(wired: Sequence[_Wired], system: System, stop_time: float, current: FloatArray) -> None:
-    """Set start values and initialize all instances, each after those that feed it; delayed inputs start as they are."""
+    """Set start values and initialize all, each after those that feed it; delayed inputs start as they are."""
     for item in wired:
         _set_start_values(item.instance, system)
         item.instance.begin(stop_time)

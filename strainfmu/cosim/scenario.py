@@ -27,7 +27,7 @@ class Command:
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """From ``time`` [s] on a gauge, by name or by number from 1, has a fault; ``value`` is that of its kind [SI]."""
+    """From ``time`` [s] on a gauge, by name or number from 1, has a fault; ``value`` is that of its kind [SI]."""
 
     time: float
     gauge: str | int
@@ -136,7 +136,7 @@ def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
     InputError
         The file is missing or no TOML, or an entry is missing, unknown or out of range.
     """
-    root = _Table(path, "", _read(path))
+    root = _Table(path, "", dict(_read(path)))
     base = folder if folder is not None else path.parent
     files, flight, vehicle = root.table("files"), root.table("flight"), root.table("vehicle")
     stop_time = root.number("stop_time_s", None, 1e-3, 1e5)
@@ -193,6 +193,7 @@ def _autopilot(table: _Table) -> AutopilotSettings:
     settings = AutopilotSettings(
         frequency=table.number("frequency_rad_per_s", default.frequency, 1e-3, 1e3),
         damping_ratio=table.number("damping_ratio", default.damping_ratio, 0.0, 100.0),
+        observer_rate=table.number("observer_rate_rad_per_s", default.observer_rate, 0.0, 1e3),
         largest_moment=table.number("largest_moment_N_m", default.largest_moment, 0.0, 1e12),
         hold_time=table.number("hold_time_s", default.hold_time, 0.0, 1e5),
         confirmations=table.whole("confirmations", default.confirmations, 10**6),

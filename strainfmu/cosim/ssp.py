@@ -1,8 +1,8 @@
 """A system of FMUs as an SSP package, for other co-simulation engines.
 
-Source: System Structure and Parameterization 1.0, Modelica Association, 2019, sections 4 and 5. Engines differ in what
-they can read: OMSimulator wants an annotation with its own settings, ecos and libcosim refuse connectors of the system
-itself. An SSP knows no delays: an engine that steps all FMUs at once delays every connection by one step.
+Source: System Structure and Parameterization 1.0, Modelica Association, 2019, sections 4 and 5. Engines differ in
+what they can read: OMSimulator wants an annotation with its own settings, ecos and libcosim refuse connectors of
+the system itself. An SSP knows no delays: an engine that steps all FMUs at once delays every connection by a step.
 """
 
 from __future__ import annotations
@@ -76,7 +76,9 @@ def system_structure(
         _add_component(elements, system, descriptions, instance, outputs, place)
     connections = SubElement(top, f"{{{SSD}}}Connections")
     for connection in system.connections:
-        _add_connection(connections, split_signal(connection.source, descriptions), connection.target, descriptions)
+        _add_connection(
+            connections, split_signal(connection.source, descriptions), connection.target, descriptions
+        )
     for signal in outputs if system_connectors else ():
         instance, variable = split_signal(signal, descriptions)
         ends = {"startElement": instance, "startConnector": variable, "endConnector": _system_name(signal)}

@@ -123,4 +123,6 @@ def stepping_order(system: System) -> tuple[str, ...]:
     try:
         return tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
-        raise InputError(f"connections form a cycle: {' -> '.join(error.args[1])}; one of them must be delayed") from error
+        raise InputError(
+            f"connections form a cycle: {' -> '.join(error.args[1])}; one of them must be delayed"
+        ) from error

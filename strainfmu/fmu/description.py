@@ -25,6 +25,7 @@ LICENSE = "BSD-3-Clause"
 TOLERANCE = "1e-06"
 
 LOG_CATEGORIES = {
+    "logEvents": "What happens, as another state of health, with status OK",
     "logStatusWarning": "Messages with status Warning",
     "logStatusDiscard": "Messages with status Discard",
     "logStatusError": "Messages with status Error",

@@ -135,6 +135,7 @@ def _native_estimator(
         native_package.CAPABILITIES[version],
         version,
         [name for name in sources if name.endswith(".c")],
+        native_package.MODEL_EXCHANGE[version],
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid)}
     return {

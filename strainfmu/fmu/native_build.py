@@ -1,8 +1,8 @@
-"""Build the C run-time of the native FMU for all platforms: ``python -m strainfmu.fmu.native_build [platform ...]``.
+"""Build the C run-time of the native FMU: ``python -m strainfmu.fmu.native_build [platform ...]``, all by default.
 
-The libraries lie in ``fmus/native/binaries``, so that exporting an FMU needs no compiler; building them again needs
-the extra ``native`` (zig's C compiler, which carries the headers and libraries of every target) and fmpy for the FMI
-headers. The same sources and the same version of zig give the same bytes, on any machine and in any folder.
+The libraries lie in ``fmus/native/binaries``, so that exporting an FMU needs no compiler. Building them again
+needs the extra ``native``: zig's C compiler, which carries headers and libraries of every target, and fmpy for the
+FMI headers. The same sources and the same version of zig give the same bytes, on any machine and in any folder.
 """
 
 from __future__ import annotations

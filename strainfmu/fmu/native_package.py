@@ -32,10 +32,32 @@ CAPABILITIES = {
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
         "canHandleVariableCommunicationStepSize": "true",
     },
 }
 """What the library can do: attributes of CoSimulation, by FMI version."""
+
+MODEL_EXCHANGE = {
+    "2": {
+        "needsExecutionTool": "false",
+        "completedIntegratorStepNotNeeded": "true",
+        "canBeInstantiatedOnlyOncePerProcess": "false",
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": "true",
+    },
+    "3": {
+        "needsExecutionTool": "false",
+        "canBeInstantiatedOnlyOncePerProcess": "false",
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
+    },
+}
+"""What the estimator's library can do for model exchange: it has no states, so that this costs nothing."""
 
 FOLDERS = {
     "x86_64-linux": "linux64",

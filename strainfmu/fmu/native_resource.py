@@ -1,8 +1,9 @@
 """The inverse map as the native FMU reads it: ``resources/map.bin``.
 
-Little endian. A header of 128 bytes: magic, format version, byte order mark, length of the file, CRC-32 of all that
-follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior is known;
-the guid, ended by a zero. Then float64 values: ten scalars and the arrays, in the order of :func:`_arrays`.
+Little endian. A header of 128 bytes: magic, format version, byte order mark, length of the file, CRC-32 of all
+that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
+is known; the guid, ended by a zero. Then float64 values: ten scalars, and the arrays in the order of
+:func:`_arrays`.
 ``fmus/native/map_resource.h`` tells the same to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.Estimator`, in the same bits on every machine

@@ -1,6 +1,7 @@
 """Build the C run-time of plant, autopilot and schedule: ``python -m strainfmu.fmu.plant_build [platform ...]``.
 
-Flags, platforms and what it needs are those of :mod:`strainfmu.fmu.native_build`. One library holds all three models.
+Flags, platforms and what it needs are those of :mod:`strainfmu.fmu.native_build`. One library holds all
+three models.
 """
 
 from __future__ import annotations

@@ -33,19 +33,19 @@ def native_plant_sections(model: FlightModel, motion: Motion, content_hash: str)
     flight = {
         Motion.INPUTS: "The flight condition is its input.",
         Motion.TRAJECTORY: "It flies a stored trajectory; after its end the last flight condition stays.",
-        Motion.SHORT_PERIOD: "Angle of attack and pitch rate follow from the aerodynamic moment and a control moment, "
-        "at constant speed and without gravity: a' = q - q_inf S C_N/(m V), I q' = q_inf S L (M_P + C q L/(2 V)) + "
-        "M_control. Runge-Kutta steps of at most 1 ms; the control moment is constant over a step.",
+        Motion.SHORT_PERIOD: "Angle of attack and pitch rate follow from the aerodynamic and a control moment, at "
+        "constant speed and without gravity: a' = q - q_inf S C_N/(m V), I q' = q_inf S L (M_P + C q L/(2 V)) "
+        "+ M_control. Runge-Kutta steps of at most 1 ms; the control moment is constant over a step.",
     }[motion]
     faults = ", ".join(f"{int(kind)} {kind.name.lower()}" for kind in GaugeFault)
     return [
         (
             "What it computes",
             [
-                f"The strains that {model.n_gauges} gauges would measure, with noise, and the true coefficients to "
-                f"compare with. {flight}",
-                "The noise is drawn for every communication point; equal seed and steps give the same noise, to the "
-                "last bit on every platform.",
+                f"The strains that {model.n_gauges} gauges would measure, with noise, and the true coefficients "
+                f"to compare with. {flight}",
+                "The noise is drawn for every communication point; equal seed and steps give the same noise, to "
+                "the last bit on every platform.",
                 f"Gauges fail as <code>fault_kind</code> says: {faults}.",
                 f"Vehicle: {escape(model.vehicle)}. Flight model: <code>{content_hash}</code>.",
             ],

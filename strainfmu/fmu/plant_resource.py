@@ -1,7 +1,7 @@
 """``resources/model.bin`` of the native FMUs round the estimator; fmus/native/plant/model.c reads it.
 
-Little endian: a header of 128 bytes, then float64: type, causality, start, minimum and maximum of all variables, then
-the data of the model.
+Little endian: a header of 128 bytes, then float64: type, causality, start, minimum and maximum of all variables,
+then the data of the model.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _flight_model_data(model: FlightModel) -> FloatArray:
 
 
 def _atmosphere_layers() -> FloatArray:
-    """Return (k, 5) rows of base [m], top [m], gradient [K/m], and pressure [Pa] and temperature [K] at the base."""
+    """Return (k, 5) rows: base [m], top [m], gradient [K/m], pressure [Pa] and temperature [K] at the base."""
     bases = [base for base, _ in LAYERS]
     return np.array(
         [

@@ -147,7 +147,7 @@ def host_costs(fmu: Path, unzipped: Path, n_gauges: int) -> dict[str, float]:
     product, step, instantiation = np.array(said.split(), dtype=float).tolist()
     return {
         f"C host: bare product 5 x {n_gauges}": product,
-        f"C host, native FMI 2.0: set {n_gauges}, step, get 5 and health": step,
+        f"C host, native FMI 2.0: set {n_gauges}, step, get 5 and health ({step / product:.1f} x in C)": step,
         "C host, native FMI 2.0: instantiate": instantiation,
     }
 

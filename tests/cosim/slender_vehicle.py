@@ -1,7 +1,8 @@
-"""A vehicle with linear loads, the flight model and the inverse map of which agree exactly: closed forms for flights.
+"""A vehicle with linear loads, flight model and inverse map of which agree exactly: closed forms for flights.
 
 With the total incidence a and the roll angle phi_T of the flow, strain is p_inf (e0 + e1 a cos(phi - phi_T) +
-e2 a^2 cos 2 (phi - phi_T)) on two kinds of gauges, C_A and C_T = c1 a, M_T = m1 a. So five states carry everything.
+e2 a^2 cos 2 (phi - phi_T)) on two kinds of gauges, C_A constant, C_T = c1 a, M_T = m1 a. So five states carry
+everything.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Fly an SSP package in another engine: ``python ssp_engines.py TASK``, a JSON object; signals go to a .npy file."""
+"""Fly an SSP package in another engine: ``python ssp_engines.py TASK``, a JSON object; signals go to .npy."""
 
 from __future__ import annotations
 

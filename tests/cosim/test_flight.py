@@ -121,7 +121,7 @@ def test_a_failing_gauge_is_reported_and_the_loop_holds(
 
 def test_a_frozen_gauge_is_found_when_the_load_moves(scenario: Scenario, tmp_path: Path) -> None:
     broken = replace(scenario, faults=(FaultEvent(0.2, 1, GaugeFault.FROZEN),))
-    recording, result = flown(broken, tmp_path)
+    _, result = flown(broken, tmp_path)
     report = result.faults[0]
     # It freezes in steady flight: only after the step at 0.5 s can anyone know.
     assert report.reported_after is not None
@@ -153,9 +153,7 @@ def test_same_flight_same_bits(scenario: Scenario, fmus: dict[str, Path], tmp_pa
     again = export_flight(scenario, tmp_path)
     for name in INSTANCES:
         assert again[name].read_bytes() == fmus[name].read_bytes()
-    np.testing.assert_array_equal(
-        fly(scenario, fmus, "estimate").values, fly(scenario, again, "estimate").values
-    )
+    np.testing.assert_array_equal(fly(scenario, fmus, "estimate").values, fly(scenario, again, "estimate").values)
 
 
 def test_cycles_need_a_delay(scenario: Scenario, fmus: dict[str, Path]) -> None:
@@ -218,7 +216,7 @@ def test_fmpy_flies_the_ssp(
 
 
 def other_engine(engine: str, path: Path, scenario: Scenario, fmus: dict[str, Path], folder: Path) -> np.ndarray:
-    """(n, k) watched signals after every step, by a program of its own: an engine that dies takes nothing with it."""
+    """(n, k) watched signals after every step, by a program of its own: should the engine die, only that."""
     references = {}
     for name in INSTANCES:
         variables = fmpy.read_model_description(str(fmus[name]), validate=False).modelVariables
@@ -295,7 +293,11 @@ def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Pa
         ("stop_time_s = 5.0", "stop_time_s = true", "stop_time_s: True found"),
         ("mach_number = 6.0", "mach_number = 6.0\nmac = 1", "flight.mac: unknown entry"),
         ("mach_number = 6.0", "mach_number = nan", "flight.mach_number: nan found"),
-        ("mach_number = 6.0", "mach_number = 6.0\nnoise_seed = 1.5", "flight.noise_seed: 1.5 found, a whole number"),
+        (
+            "mach_number = 6.0",
+            "mach_number = 6.0\nnoise_seed = 1.5",
+            "flight.noise_seed: 1.5 found, a whole number",
+        ),
         ("mach_number = 6.0", "mach_number = 6.0\nnoise_seed = -1", "flight.noise_seed: -1 found"),
         ("time_s = 0.0", "time_s = 0.1", "command: the times of the commands must start at 0 and increase"),
         ('name = "slender vehicle"', 'feedback = "guess"', "feedback: 'guess' found, must be truth or estimate"),
@@ -306,9 +308,7 @@ def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Pa
         ("[flight]", "[vehicle]\nmass_kg = 0\n[flight]", "vehicle.mass_kg: 0 found"),
     ],
 )
-def test_wrong_scenarios(
-    files: SlenderFiles, tmp_path: Path, run: Run, old: str, new: str, message: str
-) -> None:
+def test_wrong_scenarios(files: SlenderFiles, tmp_path: Path, run: Run, old: str, new: str, message: str) -> None:
     text = files.scenario.read_text()
     assert old in text
     path = tmp_path / "wrong.toml"
@@ -328,7 +328,10 @@ def test_wrong_scenarios(
         ('kind = "dropout"\ngauge = "X"', "gauge 'X' found"),
         ('kind = "dropout"', "fault.1.gauge: None found"),
         ('kind = "dropout"\ngauge = 1\nvalue_um_per_m = 3', "fault.1.value_um_per_m: unknown entry"),
-        ('kind = "dropout"\ngauge = 1\n[[fault]]\ntime_s=1\nkind="none"\ngauge=1', "times of fault_kind[1] must increase"),
+        (
+            'kind = "dropout"\ngauge = 1\n[[fault]]\ntime_s=1\nkind="none"\ngauge=1',
+            "times of fault_kind[1] must increase",
+        ),
     ],
 )
 def test_wrong_faults(files: SlenderFiles, tmp_path: Path, run: Run, fault: str, message: str) -> None:
@@ -346,7 +349,7 @@ def test_scenario_that_is_not_there(tmp_path: Path, run: Run) -> None:
 
 def test_packages_have_the_right_name(scenario: Scenario, fmus: dict[str, Path], tmp_path: Path) -> None:
     system = flight_system(scenario, fmus, "truth")
-    with pytest.raises(InputError, match="must end in .ssp"):
+    with pytest.raises(InputError, match=r"must end in \.ssp"):
         write_ssp(system, tmp_path / "x.zip", "x", 1.0, 0.1)
     with pytest.raises(InputError, match="start values"):
         write_ssp(replace(system, start_values={"plant.mass": 3.0}), tmp_path / "x.ssp", "x", 1.0, 0.1)
@@ -358,7 +361,9 @@ def test_the_table_of_normal_force_covers_the_envelope() -> None:
     # C_N = c1 a_T cos phi_T at cos a_T = cos a cos b.
     total = np.arccos(np.cos(table[:, 0]) * np.cos(start.sideslip_angle))
     up = np.sin(table[:, 0]) * np.cos(start.sideslip_angle)
-    np.testing.assert_allclose(table[:, 1], 3.0 * total * up / np.hypot(up, np.sin(start.sideslip_angle)), atol=1e-12)
+    np.testing.assert_allclose(
+        table[:, 1], 3.0 * total * up / np.hypot(up, np.sin(start.sideslip_angle)), atol=1e-12
+    )
     assert total[0] == pytest.approx(radians(12.0))
     with pytest.raises(InputError, match="sideslip"):
         normal_force_table(MODEL, replace(start, sideslip_angle=radians(13.0)))

@@ -197,6 +197,17 @@ def test_the_reference_run_inside_can_be_repeated(fmus: dict[str, Path], tmp_pat
     assert np.ptp(reference["C_A" if kind != "native_3" else "coefficients"]) > 0.0
 
 
+@pytest.mark.parametrize("kind", ["native", "native_3"])
+def test_model_exchange_gives_what_co_simulation_does(fmus: dict[str, Path], kind: str) -> None:
+    """There is no state to integrate: at each point outputs belong to the inputs of that point."""
+    name = "C_A" if kind == "native" else "coefficients"
+    results = [
+        fmpy.simulate_fmu(str(fmus[kind]), stop_time=0.2, output_interval=0.1, fmi_type=fmi_type)[name]
+        for fmi_type in ("CoSimulation", "ModelExchange")
+    ]
+    np.testing.assert_array_equal(*results)
+
+
 def test_the_reference_table_is_as_the_rules_want_it(fmus: dict[str, Path]) -> None:
     with zipfile.ZipFile(fmus["native"]) as archive:
         text = archive.read("extra/org.fmi-standard.fmi-ls-ref/reference_in.csv").decode()

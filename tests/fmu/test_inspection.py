@@ -38,8 +38,20 @@ def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("native", ["2.0, co-simulation", "kind           native", "linux64", "resources/map.bin", "C_N"]),
-        ("native_3", ["3.0, co-simulation", "x86_64-linux", f"strain[{N_GAUGES}]", "0.0 ..", "coefficients[5]"]),
+        (
+            "native",
+            ["2.0, model exchange, co-simulation", "kind           native", "linux64", "resources/map.bin", "C_N"],
+        ),
+        (
+            "native_3",
+            [
+                "3.0, model exchange, co-simulation",
+                "x86_64-linux",
+                f"strain[{N_GAUGES}]",
+                "0.0 ..",
+                "coefficients[5]",
+            ],
+        ),
         ("python", ["kind           python", "linux64, win64", "resources/map.h5", "HealthState"]),
     ],
 )

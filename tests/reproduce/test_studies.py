@@ -10,7 +10,7 @@ from builder.geometry import SurfaceGrid, surface_grid
 from builder.inverse.prior import prior_of_snapshots
 from builder.reproduce.case_1 import case_1_map, field_example, pod_of, study_case_1
 from builder.reproduce.case_2 import case_2_map, load_readings, odd_part, study_field, study_gamma
-from builder.reproduce.measurements import class_rows, crime_rows, hoop_rows, reading_rows
+from builder.reproduce.measurements import class_rows, crime_rows, hoop_rows, reading_rows, scatter_rows
 from builder.reproduce.protocol import P1, QUICK, sized
 from builder.reproduce.readings import SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp, noise_sigma
@@ -171,3 +171,10 @@ def test_second_row_of_gauges_never_makes_the_condition_worse_than_its_root(
     assert all(row.k_2 <= np.sqrt(2.0) * row.k_1 * (1.0 + 1e-12) for row in rows)
     # Readings with the hoop gauges on the same axis have one and the same Configuration 2.
     assert np.ptp([row.k_2 for row in rows[:4]]) < 1e-6 * rows[0].k_2
+
+
+def test_scatter_of_the_snapshots_lifts_the_smallest_eigenvalues(model: StrainModel, pressures: Pressures) -> None:
+    plain, scattered = scatter_rows(model, SHIPPED.configuration(2), pressures, [0.0, 1e-2])
+    assert plain.above < scattered.above
+    assert plain.smallest < scattered.smallest
+    assert scattered.decay == pytest.approx(plain.decay, rel=0.2)

@@ -14,13 +14,20 @@ enum {
 };
 enum {
     COMMANDED_ANGLE, C_N, M_P, CHI_SQUARE, CHI_SQUARE_LIMIT, SUSPECT_GAUGE, DYNAMIC_PRESSURE, PITCH_RATE,
-    FREQUENCY, DAMPING_RATIO, LARGEST_MOMENT, HOLD_TIME, CONFIRMATIONS, LARGEST_ISOLATED,
+    FREQUENCY, DAMPING_RATIO, OBSERVER_RATE, LARGEST_MOMENT, HOLD_TIME, CONFIRMATIONS, LARGEST_ISOLATED,
     N_INPUTS
 };
 /* Constants at the head of the data; the table of angle of attack [rad] and C_N follows. */
 enum { N_GAUGES, N_ROWS, REFERENCE_AREA, REFERENCE_LENGTH, MASS, PITCH_INERTIA, SPEED, N_CONSTANTS };
-/* The last good C_N and M_P, whether there are any, since when [s], and the gauge suspected how many times in a row. */
-enum { GOOD_C_N, GOOD_M_P, HAS_GOOD, GOOD_TIME, SUSPECT, TIMES, N_STATES };
+/* The last good C_N and M_P, whether there are any, since when [s]; the gauge suspected and how many times in a row;
+   the angular acceleration that nothing explains [rad/s2], the rate of the angle of attack that was predicted for now
+   [rad/s], the acceleration that is predicted from now on, the time of the sample, and whether there was one before. */
+enum {
+    GOOD_C_N, GOOD_M_P, HAS_GOOD, GOOD_TIME,
+    SUSPECT, TIMES,
+    UNEXPLAINED, PREDICTED_RATE, PREDICTED_ACCELERATION, SAMPLE_TIME, OBSERVING,
+    N_STATES
+};
 
 static size_t count(double value) {
     return value >= 0.0 && value < 1e6 ? (size_t)value : 0;
@@ -60,20 +67,49 @@ static double angle_at(const Model *model, double c_n, double *slope) {
     return row[0] + (c_n - row[1]) / *slope;
 }
 
+/* Compare the rate of the angle of attack with what was predicted: the difference, filtered, is an acceleration that
+   neither C_N nor M_P nor the control explains. */
+static void observe(Model *model, double angle_rate) {
+    double *state = model->state;
+    const double rate = inputs_of(model)[OBSERVER_RATE];
+    if (state[OBSERVING] != 0.0 && model->value[TRUSTED] != 0.0 && rate > 0.0) {
+        state[PREDICTED_RATE] += (model->time - state[SAMPLE_TIME]) * state[PREDICTED_ACCELERATION];
+        state[UNEXPLAINED] = rate * (angle_rate - state[PREDICTED_RATE]);
+    } else { /* nothing new is known: go on from here */
+        state[UNEXPLAINED] = rate > 0.0 ? state[UNEXPLAINED] : 0.0;
+        state[PREDICTED_RATE] = angle_rate - (rate > 0.0 ? state[UNEXPLAINED] / rate : 0.0);
+    }
+    state[OBSERVING] = 1.0;
+    state[SAMPLE_TIME] = model->time;
+}
+
+static double bounded(double moment, double largest) {
+    return moment > largest ? largest : moment < -largest ? -largest : moment;
+}
+
 /* The moment that gives the angle of attack the chosen second-order motion; *angle is the inferred one. */
-static double control_moment(const Model *model, double *angle) {
+static double control_moment(Model *model, double *angle) {
     const double *data = model->data, *in = inputs_of(model);
+    double *state = model->state;
     const double frequency = in[FREQUENCY], damping = 2.0 * in[DAMPING_RATIO] * frequency;
-    if (model->state[HAS_GOOD] == 0.0 || !isfinite(in[DYNAMIC_PRESSURE]) || !isfinite(in[PITCH_RATE])) {
-        return isfinite(in[PITCH_RATE]) ? -data[PITCH_INERTIA] * damping * in[PITCH_RATE] : 0.0;
+    if (state[HAS_GOOD] == 0.0 || !isfinite(in[DYNAMIC_PRESSURE]) || !isfinite(in[PITCH_RATE])) {
+        state[OBSERVING] = 0.0;
+        const double moment = isfinite(in[PITCH_RATE]) ? -data[PITCH_INERTIA] * damping * in[PITCH_RATE] : 0.0;
+        return bounded(moment, in[LARGEST_MOMENT]);
     }
     double slope;
-    *angle = angle_at(model, model->state[GOOD_C_N], &slope);
+    *angle = angle_at(model, state[GOOD_C_N], &slope);
     const double force_scale = in[DYNAMIC_PRESSURE] * data[REFERENCE_AREA], momentum = data[MASS] * data[SPEED];
-    const double angle_rate = in[PITCH_RATE] - force_scale * model->state[GOOD_C_N] / momentum;
-    const double acceleration = frequency * frequency * (in[COMMANDED_ANGLE] - *angle)
-                              - (damping - force_scale * slope / momentum) * angle_rate;
-    return data[PITCH_INERTIA] * acceleration - force_scale * data[REFERENCE_LENGTH] * model->state[GOOD_M_P];
+    const double angle_rate = in[PITCH_RATE] - force_scale * state[GOOD_C_N] / momentum;
+    const double relief = force_scale * slope / momentum * angle_rate;
+    const double aerodynamic = force_scale * data[REFERENCE_LENGTH] * state[GOOD_M_P];
+    observe(model, angle_rate);
+    const double acceleration =
+        frequency * frequency * (in[COMMANDED_ANGLE] - *angle) - damping * angle_rate - state[UNEXPLAINED];
+    const double moment =
+        bounded(data[PITCH_INERTIA] * (acceleration + relief) - aerodynamic, in[LARGEST_MOMENT]);
+    state[PREDICTED_ACCELERATION] = (moment + aerodynamic) / data[PITCH_INERTIA] - relief + state[UNEXPLAINED];
+    return moment;
 }
 
 /* Whether the estimate fits its gauges, and which gauge does not: states INCONSISTENT and SUSPECT of the health. */
@@ -116,9 +152,7 @@ static void sample(Model *model) {
         state[GOOD_TIME] = model->time;
     }
     isolate(model);
-    double moment = control_moment(model, out + ESTIMATED_ANGLE);
-    const double largest = in[LARGEST_MOMENT];
-    moment = moment > largest ? largest : moment < -largest ? -largest : moment;
+    const double moment = control_moment(model, out + ESTIMATED_ANGLE);
     out[CONTROL_MOMENT] = isfinite(moment) ? moment : 0.0;
 }
 

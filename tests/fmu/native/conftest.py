@@ -41,9 +41,11 @@ def make_map(name: str) -> InverseMap:
     """One of :data:`MAPS`."""
     if name == "few gauges":
         return random_map()
-    gamma, n_gauges, n_states = {"case 1": (0.0, 54, 5), "case 2": (1e-2, 54, 30), "case 2, gamma 1": (1.0, 27, 40)}[
-        name
-    ]
+    gamma, n_gauges, n_states = {
+        "case 1": (0.0, 54, 5),
+        "case 2": (1e-2, 54, 30),
+        "case 2, gamma 1": (1.0, 27, 40),
+    }[name]
     return map_of(random_model(gamma, n_gauges=n_gauges, n_states=n_states))
 
 
@@ -51,7 +53,9 @@ def make_map(name: str) -> InverseMap:
 def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, NativeCase]:
     """Every map of :data:`MAPS` with its resources."""
     made = {name: make_map(name) for name in MAPS}
-    return {name: NativeCase(one, write_resource(one, tmp_path_factory.mktemp("native"))) for name, one in made.items()}
+    return {
+        name: NativeCase(one, write_resource(one, tmp_path_factory.mktemp("native"))) for name, one in made.items()
+    }
 
 
 @pytest.fixture(params=MAPS)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ctypes import POINTER, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -38,7 +38,7 @@ GROUPS = {
     "chi-square": slice(21, 22),
     "chi-square limit": slice(22, 23),
 }
-"""Outputs of one unit, compared relative to their norm: a value near zero among large ones is a difference of these."""
+"""Outputs of one unit, compared relative to the largest: a small one among them is a difference of large terms."""
 
 
 def this_platform() -> str:
@@ -102,7 +102,9 @@ class Fmu2:
         self.n, self.messages = n_gauges, list[tuple[int, str, str]]()
         self._library = library or shipped_library()
         # The format is always "%s", and the text its one argument.
-        self._logger = _LOGGER_2(lambda _e, _n, s, c, f, text: self.messages.append((s, c.decode(), text.decode())))
+        self._logger = _LOGGER_2(
+            lambda _e, _n, s, c, f, text: self.messages.append((s, c.decode(), text.decode()))
+        )
         self._callbacks = _Callbacks(self._logger, None, None, None, None)
         self._library.fmi2Instantiate.restype = c_void_p
         self.instance = c_void_p(
@@ -217,9 +219,9 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 21 in the order of ``SIZES``."""
+    """One instance of FMI 3.0, with arrays; value references 0 .. 21 as docs/native.md lists them."""
 
-    FLOATS = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1}
+    FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1}
     STRAIN, VALID, FIRST_SCALAR, TIME = 12, 13, 14, 21
 
     def __init__(

@@ -24,7 +24,9 @@ def linux(cases: dict[str, NativeCase], tmp_path_factory: pytest.TempPathFactory
 
 
 def test_host_takes_all_branches(linux: dict[str, bytes]) -> None:
-    states = {int(state) for content in linux.values() for state in np.frombuffer(content).reshape(-1, N_OUTPUTS)[:, 20]}
+    states = {
+        int(state) for content in linux.values() for state in np.frombuffer(content).reshape(-1, N_OUTPUTS)[:, 20]
+    }
     assert len(np.frombuffer(linux["case 1"])) == STEPS * N_OUTPUTS
     assert {1, 4} <= states
 

@@ -1,4 +1,4 @@
-"""Damaged, missing and foreign maps, and the paths they lie in: an error that says what is wrong, never a crash."""
+"""Damaged, missing and foreign maps, and the paths they lie in: one message that tells what is wrong, no crash."""
 
 from __future__ import annotations
 
@@ -129,7 +129,20 @@ def test_folder_in_place_of_the_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["with space", "Jürgen Groß", "a+b", "a(b)", "100%", "a%20b", "#1", "what?", "日本語", "x&y=z;", "~'!@$", "[1]"],
+    [
+        "with space",
+        "Jürgen Groß",
+        "a+b",
+        "a(b)",
+        "100%",
+        "a%20b",
+        "#1",
+        "what?",
+        "日本語",
+        "x&y=z;",
+        "~'!@$",
+        "[1]",
+    ],
 )
 def test_names_of_folders(small: NativeCase, tmp_path: Path, name: str) -> None:
     folder = tmp_path / name

@@ -138,7 +138,9 @@ def test_faults(plant: Host) -> None:
         set_fault(plant, gauge, kind, value)
     at_onset = plant.get(STRAINS)
     assert np.isnan(at_onset[0])
-    np.testing.assert_allclose(at_onset[1:], [healthy[1] + 1e-3, healthy[2], 2e-3, before[4], healthy[5]], rtol=1e-15)
+    np.testing.assert_allclose(
+        at_onset[1:], [healthy[1] + 1e-3, healthy[2], 2e-3, before[4], healthy[5]], rtol=1e-15
+    )
     plant.fmu.doStep(2 * STEP, STEP)
     later = plant.get(STRAINS)
     noise = MODEL.noise_std * (gauge_noise(1, 3, N_GAUGES) - gauge_noise(1, 2, N_GAUGES))

@@ -66,7 +66,9 @@ def test_fmutool_finds_nothing(fmus: dict[str, Path]) -> None:
         assert "No semantic error" in text
 
 
-def test_equal_exports_are_equal_to_the_byte(fmus: dict[str, Path], synthetic: SyntheticFiles, tmp_path: Path) -> None:
+def test_equal_exports_are_equal_to_the_byte(
+    fmus: dict[str, Path], synthetic: SyntheticFiles, tmp_path: Path
+) -> None:
     for name, path in make(synthetic, tmp_path).items():
         assert path.read_bytes() == fmus[name].read_bytes(), name
 
