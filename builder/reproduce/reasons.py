@@ -43,10 +43,9 @@ def _k(studies: Studies) -> str:
     hoop = _hoop(studies, TETRAHEDRA)
     return (
         "K depends on the units of d and q, which the source does not give: here 100 um/m per gauge and q in "
-        "units "
-        f"of its rms norm over P1. Linear tetrahedra return {100.0 * hoop.hoop_gain:.0f} % of the hoop strain and "
-        f"{100.0 * hoop.axial_gain:.1f} % of the axial strain, so the modes that hoop gauges tell apart get "
-        "weaker."
+        f"units of its rms norm over P1. Linear tetrahedra return {100.0 * hoop.hoop_gain:.0f} % of the hoop "
+        f"strain and {100.0 * hoop.axial_gain:.1f} % of the axial strain, so the modes that hoop gauges tell "
+        "apart get weaker."
     )
 
 
@@ -58,11 +57,10 @@ def _ratio(studies: Studies) -> str:
         if row.model == HEXAHEDRA and abs(row.ratio / (PUBLISHED["k_ratio"].low or 1.0) - 1.0) <= 0.2
     ]
     return (
-        "The ratio is free of units; which rows hold the hoop gauges is shown in a figure that is not at hand. Of "
-        f"eight readings, {len(inside)} are within 20 % on the converged model: {'; '.join(inside) or 'none'}. "
-        "The "
-        f"nearest is {best.ratio:.2f}; on linear tetrahedra the nearest is {tetrahedra.ratio:.2f} "
-        f"({tetrahedra.reading})."
+        "The ratio is free of units; which rows hold the hoop gauges is shown in a figure that is not at hand. "
+        f"Of eight readings, {len(inside)} are within 20 % on the converged model: "
+        f"{'; '.join(inside) or 'none'}. The nearest is {best.ratio:.2f}; on linear tetrahedra the nearest is "
+        f"{tetrahedra.ratio:.2f} ({tetrahedra.reading})."
     )
 
 
@@ -76,11 +74,9 @@ def _field(number: int) -> Callable[[Studies], str]:
         covered = 100.0 * float(of[SAME_MESH].covered.mean())
         return (
             f"Medians in the order of the columns: five modes alone leave {left} %; estimated without noise "
-            f"{exact} %; "
-            f"with noise {whole} %. Most of the error is not noise: the strain of the truncated modes aliases "
-            "into "
-            f"the coefficients, so that the 3 sigma of the noise alone cover {covered:.0f} % of the samples, not "
-            "99.7 %."
+            f"{exact} %; with noise {whole} %. Most of the error is not noise: the strain of the truncated modes "
+            f"aliases into the coefficients, so that the 3 sigma of the noise alone cover {covered:.0f} % of the "
+            "samples, not 99.7 %."
         )
 
     return why
@@ -113,13 +109,10 @@ def _decay(studies: Studies) -> str:
     lifted = ", ".join(f"{row.above} with {100.0 * row.scatter:g} %" for row in scattered)
     return (
         f"lambda_8 is {values[PAPER_LIKE][7]:.3g}, {values[SAME_MESH][7]:.3g} and {values[INDEPENDENT][7]:.3g} "
-        "in the "
-        "order of the columns: linear tetrahedra lose hoop strain, so there it falls faster. In the source all "
-        "54 are "
-        f"above 1e-6, here {plain.above}. Our snapshots share 45 flows, rolled exactly; with an error of its own "
-        "in "
-        f"every pressure of every snapshot it is {lifted}: the smallest eigenvalues measure the scatter of the "
-        "flow solutions."
+        "in the order of the columns: linear tetrahedra lose hoop strain, so there it falls faster. In the "
+        f"source all 54 are above 1e-6, here {plain.above}. Our snapshots share 45 flows, rolled exactly; with "
+        f"an error of its own in every pressure of every snapshot it is {lifted}: the smallest eigenvalues "
+        "measure the scatter of the flow solutions."
     )
 
 
@@ -129,17 +122,13 @@ def _noise_free(studies: Studies) -> str:
     odd = 100.0 * float(studies.fields[f"{SAME_MESH}-noise_free"].odd_share[0])
     return (
         f"{odd:.1f} % of |p| at this condition is odd both in y and in z, to which the layout is blind on a body "
-        "with "
-        f"two planes of symmetry: on the exactly symmetric model the error is {100.0 * exact.field_error:.1f} % "
-        "even without noise. The tetrahedra have no symmetry, their map feels that part at "
-        f"{tetrahedra.odd_strain:.1e} "
-        "of the prior's strain, and with data of the same mesh that is enough for "
-        f"{100.0 * tetrahedra.field_error:.1f} "
-        f"%. With the same mesh read in another way the error is {100.0 * recovered.field_error:.3g} %, with "
-        "data of the "
-        f"Fourier model {100.0 * crossed.field_error:.3g} %: what recovers the field is the mesh's own error, "
-        "known "
-        "to map and data alike."
+        "with two planes of symmetry: on the exactly symmetric model the error is "
+        f"{100.0 * exact.field_error:.1f} % even without noise. The tetrahedra have no symmetry, their map feels "
+        f"that part at {tetrahedra.odd_strain:.1e} of the prior's strain, and with data of the same mesh that is "
+        f"enough for {100.0 * tetrahedra.field_error:.1f} %. With the same mesh read in another way the error is "
+        f"{100.0 * recovered.field_error:.3g} %, with data of the Fourier model "
+        f"{100.0 * crossed.field_error:.3g} %: what recovers the field is the mesh's own error, known to map and "
+        "data alike."
     )
 
 
@@ -148,11 +137,9 @@ def _noisy(studies: Studies) -> str:
     layout_45 = {key: _percent(studies.fields[f"{key}-noisy_45"].errors) for key in TITLES}
     return (
         f"On the converged model {100.0 * odd.odd_share[1]:.1f} % of the {100.0 * odd.shown:.1f} % is the part "
-        "that the "
-        "layout is blind to. The tetrahedra's lack of symmetry shows some of it even through the noise. With the "
-        f"layout '45' the ranges are {layout_45[PAPER_LIKE]}, {layout_45[SAME_MESH]} and "
-        f"{layout_45[INDEPENDENT]} in "
-        "the order of the columns."
+        "that the layout is blind to. The tetrahedra's lack of symmetry shows some of it even through the "
+        f"noise. With the layout '45' the ranges are {layout_45[PAPER_LIKE]}, {layout_45[SAME_MESH]} and "
+        f"{layout_45[INDEPENDENT]} in the order of the columns."
     )
 
 
@@ -160,12 +147,10 @@ def _gamma(studies: Studies) -> str:
     rules, paper = (studies.gamma[key].by_rule for key in (SAME_MESH, PAPER_LIKE))
     return (
         "The rule puts the misfit at sigma sqrt(n_d), here over all flights of P2 (held-out ones with "
-        "independent data). "
-        f"On draws of M5 a6 b6 alone it gives {paper['morozov, M5 a6 b6']:.2f} (paper-like) and "
-        f"{rules['morozov, M5 a6 b6']:.2f} (converged). It smooths more than the noise asks for, because the "
-        "estimate "
-        f"has used some of the data: corrected for that, gamma is {rules['corrected_discrepancy']:.2f}; by "
-        f"cross-validation {rules['gcv']:.2f}, by evidence {rules['evidence']:.2f} (converged)."
+        f"independent data). On draws of M5 a6 b6 alone it gives {paper['morozov, M5 a6 b6']:.2f} (paper-like) "
+        f"and {rules['morozov, M5 a6 b6']:.2f} (converged). It smooths more than the noise asks for, because the "
+        f"estimate has used some of the data: corrected for that, gamma is {rules['corrected_discrepancy']:.2f}; "
+        f"by cross-validation {rules['gcv']:.2f}, by evidence {rules['evidence']:.2f} (converged)."
     )
 
 
@@ -173,8 +158,7 @@ def _modes_kept(studies: Studies) -> str:
     first = {key: float(studies.gamma[key].eigenvalues[7]) for key in TITLES}
     return (
         f"Number of eigenvalues of at least 10^(1/2); lambda_8 is {first[PAPER_LIKE]:.3g}, "
-        f"{first[SAME_MESH]:.3g}, "
-        f"{first[INDEPENDENT]:.3g} here."
+        f"{first[SAME_MESH]:.3g}, {first[INDEPENDENT]:.3g} here."
     )
 
 
@@ -182,14 +166,11 @@ def _loads(studies: Studies) -> str:
     ours = 100.0 * studies.fields[f"{SAME_MESH}-noisy"].load_error.max(axis=0)
     moment, axial = COEFFICIENTS.index("M_P"), COEFFICIENTS.index("C_A")
     return (
-        "The source gives neither the moment point nor the pressure inside. The columns hold its words: p itself "
-        "over "
-        "the open fore-body, here with moments about the nose tip. On the converged model the largest error of "
-        "M_P is "
-        f"{ours[moment, 0]:.1f} % so and {ours[moment, 3]:.0f} % about the vehicle file's point, which lies near "
-        "the "
-        f"centre of pressure; of C_A {ours[axial, 0]:.1f} % so and {ours[axial, 3]:.0f} % with p - p_internal, of "
-        "which the same error is a larger share."
+        "The source gives neither the moment point nor the pressure inside. The columns hold its words: p "
+        "itself over the open fore-body, here with moments about the nose tip. On the converged model the "
+        f"largest error of M_P is {ours[moment, 0]:.1f} % so and {ours[moment, 3]:.0f} % about the vehicle "
+        f"file's point, which lies near the centre of pressure; of C_A {ours[axial, 0]:.1f} % so and "
+        f"{ours[axial, 3]:.0f} % with p - p_internal, of which the same error is a larger share."
     )
 
 

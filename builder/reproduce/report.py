@@ -27,16 +27,13 @@ Keep = Callable[[str, Callable[[Path], object]], Path]
 
 SETUP_TEXT = (
     "Paper-like: linear tetrahedra, strain constant in each element and read from the one that a gauge lies on; "
-    "the "
-    "data come from the map's own mesh and, as in the source, from flight conditions of the snapshots where the "
-    "source takes them there.",
+    "the data come from the map's own mesh and, as in the source, from flight conditions of the snapshots where "
+    "the source takes them there.",
     "Converged, same mesh: quadratic hexahedra, gauges at their places; otherwise the same.",
     "Independent data: the map is that of the quadratic hexahedra; the strains come from the Fourier model, "
-    "another "
-    "discretisation with its own load map, under pressures of a finer flow grid, at conditions whose flows are "
-    "not "
-    "among the snapshots. Statistics of Case 1 are then over 40 conditions between those of P1; for M5 a6 b5 and "
-    "M5 a6 b6 the condition, and its mirror images, are left out of the snapshots.",
+    "another discretisation with its own load map, under pressures of a finer flow grid, at conditions whose "
+    "flows are not among the snapshots. Statistics of Case 1 are then over 40 conditions between those of P1; "
+    "for M5 a6 b5 and M5 a6 b6 the condition, and its mirror images, are left out of the snapshots.",
 )
 
 
@@ -150,7 +147,8 @@ def _page(studies: Studies, sizes: Sizes, made: dict[str, Table], pictures: dict
         Paragraph(
             'Pham, Ghattas, Clemens and Willcox, "Real-time aerodynamic load estimation for hypersonics via '
             'strain-based inverse maps", done again on the IC3X surrogate: a body of our own, because the source '
-            "gives one number of its geometry. Agreement is therefore agreement of method and size, not of digits."
+            "gives one number of its geometry. Agreement is therefore agreement of method and size, not of "
+            "digits."
         ),
         Paragraph(
             f"Sizes: '{sizes.name}', {measured.surface_nodes:,} pressure nodes; "
@@ -167,10 +165,9 @@ def _page(studies: Studies, sizes: Sizes, made: dict[str, Table], pictures: dict
     case_1 = ["pod_differences", "reconstruction_errors", *(n for n in pictures if n.startswith("field_m"))]
     case_2 = ["eigenvalues", "eigenvectors", *(n for n in pictures if n.startswith(("field_n", "field_o")))]
     blind = Paragraph(
-        "Gauges at 0, 90, 180 and 270 deg along and across the meridian have no response to pressure that is odd "
-        "both in y and in z, on any body with both planes of symmetry, and the prior of P2 correlates such "
-        "pressure "
-        "with nothing that they see. No linear estimator can find it."
+        "Gauges at 0, 90, 180 and 270 deg along and across the meridian have no response to pressure that is "
+        "odd both in y and in z, on any body with both planes of symmetry, and the prior of P2 correlates such "
+        "pressure with nothing that they see. No linear estimator can find it."
     )
     sections = (
         Section("Published and ours", (made["parity"], made["criteria"])),

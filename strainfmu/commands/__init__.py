@@ -48,6 +48,7 @@ for command in (
     maps.inspect,
     maps.bench,
     flights.fly,
+    flights.plant,
     can_bus.bridge,
     can_bus.dbc,
 ):

@@ -1,8 +1,8 @@
-"""Closed-loop flight: ``strainfmu fly``."""
+"""Closed-loop flight: ``strainfmu fly``, and the native plant alone: ``strainfmu plant``."""
 
 from __future__ import annotations
 
-from math import degrees
+from math import degrees, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,8 +52,10 @@ def fly(
     from strainfmu.cosim.flight_model import load_flight_model
     from strainfmu.cosim.recording import save_csv, save_hdf5
     from strainfmu.cosim.scenario import load_scenario
-    from strainfmu.cosim.ssp import write_ssp
+    from strainfmu.cosim.ssp import check_ssp_path, write_ssp
 
+    if ssp is not None:
+        check_ssp_path(ssp)
     console = Console()
     reporter = ConsoleReporter(console)
     loaded = load_scenario(scenario, files)
@@ -87,6 +89,40 @@ def fly(
     if not all(result.holds for result in results.values()):
         console.print("the loop does not hold its angle of attack", highlight=False)
         raise typer.Exit(1)
+
+
+def plant(
+    flight_model: Annotated[Path, typer.Argument(metavar="FLIGHT_MODEL", help="flight_model.h5 of a demo.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write.")] = Path("plant.fmu"),
+    motion: Annotated[
+        str, typer.Option(help="inputs: flown by its inputs; trajectory; short_period: under a control moment.")
+    ] = "inputs",
+    trajectory: Annotated[
+        Path | None, typer.Option(metavar="FILE.csv", help="With --motion trajectory: the table to fly.")
+    ] = None,
+    mach_number: Annotated[float, typer.Option(help="Start value.")] = 6.0,
+    altitude: Annotated[float, typer.Option(metavar="KM", help="Start value.")] = 20.0,
+    angle_of_attack: Annotated[float, typer.Option(metavar="DEG", help="Start value.")] = 0.0,
+    sideslip: Annotated[float, typer.Option(metavar="DEG", help="Start value.")] = 0.0,
+) -> None:
+    """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
+
+    Examples:
+
+        strainfmu plant demo/flight_model.h5 -o plant.fmu
+
+        strainfmu plant demo/flight_model.h5 --motion trajectory --trajectory manoeuvre.csv
+    """
+    from strainfmu.errors import InputError
+    from strainfmu.fmu.plant_export import export_native_plant
+    from strainfmu.plant_interface import FlightStart, Motion
+
+    names = [item.name.lower() for item in Motion]
+    if motion not in names:
+        raise InputError(f"motion: '{motion}' found, must be one of {', '.join(names)}")
+    start = FlightStart(mach_number, 1e3 * altitude, radians(angle_of_attack), radians(sideslip))
+    export_native_plant(flight_model, output, Motion[motion.upper()], start, trajectory)
+    Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 
 def _print_results(console: Console, scenario: Scenario, results: dict[str, FlightResult]) -> None:

@@ -40,8 +40,7 @@ def write_ssp(
     StrainfmuError
         The file could not be written; ``path`` keeps its old content.
     """
-    if path.suffix != ".ssp":
-        raise InputError(f"{path}: the name of an SSP package must end in .ssp")
+    check_ssp_path(path)
     if system.start_values:
         raise InputError("SSP: start values found; give them to the FMUs when these are exported")
     descriptions = {item: read_description(Path(fmu)) for item, fmu in system.instances.items()}
@@ -51,6 +50,18 @@ def write_ssp(
     for item, fmu in system.instances.items():
         entries[f"resources/{item}.fmu"] = Path(fmu).read_bytes()
     write_fmu(path, entries)
+
+
+def check_ssp_path(path: Path) -> None:
+    """Refuse to write a package under a name that no tool would open.
+
+    Raises
+    ------
+    InputError
+        The name does not end in ``.ssp``.
+    """
+    if path.suffix != ".ssp":
+        raise InputError(f"{path}: the name of an SSP package must end in .ssp")
 
 
 def system_structure(

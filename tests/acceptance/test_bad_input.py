@@ -165,7 +165,7 @@ def test_output_that_cannot_be_written(ogive_demo: Path, tmp_path: Path, run: Ru
 
 
 def test_wrong_options(run: Run) -> None:
-    refused(run("fly"), "No such command 'fly'")
+    refused(run("sail"), "No such command 'sail'")
     refused(run("demo", "--speed", "9"), "--speed")
     refused(run("check"), "Missing argument")
 

@@ -21,6 +21,7 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 from slender_vehicle import NOISE_STD, SlenderFiles, make_slender_files, slender_flight_model
 
+from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.autopilot import normal_force_table
 from strainfmu.cosim.flight import (
     INSTANCES,
@@ -87,6 +88,23 @@ def test_truth_gives_the_motion_of_the_law(scenario: Scenario, fmus: dict[str, P
     np.testing.assert_allclose(
         recording["autopilot.estimated_angle_of_attack"], recording["plant.angle_of_attack"], rtol=0.0, atol=1e-6
     )
+
+
+def test_unexplained_moments_leave_no_standing_error(scenario: Scenario, fmus: dict[str, Path]) -> None:
+    # The autopilot knows nothing of the damping of the air, which in a steady turn is a constant moment.
+    damping, w, start = -4000.0, scenario.autopilot.frequency, scenario.start
+    for rate in (0.0, scenario.autopilot.observer_rate):
+        system = flight_system(scenario, fmus, "truth")
+        values = {"plant.pitch_damping": damping, "autopilot.observer_rate": rate}
+        recording = simulate(replace(system, start_values=values), 10.0, scenario.step_size)
+        error = float((recording["schedule.commanded_angle_of_attack"] - recording["plant.angle_of_attack"])[-1])
+        scale = float(recording["plant.dynamic_pressure"][-1]) * MODEL.reference_area * MODEL.reference_length
+        speed = start.mach_number * speed_of_sound(start.altitude)
+        turn = float(recording["plant.pitch_rate"][-1]) * MODEL.reference_length / (2.0 * speed)
+        standing = -scale * damping * turn / (start.pitch_inertia * w**2)
+        assert standing > radians(0.05)
+        # With that damping the slowest pole is -1 per s: after 9.5 s some e^-9.5 of the step of 3 deg is left.
+        assert error == pytest.approx(standing if rate == 0.0 else 0.0, abs=radians(0.001))
 
 
 def test_estimate_flies_as_truth_does(scenario: Scenario, fmus: dict[str, Path]) -> None:
@@ -168,7 +186,8 @@ def test_a_delayed_connection_brings_the_value_before(scenario: Scenario, fmus: 
     for delayed, first in ((False, 50), (True, 51)):
         link = Connection(f"schedule.{name}", f"autopilot.{name}", delayed)
         instances = {key: fmus[key] for key in ("schedule", "autopilot")}
-        recording = simulate(System(instances, [link]), 1.0, 0.01)
+        # Nothing moves here, which the observer would wonder at.
+        recording = simulate(System(instances, [link], {"autopilot.observer_rate": 0.0}), 1.0, 0.01)
         jumps = np.flatnonzero(np.diff(recording["autopilot.control_moment"])[1:]) + 2
         assert jumps[0] == first
 
@@ -340,6 +359,22 @@ def test_wrong_faults(files: SlenderFiles, tmp_path: Path, run: Run, fault: str,
     code, _, err = run("fly", path, "--files", files.folder, "-o", tmp_path / "out")
     assert code == 2
     assert message in err
+
+
+def test_the_plant_alone(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
+    path, model = tmp_path / "p.fmu", files.folder / "flight_model.h5"
+    assert run("plant", model, "-o", path, "--mach-number", 5.5, "--angle-of-attack", 3.0)[::2] == (0, "")
+    found = fmpy.simulate_fmu(str(path), stop_time=0.02, output=["C_N", "dynamic_pressure"])
+    # C_N = c1 a without sideslip.
+    assert found["C_N"][0] == pytest.approx(3.0 * radians(3.0), rel=1e-12)
+    for arguments, message in (
+        (["--motion", "loop"], "motion: 'loop' found, must be one of inputs, trajectory, short_period"),
+        (["--motion", "trajectory"], "a trajectory is needed"),
+        (["--trajectory", "none.csv"], "only for that"),
+    ):
+        code, _, err = run("plant", model, "-o", tmp_path / "q.fmu", *arguments)
+        assert code == 2
+        assert message in err
 
 
 def test_scenario_that_is_not_there(tmp_path: Path, run: Run) -> None:

@@ -177,4 +177,3 @@ def test_scatter_of_the_snapshots_lifts_the_smallest_eigenvalues(model: StrainMo
     plain, scattered = scatter_rows(model, SHIPPED.configuration(2), pressures, [0.0, 1e-2])
     assert plain.above < scattered.above
     assert plain.smallest < scattered.smallest
-    assert scattered.decay == pytest.approx(plain.decay, rel=0.2)

@@ -147,6 +147,10 @@ static void measure(const Setup *setup, long steps) {
         strain[i] = 2e-6 * (uniform(&random) - 0.5);
     }
     fmi2Component c = started(setup);
+    /* The host knows no strains that fit the map: alarm levels so high that health is OK, as it is in most steps. */
+    const fmi2ValueReference alarm_scale = N_OUTPUTS + 2 * n + 3;
+    const double high = 1e9;
+    check(fmi2SetReal(c, &alarm_scale, 1, &high) == fmi2OK, "fmi2SetReal of alarm_scale");
     for (int round = 0; round < 20; round++) {
         const double start = seconds();
         for (long k = 0; k < steps; k++) {

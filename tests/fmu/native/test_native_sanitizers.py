@@ -36,7 +36,8 @@ def test_memory_does_not_grow(cases: dict[str, NativeCase], tmp_path: Path) -> N
     host = host_by_clang(tmp_path / "host")
     words = run_host([str(host)], cases["case 1"], "endure", 1_000_000).split()
     before, after = int(words[1]), int(words[4])
-    assert 0 < after <= before
+    # Pages of code come and go with the machine's load; one byte lost per step would be 220 pages.
+    assert 0 < after <= before + 50
 
 
 def test_threads(case: NativeCase, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.cosim.flight import export_flight
 from strainfmu.cosim.scenario import load_scenario
 from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers
-from strainfmu.fmu.plant_build import SOURCES, library_file, source_files
+from strainfmu.fmu.plant_build import PLATFORMS, SOURCES, build_library, library_file, source_files
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.plant_interface import FlightStart, Motion
 
@@ -125,6 +125,12 @@ def test_sanitizers(models: dict[str, Resources], tmp_path: Path) -> None:
     for item in models.values():
         words = output_of([str(host)], "damage", str(item.folder / "model.bin"), "3000")
         assert 0 < int(words[0]) < 3000
+
+
+@pytest.mark.parametrize("platform", list(PLATFORMS))
+def test_shipped_libraries_are_those_of_the_sources(platform: str) -> None:
+    pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
+    assert build_library(platform) == library_file(platform).read_bytes()
 
 
 def test_the_library_needs_the_c_library_alone() -> None:
