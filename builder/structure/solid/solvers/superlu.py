@@ -11,6 +11,7 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from builder.structure.solid.solvers.back_end import BackEnd, Factor
+from builder.structure.solid.solvers.mirror_symmetry import symmetric_parts
 from builder.structure.solid.solvers.problem import FloatArray, SolverError, SparseProblem
 
 
@@ -43,23 +44,29 @@ def factor_symmetric(matrix: csr_array | csc_array) -> Any:
 
 
 def _factor(problem: SparseProblem) -> Factor:
-    return solve_in_threads(factor_symmetric(problem.matrix))
+    """Factorise part by part (:mod:`~builder.structure.solid.solvers.mirror_symmetry`), several at once.
 
-
-def solve_in_threads(factor: Any) -> Factor:
-    """Return what solves for right-hand sides (n, k), their columns shared out among the processors.
-
-    SuperLU takes columns one by one and lets other threads run meanwhile; the factors are only read.
+    SuperLU lets other threads run while it factorises or solves; finished factors are only read.
     """
+    parts = symmetric_parts(problem)
+
+    def part_factor(basis: csr_array) -> Any:
+        return factor_symmetric(csr_array(basis.T @ problem.matrix @ basis))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        factors = list(pool.map(part_factor, parts))
 
     def solve(right_hand_sides: FloatArray) -> FloatArray:
-        n_parts = min(os.cpu_count() or 1, right_hand_sides.shape[1])
-        if n_parts < 2:
-            alone: FloatArray = factor.solve(right_hand_sides)
-            return alone
-        with ThreadPoolExecutor(n_parts) as pool:
-            parts = pool.map(factor.solve, np.array_split(right_hand_sides, n_parts, axis=1))
-            return np.hstack(list(parts))
+        n_slices = min(os.cpu_count() or 1, right_hand_sides.shape[1])
+        with ThreadPoolExecutor(n_slices) as pool:
+            return np.hstack(list(pool.map(solve_slice, np.array_split(right_hand_sides, n_slices, axis=1))))
+
+    def solve_slice(right_hand_sides: FloatArray) -> FloatArray:
+        solutions = [
+            basis @ factor.solve(basis.T @ right_hand_sides) for basis, factor in zip(parts, factors, strict=True)
+        ]
+        total: FloatArray = np.sum(solutions, axis=0)
+        return total
 
     return solve
 
