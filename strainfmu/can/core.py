@@ -31,6 +31,11 @@ from strainfmu.errors import InputError
 _CATCH_UP = 10
 """Status results at most in one go after the bridge itself stood still."""
 
+_KEPT_SKIPS = 10_000
+
+_READABLE = (None, FrameClass.NOT_TRUSTED)
+"""What a trailer may say of strains that are read."""
+
 _LONGEST_STEP = 100
 """Cycles that one step of the FMU spans at most."""
 
@@ -72,13 +77,16 @@ class BridgeCore:
         self.layout, self.settings, self.guards = layout, settings, guards
         self.account = FrameAccount()
         self.bus_state = BusState.ERROR_ACTIVE
+        # When status results were passed over, the only thing that depends on when :meth:`advance` is called: a
+        # replay needs to know. Pairs of when the first was due and of the time advanced to [s].
+        self.skips: list[tuple[float, float]] = []
         self._step = step
         self._acceptance = Acceptance(layout, own_keys, settings, guards)
         self._reception = Reception(layout, settings, guards)
         self._assembler = CycleAssembler(_limits(layout, settings, guards))
         self._clock = _clock(layout, settings)
         self._decoder = StrainDecoder(layout, guards)
-        self._gauges = GaugeChecks(layout.n_gauges, settings, guards)
+        self._gauges = GaugeChecks(layout.n_gauges, layout.cycle_time, settings, guards)
         self._pressure = HeldPressure(layout.pressure_frame, dynamic_pressure, layout.cycle_time, settings, guards)
         self._held = np.full(layout.n_gauges, np.nan)
         self._noted = Cause.NONE
@@ -182,6 +190,7 @@ class BridgeCore:
         time = arrival.frame.time
         if verdict is Verdict.RESTARTED:
             self._forget_sender()
+            self._pressure.reset()
             self.note(Cause.CLOCK_JUMP)
         if verdict in (Verdict.LATE, Verdict.REPEATED):
             self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
@@ -227,9 +236,13 @@ class BridgeCore:
         if reception.miss(arrivals):
             causes |= Cause.PARTIAL_CYCLE
         trailer = reception.check_trailer(arrivals)
-        strains = [] if trailer.refused else [a for a in arrivals.values() if a.slot < reception.n_strain]
+        # Strains whose CRC fits are looked at even while they are not trusted yet.
+        readable = trailer.refused in _READABLE
+        strains = [a for a in arrivals.values() if a.slot < reception.n_strain and readable]
         decoded = self._decoder.decode(strains, trailer.status)
-        believable = self._gauges.update(decoded.strain, decoded.raw, decoded.present, decoded.refused)
+        believable = self._gauges.update(
+            decoded.strain, decoded.raw, decoded.present, decoded.refused, cycle.first_time
+        )
         age, of_time = self._age(cycle, now, decoded, trailer)
         trusted = reception.trusted_gauges(arrivals)
         causes |= trailer.cause | of_time
@@ -250,9 +263,7 @@ class BridgeCore:
         """Return the age of the strains at ``now`` [s], and the cause if they may not be used for it."""
         age, causes = now - cycle.first_time, Cause.NONE
         limit = self.settings.max_age * self.layout.cycle_time
-        # A trailer whose CRC fits is read even while it is not trusted yet.
-        readable = trailer.refused in (None, FrameClass.NOT_TRUSTED)
-        ticks = self._named(cycle).sample_time if readable else None
+        ticks = self._named(cycle).sample_time if trailer.refused in _READABLE else None
         if self._clock is not None and ticks is not None:
             reading = self._clock.read(cycle.first_time, ticks)
             age += reading.age
@@ -260,12 +271,17 @@ class BridgeCore:
                 causes |= Cause.CLOCK_JUMP
             if reading.restarted and self.guards.clock_jump:
                 self._reception.forget()
+                # Its clock may be short enough for a restart to look like a delay.
+                self._pressure.reset()
         if age > limit and self.guards.age:
             causes |= Cause.OLD
-        frozen = self._gauges.frozen_cycles(decoded.present) * self.layout.cycle_time
-        if frozen > limit and self.guards.frozen and self.settings.stuck_cycles:
-            causes |= Cause.FROZEN
-        return age + frozen, causes
+        if self.guards.frozen and self.settings.stuck_cycles:
+            # Strains that the sender repeats are as old as when they were new.
+            frozen = self._gauges.frozen(decoded.present, cycle.first_time)
+            age += frozen
+            if frozen > 0.0 and age > limit:
+                causes |= Cause.FROZEN
+        return age, causes
 
     def _named(self, cycle: Cycle) -> Arrival:
         """Return the frame whose sample time and counter name a cycle."""
@@ -352,6 +368,8 @@ class BridgeCore:
         time, period = self._next_status, self.layout.cycle_time
         # After the bridge itself stood still, the status of all that time is of no use to anyone.
         behind = int((now - time) / period) - _CATCH_UP
+        if behind > 0 and len(self.skips) < _KEPT_SKIPS:
+            self.skips.append((time, now))
         time += max(behind, 0) * period
         self._next_status = time + period
         if not self.guards.silence:

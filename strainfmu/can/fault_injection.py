@@ -326,7 +326,8 @@ class FaultySender:
                 if item.layout.protection is not None:
                     data = protect(data, item.layout.protection, data[2])
             covered += data if frame.key in strain_keys else b""
-            if trailer is not None and trailer.layout.protection is not None and frame.key == trailer.layout.key:
+            if trailer is not None and frame.key == trailer.layout.key and len(data) == trailer.layout.length:
+                assert trailer.layout.protection is not None
                 data = protect(data, trailer.layout.protection, data[2], covered)
             changed.append(replace(frame, data=data))
         return changed

@@ -23,18 +23,26 @@ class GaugeChecks:
     missing keeps what it was.
     """
 
-    def __init__(self, n_gauges: int, settings: BridgeSettings, guards: Guards = ALL_GUARDS) -> None:
+    def __init__(
+        self, n_gauges: int, cycle_time: float, settings: BridgeSettings, guards: Guards = ALL_GUARDS
+    ) -> None:
         self._settings, self._guards = settings, guards
+        self._longest_unchanged = (settings.stuck_cycles - 0.5) * cycle_time if settings.stuck_cycles else np.inf
         self._last_raw = np.zeros(n_gauges, dtype=np.int64)
         self._last_strain = np.full(n_gauges, np.nan)
-        self._last_good = np.zeros(n_gauges)
-        self._last_change = np.zeros(n_gauges)
-        self._unchanged = np.zeros(n_gauges, dtype=np.int64)
+        self._cycle_time = cycle_time
+        self._last_good = np.full(n_gauges, np.nan)
+        self._good_time = np.zeros(n_gauges)
+        self._pace = np.zeros(n_gauges)
+        self._changed = np.full(n_gauges, np.inf)
+        self._repeats = np.zeros(n_gauges)
         self._zeros = np.zeros(n_gauges, dtype=np.int64)
         self._good = np.full(n_gauges, settings.heal_cycles, dtype=np.int64)
         self._seen = np.zeros(n_gauges, dtype=bool)
 
-    def update(self, strain: FloatArray, raw: IntArray, present: BoolArray, refused: BoolArray) -> BoolArray:
+    def update(
+        self, strain: FloatArray, raw: IntArray, present: BoolArray, refused: BoolArray, now: float
+    ) -> BoolArray:
         """Return (n_d,) which gauges of a cycle are valid.
 
         Parameters
@@ -43,6 +51,7 @@ class GaugeChecks:
         raw : (n_d,) raw numbers they were decoded from.
         present : (n_d,) gauges whose frame is there.
         refused : (n_d,) gauges that say themselves that they have no value, or are outside their signal's limits.
+        now : when the cycle came [s].
         """
         settings, guards = self._settings, self._guards
         bad = refused | ~np.isfinite(strain)
@@ -50,28 +59,42 @@ class GaugeChecks:
             bad |= ~(np.abs(strain) <= settings.sensor_range)
         if guards.rate:
             bad |= np.abs(strain - self._last_strain) > settings.rate_limit  # false against NaN
-        bad |= self._stuck(raw, present)
+        bad |= self._stuck(raw, present, now)
         bad |= self._dropped_to_zero(raw, present)
         good = present & ~bad
         self._good = np.where(present, np.where(bad, 0, self._good + 1), self._good)
         valid = good & (self._good >= settings.heal_cycles)
         self._last_strain = np.where(present & np.isfinite(strain), strain, self._last_strain)
-        self._last_change = np.where(good, np.abs(strain - self._last_good), self._last_change)
-        self._last_good = np.where(good, strain, self._last_good)
+        self._keep_pace(strain, good, now)
         return valid
 
-    def frozen_cycles(self, present: BoolArray) -> int:
-        """Return for how many cycles not one of the gauges that are ``present`` has changed."""
-        return int(self._unchanged[present].min()) if present.any() else 0
+    def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
+        """Remember good strains, and how fast they change [m/m per cycle]."""
+        cycles = np.maximum((now - self._good_time) / self._cycle_time, 1.0)
+        pace = np.nan_to_num(np.abs(strain - self._last_good) / cycles)  # of the first good strain: none
+        self._pace = np.where(good, pace, self._pace)
+        self._last_good = np.where(good, strain, self._last_good)
+        self._good_time = np.where(good, now, self._good_time)
 
-    def _stuck(self, raw: IntArray, present: BoolArray) -> BoolArray:
-        """Count equal values in a row."""
+    def frozen(self, present: BoolArray, now: float) -> float:
+        """Return for how long not one of the gauges that are ``present`` has changed by ``now`` [s]."""
+        return float(self._unchanged(now)[present].min()) if present.any() else 0.0
+
+    def _unchanged(self, now: float) -> FloatArray:
+        """Return (n_d,) for how long each gauge has had one value [s].
+
+        By time, so that lost cycles do not make it younger; and by number, so that cycles held back do not either.
+        """
+        return np.maximum(now - self._changed, self._repeats * self._cycle_time)
+
+    def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
+        """Find gauges that have had one value for too long."""
         same = present & self._seen & (raw == self._last_raw)
-        self._unchanged = np.where(present, np.where(same, self._unchanged + 1, 0), self._unchanged)
+        self._changed = np.where(present & ~same, now, self._changed)
+        self._repeats = np.where(present, np.where(same, self._repeats + 1.0, 0.0), self._repeats)
         self._last_raw = np.where(present, raw, self._last_raw)
         self._seen |= present
-        limit = self._settings.stuck_cycles or _NEVER
-        return (self._unchanged >= limit) & self._guards.stuck
+        return same & (self._unchanged(now) >= self._longest_unchanged) & self._guards.stuck
 
     def _dropped_to_zero(self, raw: IntArray, present: BoolArray) -> BoolArray:
         """Find gauges at exactly zero, which amplifiers send on an error (HBK QuantumX: default for integers)."""
@@ -79,6 +102,6 @@ class GaugeChecks:
         self._zeros = np.where(present, np.where(zero, self._zeros + 1, 0), self._zeros)
         limit = self._settings.zero_cycles or _NEVER
         # A strain that moves through zero may well meet it: only a fall out of its own pace is one at once.
-        usual = self._settings.zero_jump + _PACE * self._last_change
+        usual = self._settings.zero_jump + _PACE * self._pace
         fell = (np.abs(self._last_good) > usual) & bool(self._settings.zero_cycles)
         return zero & (fell | (self._zeros >= limit)) & self._guards.zero

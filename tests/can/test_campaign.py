@@ -62,6 +62,24 @@ def test_every_fault_by_itself(kind: FaultKind) -> None:
     assert run.late_recovery == []
 
 
+def test_any_two_faults_at_once_can_be_injected() -> None:
+    """Faults act on what others have left of a frame: cut, inserted or taken away."""
+    kinds = list(FaultKind)
+    pairs = [(a, b) for place, a in enumerate(kinds) for b in kinds[place + 1 :]]
+    faults = [Fault(kind, 5 + place, 1, place) for place, pair in enumerate(pairs) for kind in pair]
+    run = run_campaign(layout_of("classic-le", 4), faults, len(pairs) + 10)
+    assert run.false_valid == []
+
+
+def test_strains_that_are_both_repeated_and_held_back_are_old() -> None:
+    for profile in PROFILES:
+        pairs = ((FaultKind.DELAY, FaultKind.FREEZE), (FaultKind.FREEZE, FaultKind.CLOCK_JUMP))
+        faults = [Fault(kind, 40 + 80 * place, 29, 3) for place, pair in enumerate(pairs) for kind in pair]
+        run = run_campaign(layout_of(profile, SIZES[profile]), faults, 230)
+        assert run.false_valid == []
+        assert run.late_recovery == []
+
+
 def test_without_faults_all_cycles_are_answered_and_valid() -> None:
     run = run_campaign(layout_of("fd64"), [], 300)
     # MinOkStateInit good checks behind the first, which only leaves NODATA.

@@ -138,13 +138,13 @@ def test_the_clock_wraps() -> None:
 
 def verdicts(strains: list[float], settings: BridgeSettings | None = None) -> list[bool]:
     """Return the verdict on one gauge over cycles, beside another that is well."""
-    checks = GaugeChecks(2, settings or BridgeSettings())
+    checks = GaugeChecks(2, CYCLE, settings or BridgeSettings())
     found = []
     present = np.ones(2, dtype=bool)
     for k, value in enumerate(strains):
         strain = np.array([value, 100e-6 + 1e-6 * (k % 2)])
         raw = np.rint(np.nan_to_num(strain) / 0.25e-6).astype(np.int64)
-        valid = checks.update(strain, raw, present, np.zeros(2, dtype=bool))
+        valid = checks.update(strain, raw, present, np.zeros(2, dtype=bool), k * CYCLE)
         assert valid[1]
         found.append(bool(valid[0]))
     return found
