@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import process_time
 from typing import Any
 
@@ -82,6 +82,7 @@ class Bridge:
     clock : the one clock of the whole run [s].
     on_result : told every result after it was sent.
     on_frame : told every frame that was received and not refused at the door.
+    on_received, on_sent : told every frame with its time, all in the order of their times; must not block.
     """
 
     def __init__(
@@ -95,15 +96,19 @@ class Bridge:
         on_result: Callable[[CycleResult], None] | None = None,
         on_frame: Callable[[Frame], None] | None = None,
         queued_cycles: int = QUEUED_CYCLES,
+        on_received: Callable[[Frame], None] | None = None,
+        on_sent: Callable[[Frame], None] | None = None,
     ) -> None:
         self._core, self._open_bus, self._clock = core, open_bus, clock
         self._frames = ResultFrames(result_layouts, configuration)
         self._own_keys = [layout.key for layout in result_layouts]
-        self._transmitter = Transmitter()
+        self._transmitter = Transmitter(None if on_sent is None else self._tell_sent)
         n_frames = len(core.layout.frames)
         self._queue = FrameQueue(queued_cycles * n_frames, n_frames)
         self._back_off = BackOff(back_off or BackOffSettings())
         self._on_result, self._on_frame = on_result, on_frame
+        self._on_received, self._on_sent = on_received, on_sent
+        self.known = clock()
         self._bus: Any = None
         self._receiver: Receiver | None = None
         self._door = FrameAccount()
@@ -152,7 +157,7 @@ class Bridge:
         return BridgeSummary(
             self._clock() - self._start,
             process_time() - self._cpu,
-            self._account(),
+            self.account(),
             Counter(self._qualities),
             np.array(self._latency),
             self._transmitter.sent,
@@ -170,6 +175,7 @@ class Bridge:
         now = self._clock()
         due = min(self._core.next_event, self._next_status, end)
         items, known = self._queue.take_all(min(max(due - now, 0.0), _LONGEST_WAIT), self._clock)
+        self.known = known
         self._watch_door()
         for item in items:
             if isinstance(item, BusFault):
@@ -205,13 +211,19 @@ class Bridge:
             if not working:
                 self._lose_bus(self._transmitter.last_failure, self._clock())
 
+    def _tell_sent(self, frame: Frame) -> None:
+        """Tell of a frame that was sent, under the receiver's lock: in order of time with what it tells."""
+        with self._queue.lock:
+            if self._on_sent is not None:
+                self._on_sent(replace(frame, time=self._clock()))
+
     def _send_status(self, now: float) -> None:
         status = BridgeStatus(
             now,
             self._last_quality,
             self._core.bus_state,
             self._last_valid,
-            self._account(),
+            self.account(),
             sum(self._qualities.values()),
             self._transmitter.failures,
             self._back_off.reconnects,
@@ -238,7 +250,7 @@ class Bridge:
         core = self._core
         self._bus = self._open_bus()
         door = Acceptance(core.layout, self._own_keys, core.settings, core.guards)
-        self._receiver = Receiver(self._bus, self._queue, door, self._clock)
+        self._receiver = Receiver(self._bus, self._queue, door, self._clock, self._on_received)
         self._shed = 0
         self._transmitter.use(self._bus)
         self._receiver.start()
@@ -290,7 +302,17 @@ class Bridge:
             raise StrainfmuError(f"the bus was lost again and again: {self._last_fault}")
         self._core.restart(now)
 
-    def _account(self) -> FrameAccount:
-        """Return the account of the door and of the core."""
+    @property
+    def skips(self) -> list[tuple[float, float]]:
+        """When the bridge stood still so long that it passed over status results: due at, advanced to [s]."""
+        return self._core.skips
+
+    @property
+    def bus_state(self) -> BusState:
+        """State of the bus controller."""
+        return self._core.bus_state
+
+    def account(self) -> FrameAccount:
+        """Return the account of the door and of the core so far."""
         total = self._door.plus(self._core.account)
         return total if self._receiver is None else total.plus(self._receiver.account)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 from collections.abc import Callable, Mapping
@@ -51,6 +52,10 @@ def import_can() -> Any:
         import can
     except ImportError as error:
         raise StrainfmuError("python-can is not installed: pip install 'strainfmu[can]'") from error
+    # Where nobody listens, logging writes to standard error, which has room for one line of ours.
+    logger = logging.getLogger("can")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
     return can
 
 

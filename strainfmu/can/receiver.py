@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,11 +79,19 @@ class Receiver:
     """Receives from one bus until it is stopped or the bus fails, then says so through the queue.
 
     ``account`` holds the frames that went no further than here; it may be read once the thread has ended, or
-    roughly while it runs.
+    roughly while it runs. ``on_received`` is told every frame, in the order of their times.
     """
 
-    def __init__(self, bus: Any, queue: FrameQueue, acceptance: Acceptance, clock: Clock) -> None:
+    def __init__(
+        self,
+        bus: Any,
+        queue: FrameQueue,
+        acceptance: Acceptance,
+        clock: Clock,
+        on_received: Callable[[Frame], None] | None = None,
+    ) -> None:
         self._bus, self._queue, self._acceptance, self._clock = bus, queue, acceptance, clock
+        self._on_received = on_received
         self.account = FrameAccount()
         self.failures = 0
         self.last_failure = ""
@@ -112,6 +121,8 @@ class Receiver:
 
     def _take(self, frame: Frame) -> None:
         """Refuse a frame here, or queue it."""
+        if self._on_received is not None:
+            self._on_received(frame)
         refused = self._acceptance.refused(frame)
         if refused is None or refused is FrameClass.ERROR_FRAME:
             dropped = self._queue.put(frame)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from strainfmu.can.bridge import Bridge
 from strainfmu.can.bus import BusSettings, import_can, open_bus
-from strainfmu.can.clock import monotonic
+from strainfmu.can.clock import Clock, monotonic
 from strainfmu.can.core import BridgeCore
+from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import FrameLayout, InputLayout
 from strainfmu.can.profiles import Identifiers, configuration_of, profile_layout
+from strainfmu.can.result import CycleResult, Step
 from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.errors import InputError
@@ -49,16 +51,33 @@ class BridgeOptions:
 
 
 @dataclass(frozen=True)
+class Taps:
+    """What is told of a running bridge, and its clock; nothing of it may block.
+
+    Attributes
+    ----------
+    on_received, on_sent : told every frame with its time, in the order of their times.
+    on_result : told every result after it was sent.
+    """
+
+    clock: Clock = monotonic
+    on_received: Callable[[Frame], None] | None = None
+    on_sent: Callable[[Frame], None] | None = None
+    on_result: Callable[[CycleResult], None] | None = None
+
+
+@dataclass(frozen=True)
 class ReadyBridge:
-    """A bridge, and what there is to say about it."""
+    """A bridge, and what there is to say about it; its core began at ``start`` [s] by its clock."""
 
     bridge: Bridge
     n_gauges: int
     layout_name: str
+    start: float
 
 
 @contextmanager
-def make_bridge(fmu: Path, options: BridgeOptions) -> Iterator[ReadyBridge]:
+def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> Iterator[ReadyBridge]:
     """Load the FMU, wire a bridge to it, and free the FMU at the end.
 
     Raises
@@ -71,24 +90,43 @@ def make_bridge(fmu: Path, options: BridgeOptions) -> Iterator[ReadyBridge]:
     import_can()
     from strainfmu.can.fmu_step import FmuStep
 
+    taps = taps or Taps()
+    bus = bus_settings(options)
+    with FmuStep(fmu) as step:
+        start = taps.clock()
+        core, results, configuration = make_core(step, options, step.gauge_names, start)
+        bridge = Bridge(
+            core,
+            lambda: open_bus(bus),
+            results,
+            configuration,
+            clock=taps.clock,
+            on_result=taps.on_result,
+            on_received=taps.on_received,
+            on_sent=taps.on_sent,
+        )
+        yield ReadyBridge(bridge, step.n_gauges, core.layout.name, start)
+
+
+def make_core(
+    step: Step, options: BridgeOptions, gauge_names: Sequence[str], start: float
+) -> tuple[BridgeCore, tuple[FrameLayout, ...], int]:
+    """Return a core that begins at ``start`` [s], the frames of its results, the number of the gauge assignment.
+
+    Raises
+    ------
+    InputError
+        An option or a file is wrong.
+    """
     if not 0.0 < options.cycle_time <= 10.0:
         raise InputError(f"cycle time: {1e3 * options.cycle_time:g} ms found, more than 0 to 10,000 ms allowed")
     settings = BridgeSettings(max_age=options.max_age, stuck_cycles=options.stuck_cycles)
-    bus_settings = _bus_settings(options)
-    with FmuStep(fmu) as step:
-        layout, configuration = input_layout(options, step.gauge_names)
-        results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
-        options.identifiers.checked(1, len(results))
-        core = BridgeCore(
-            layout,
-            step,
-            settings,
-            monotonic(),
-            [frame.key for frame in results],
-            options.dynamic_pressure,
-        )
-        bridge = Bridge(core, lambda: open_bus(bus_settings), results, configuration)
-        yield ReadyBridge(bridge, step.n_gauges, layout.name)
+    layout, configuration = input_layout(options, gauge_names)
+    results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
+    options.identifiers.checked(1, len(results))
+    own_keys = [frame.key for frame in results]
+    core = BridgeCore(layout, step, settings, start, own_keys, options.dynamic_pressure)
+    return core, results, configuration
 
 
 def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
@@ -124,7 +162,7 @@ def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, ident
 
     if not 0.0 < cycle_time <= 10.0:
         raise InputError(f"cycle time: {1e3 * cycle_time:g} ms found, more than 0 to 10,000 ms allowed")
-    layouts = all_layouts(profile, _gauge_names(source), cycle_time, identifiers)
+    layouts = all_layouts(profile, map_gauge_names(source), cycle_time, identifiers)
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))
     return len(layouts)
@@ -140,7 +178,7 @@ def all_layouts(
     return [*(frame.layout for frame in layout.frames), *results]
 
 
-def _gauge_names(source: Path) -> tuple[str, ...]:
+def map_gauge_names(source: Path) -> tuple[str, ...]:
     """Return the gauges of a map or an FMU."""
     if source.suffix == ".fmu":
         from strainfmu.can.fmu_step import gauge_names_of
@@ -167,7 +205,7 @@ def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
     return form
 
 
-def _bus_settings(options: BridgeOptions) -> BusSettings:
+def bus_settings(options: BridgeOptions) -> BusSettings:
     """Return the bus, its options as numbers where they are numbers."""
     chosen: dict[str, object] = {}
     for item in options.bus_options:

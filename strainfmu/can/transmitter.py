@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from strainfmu.can.bus import import_can
@@ -16,9 +16,10 @@ SEND_TIMEOUT = 0.0
 
 
 class Transmitter:
-    """Sends frames on one bus after another; counts what fails."""
+    """Sends frames on one bus after another; counts what fails, and tells ``on_sent`` what does not."""
 
-    def __init__(self) -> None:
+    def __init__(self, on_sent: Callable[[Frame], None] | None = None) -> None:
+        self._on_sent = on_sent
         self._bus: Any = None
         self._in_a_row = 0
         self.sent = 0
@@ -45,4 +46,6 @@ class Transmitter:
                 continue
             self._in_a_row = 0
             self.sent += 1
+            if self._on_sent is not None:
+                self._on_sent(frame)
         return self._in_a_row < FAILURES_IN_A_ROW

@@ -7,7 +7,17 @@ from typing import Annotated
 import typer
 
 from strainfmu import __version__
-from strainfmu.commands import can_bus, flights, flows, maps, reproduction, structures, whole_way
+from strainfmu.commands import (
+    can_bus,
+    can_data,
+    can_send,
+    flights,
+    flows,
+    maps,
+    reproduction,
+    structures,
+    whole_way,
+)
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -51,5 +61,9 @@ for command in (
     flights.plant,
     can_bus.bridge,
     can_bus.dbc,
+    can_send.send,
+    can_data.replay,
+    can_data.estimate,
+    can_data.monitor,
 ):
     app.command()(command)

@@ -52,6 +52,15 @@ def bridge(
         int, typer.Option(help="Equal values in a row after which a gauge is left out; 0: never.")
     ] = 25,
     max_age: Annotated[float, typer.Option(metavar="CYCLES", help="Largest age of strains that are used.")] = 5.0,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record the bus: X.blf, X.asc or X.log (candump).")
+    ] = None,
+    publish: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Send results as UDP-JSON: to 'strainfmu monitor' ...")
+    ] = None,
+    publish_rate: Annotated[
+        float, typer.Option(metavar="HZ", help="With --publish: most datagrams a second.")
+    ] = 50.0,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
@@ -65,7 +74,8 @@ def bridge(
 
         strainfmu bridge estimator.fmu --interface pcan --channel PCAN_USBBUS1 --dbc rack.dbc --mapping rack.toml
     """
-    from strainfmu.can.setup import BridgeOptions, make_bridge
+    from strainfmu.can.observed import observed_bridge
+    from strainfmu.can.setup import BridgeOptions
     from strainfmu.can.summary import summary_table
 
     if (dbc is None) != (mapping is None):
@@ -78,14 +88,15 @@ def bridge(
         dbc,
         mapping,
         cycle_time / 1e3,
-        _identifiers(id_base, result_base, extended),
+        identifiers_of(id_base, result_base, extended),
         dynamic_pressure,
         result,
         stuck_cycles,
         max_age,
     )
     console = Console()
-    with make_bridge(fmu, options) as running:
+    with observed_bridge(fmu, options, record, publish, publish_rate) as observed:
+        running = observed.ready
         console.print(
             f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {interface}:{channel}; stop with Ctrl-C",
             highlight=False,
@@ -94,6 +105,8 @@ def bridge(
         with _stopped_by_signals(running.bridge):
             summary = running.bridge.run(duration)
     console.print(summary_table(summary))
+    for note in observed.notes():
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
 
 
 def dbc(
@@ -115,12 +128,12 @@ def dbc(
     """
     from strainfmu.can.setup import write_dbc
 
-    identifiers = _identifiers(id_base, result_base, extended)
+    identifiers = identifiers_of(id_base, result_base, extended)
     n_frames = write_dbc(source, output, profile, cycle_time / 1e3, identifiers)
     Console().print(f"{output}: written, {n_frames} frames", highlight=False, soft_wrap=True)
 
 
-def _identifiers(base: str, result_base: str, extended: bool) -> Identifiers:
+def identifiers_of(base: str, result_base: str, extended: bool) -> Identifiers:
     """Return the identifiers that the options state, in any of Python's notations."""
     from strainfmu.can.profiles import Identifiers
 

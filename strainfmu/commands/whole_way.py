@@ -26,6 +26,10 @@ VehicleArgument = Annotated[
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path("demo"),
     vehicle: VehicleArgument = None,
+    can: Annotated[
+        bool, typer.Option("--can", help="Then fly once more over a CAN bus: sender and bridge as two processes.")
+    ] = False,
+    can_duration: Annotated[float, typer.Option(metavar="S", help="With --can: duration of that flight.")] = 20.0,
 ) -> None:
     """From a vehicle file to an FMU flying in a system simulation.
 
@@ -37,15 +41,35 @@ def demo(
         strainfmu demo
 
         strainfmu demo -o results --vehicle my_vehicle.toml
+
+        strainfmu demo --can
     """
     from builder.demo import run_demo
     from builder.vehicle import IC3X
 
     console = Console()
     start = perf_counter()
+    if can:
+        from strainfmu.can.two_processes import check_multicast, private_port
+
+        # Refused before the long work, not after it.
+        check_multicast(private_port())
     result = run_demo(vehicle or IC3X, output, ConsoleReporter(console))
     _show_result(console, result)
+    if can:
+        _fly_over_bus(console, output, can_duration)
     console.print(f"{perf_counter() - start:.1f} s in all", highlight=False, soft_wrap=True)
+
+
+def _fly_over_bus(console: Console, folder: Path, duration: float) -> None:
+    """Fly plant and estimator as sender and bridge, and show what both of them say."""
+    from strainfmu.can.two_processes import CYCLE_TIME, fly_over_bus
+    from strainfmu.commands.can_send import score_table
+
+    with ConsoleReporter(console).stage(f"CAN bus: sender -> bridge, {duration:g} s at {1.0 / CYCLE_TIME:g} Hz"):
+        flown = fly_over_bus(folder, duration)
+    console.print(score_table(flown.score, "Over the CAN bus: the bridge's results against truth"))
+    console.print(flown.bridge, highlight=False, markup=False, soft_wrap=True)
 
 
 def _show_result(console: Console, result: DemoResult) -> None:

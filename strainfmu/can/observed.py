@@ -1,0 +1,80 @@
+"""A bridge with a recorder and a publisher beside it, if they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from strainfmu.can.clock import monotonic
+from strainfmu.can.publisher import Publisher, gauge_places, parsed_address
+from strainfmu.can.recording import MicrosecondClock, Recorder
+from strainfmu.can.result import CycleResult
+from strainfmu.can.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
+from strainfmu.errors import InputError
+
+
+@dataclass
+class ObservedBridge:
+    """A bridge that is ready, and what watches it."""
+
+    ready: ReadyBridge
+    recorder: Recorder | None
+    publisher: Publisher | None
+
+    def notes(self) -> list[str]:
+        """Close the recording and return a line on each watcher."""
+        lines = []
+        if self.recorder is not None:
+            self.recorder.close(self.ready.bridge.known, self.ready.bridge.skips)
+            lines.append(
+                f"{self.recorder.path}: {self.recorder.recorded} frames recorded, {self.recorder.lost} lost"
+            )
+            if self.recorder.failure:
+                lines.append(f"{self.recorder.path}: recording ended early: {self.recorder.failure}")
+        if self.publisher is not None:
+            lines.append(f"datagrams: {self.publisher.sent} sent, {self.publisher.dropped} dropped")
+        return lines
+
+
+@contextmanager
+def observed_bridge(
+    fmu: Path, options: BridgeOptions, record: Path | None, publish: str | None, publish_rate: float
+) -> Iterator[ObservedBridge]:
+    """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`~strainfmu.can.setup.make_bridge`, :class:`Recorder` and :class:`Publisher`.
+    """
+    if publish is not None and not 0.0 < publish_rate <= 10_000.0:
+        raise InputError(f"--publish-rate: {publish_rate:g} Hz found, more than 0 to 10,000 Hz allowed")
+    address = None if publish is None else parsed_address(publish, "--publish")
+    places = () if address is None else gauge_places(fmu)
+    watchers: list[Publisher] = []
+
+    def on_result(result: CycleResult) -> None:
+        for watcher in watchers:
+            watcher.result(result)
+
+    with ExitStack() as stack:
+        recorder = None
+        if record is not None:
+            recorder = Recorder(record, MicrosecondClock())
+            stack.callback(recorder.close)
+        taps = Taps(
+            monotonic if recorder is None else recorder.clock,
+            None if recorder is None else recorder.received,
+            None if recorder is None else recorder.sent,
+            on_result,
+        )
+        ready = stack.enter_context(make_bridge(fmu, options, taps))
+        if recorder is not None:
+            recorder.describe(fmu, options, ready.start)
+        if address is not None:
+            bridge = ready.bridge
+            watchers.append(Publisher(address, places, publish_rate, bridge.account, lambda: bridge.bus_state))
+            stack.callback(watchers[0].close)
+        yield ObservedBridge(ready, recorder, watchers[0] if watchers else None)

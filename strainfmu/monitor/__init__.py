@@ -1,0 +1,1 @@
+"""A live view of the bridge in a browser: a process of its own, fed by datagrams."""

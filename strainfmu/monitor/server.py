@@ -1,0 +1,162 @@
+"""The monitor: datagrams to all open pages by Server-Sent Events, on loopback unless told otherwise."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+from functools import cache
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any
+
+from strainfmu.errors import StrainfmuError
+from strainfmu.monitor.state import MonitorState
+
+LOOPBACK = "127.0.0.1"
+PUSH_PERIOD = 0.1
+"""Time between two events to a page [s]: more than an eye sees."""
+
+LARGEST_DATAGRAM = 1 << 16
+_HEARTBEAT = 1.0
+_LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")
+
+
+class Monitor:
+    """Receives datagrams and serves the page until it is closed.
+
+    Parameters
+    ----------
+    listen : host and port of the datagrams; port 0 for any.
+    http : host and port of the page; port 0 for any.
+
+    Raises
+    ------
+    StrainfmuError
+        An address is in use or not this host's.
+    """
+
+    def __init__(self, listen: tuple[str, int], http: tuple[str, int]) -> None:
+        self.state = MonitorState()
+        self._stop = threading.Event()
+        self._socket = _bound(listen)
+        try:
+            self._server = _Server(http, _Handler)
+        except OSError as error:
+            self._socket.close()
+            raise StrainfmuError(f"page at {http[0]}:{http[1]}: {error.strerror or error}") from error
+        self._server.state, self._server.stopped = self.state, self._stop.is_set
+        self._threads = [
+            threading.Thread(target=self._receive, name="monitor datagrams", daemon=True),
+            threading.Thread(target=self._server.serve_forever, args=(0.1,), name="monitor page", daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def listens_at(self) -> tuple[str, int]:
+        """Host and port of the datagrams."""
+        host, port = self._socket.getsockname()[:2]
+        return str(host), int(port)
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        host, port = self._server.server_address[:2]
+        return f"http://{host!s}:{port}/"
+
+    def close(self) -> None:
+        """End all threads and free both addresses."""
+        self._stop.set()
+        self._server.shutdown()
+        for thread in self._threads:
+            thread.join(2.0)
+        self._server.server_close()
+        self._socket.close()
+
+    def _receive(self) -> None:
+        while not self._stop.is_set():
+            try:
+                datagram = self._socket.recv(LARGEST_DATAGRAM)
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            self.state.take(datagram, time.monotonic())
+
+
+def _bound(address: tuple[str, int]) -> socket.socket:
+    """Return a socket that receives datagrams at ``address``."""
+    try:
+        family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
+        opened = socket.socket(family, kind, protocol)
+        opened.bind(target)
+    except OSError as error:
+        raise StrainfmuError(f"datagrams at {address[0]}:{address[1]}: {error.strerror or error}") from error
+    opened.settimeout(0.1)
+    return opened
+
+
+@cache
+def page() -> bytes:
+    """Return the page, one file without any other."""
+    return (files("strainfmu.monitor") / "page.html").read_bytes()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    state: MonitorState
+    stopped: Callable[[], bool]
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers / with the page, /events with the stream, /state with one snapshot."""
+
+    server: _Server
+
+    def do_GET(self) -> None:
+        # A page elsewhere that has its own name point here must not read what this host measures.
+        host = self.headers.get("Host", "").rpartition(":")[0] or self.headers.get("Host", "")
+        if self.server.server_address[0] == LOOPBACK and host not in _LOCAL_NAMES:
+            self.send_error(403)
+            return
+        if self.path == "/":
+            self._answer("text/html; charset=utf-8", page())
+        elif self.path == "/state":
+            self._answer("application/json", self.server.state.snapshot(time.monotonic(), True).encode())
+        elif self.path == "/events":
+            self._stream()
+        else:
+            self.send_error(404)
+
+    def _answer(self, kind: str, content: bytes) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _stream(self) -> None:
+        """Send what is newest, until the page is closed."""
+        self.send_response(200)
+        self.send_header("Content-Type", "text/event-stream")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        version, first = -1, True
+        try:
+            while not self.server.stopped():
+                # The heartbeat is what tells of a bridge that has gone silent.
+                version = self.server.state.wait(version, _HEARTBEAT)
+                content = self.server.state.snapshot(time.monotonic(), first)
+                first = False
+                self.wfile.write(f"data: {content}\n\n".encode())
+                self.wfile.flush()
+                time.sleep(PUSH_PERIOD)
+        except OSError:
+            return
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Keep the console for what matters."""

@@ -1,0 +1,79 @@
+"""A short live run over a virtual bus: a bridge of the synthetic FMU, fed by the virtual sender, with watchers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
+
+from strainfmu.can.bridge import BridgeSummary
+from strainfmu.can.bus import BusSettings, open_bus
+from strainfmu.can.fault_injection import Fault
+from strainfmu.can.observed import observed_bridge
+from strainfmu.can.profiles import profile_layout
+from strainfmu.can.result import CycleResult
+from strainfmu.can.sender import send_flight
+from strainfmu.can.setup import BridgeOptions
+from strainfmu.can.strain_sources import FlownSample
+
+CYCLE = 0.01
+
+
+@dataclass
+class LiveRun:
+    """What the bridge published, its summary and what its watchers said."""
+
+    results: list[CycleResult]
+    summary: BridgeSummary
+    notes: list[str]
+
+
+def flight(n_cycles: int) -> list[FlownSample]:
+    """Return pressure states that move, seen by the gauges of the synthetic map, with its noise."""
+    inverse_map = synthetic_inverse_map(1)
+    random = np.random.default_rng(2)
+    state = 1e5 * np.sin(0.05 * np.arange(n_cycles)[:, None] + np.arange(3.0))
+    strain = inverse_map.mean_strain + state @ inverse_map.state_operator.T
+    strain += 1e-7 * random.normal(size=strain.shape)
+    return [FlownSample(d, 9e4 + k, np.full(5, np.nan)) for k, d in enumerate(strain)]
+
+
+def live_run(
+    fmu: Path,
+    channel: str,
+    n_cycles: int = 60,
+    faults: tuple[Fault, ...] = (),
+    record: Path | None = None,
+    publish: str | None = None,
+    profile: str = "fd64",
+) -> LiveRun:
+    """Run a bridge on the virtual channel while the sender sends ``n_cycles``."""
+    options = BridgeOptions("virtual", channel, profile=profile, cycle_time=CYCLE)
+    settings = BusSettings("virtual", channel)
+    results: list[CycleResult] = []
+    with observed_bridge(fmu, options, record, publish, 1000.0) as observed:
+        bridge = observed.ready.bridge
+        inner = bridge._on_result
+
+        def keep(result: CycleResult) -> None:
+            results.append(result)
+            if inner is not None:
+                inner(result)
+
+        bridge._on_result = keep
+        found: list[BridgeSummary] = []
+        thread = threading.Thread(target=lambda: found.append(bridge.run()))
+        thread.start()
+        time.sleep(0.1)
+        bus = open_bus(settings)
+        layout = profile_layout(profile, [f"G{i}" for i in range(N_GAUGES)], CYCLE)
+        send_flight(bus, layout, flight(n_cycles), faults)
+        time.sleep(0.1)
+        bridge.stop()
+        thread.join(10.0)
+        bus.shutdown()
+        return LiveRun(results, found[0], observed.notes())

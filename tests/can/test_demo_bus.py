@@ -1,0 +1,69 @@
+"""The end of ``strainfmu demo --can``: sender and bridge as two processes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.can.two_processes import check_multicast, fly_over_bus, private_port
+from strainfmu.errors import StrainfmuError
+
+
+@pytest.fixture
+def folder(synthetic: SyntheticFiles, tmp_path: Path) -> Path:
+    """Return a folder as a demonstration leaves it, of synthetic files."""
+    try:
+        check_multicast(private_port())
+    except StrainfmuError as error:
+        pytest.skip(str(error))
+    for path, name in (
+        (synthetic.map_1, "map.h5"),
+        (synthetic.estimator_1, "estimator.fmu"),
+        (synthetic.plant, "plant.fmu"),
+    ):
+        shutil.copy(path, tmp_path / name)
+    return tmp_path
+
+
+def test_sender_and_bridge_meet(folder: Path) -> None:
+    flown = fly_over_bus(folder, 1.0)
+    assert flown.score.cycles == 100
+    assert flown.score.answered > 50  # a host that stands still loses some
+    assert "not accounted for" in flown.bridge
+    assert "last frame in to results out" in flown.bridge
+    assert "100 in " in flown.sender
+
+
+def test_a_process_that_fails_is_one_line(folder: Path) -> None:
+    (folder / "plant.fmu").write_bytes(b"no FMU")
+    with pytest.raises(StrainfmuError, match=r"CAN sender: ended with exit code 2: .*damaged, or not an FMU"):
+        fly_over_bus(folder, 1.0)
+    (folder / "estimator.fmu").unlink()
+    with pytest.raises(StrainfmuError, match=r"CAN bridge: did not start: .*no such FMU"):
+        fly_over_bus(folder, 1.0)
+
+
+@pytest.mark.skipif(shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare and root")
+def test_without_a_route_the_demo_ends_before_the_long_work(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-c",
+        "from strainfmu.cli import main; main()",
+        "demo",
+        "--can",
+        "-o",
+        str(tmp_path / "d"),
+    ]
+    finished = subprocess.run(["unshare", "-n", *command], capture_output=True, text=True, check=False)
+    if "unshare" in finished.stderr:
+        pytest.skip("no right to make a network namespace")
+    assert finished.returncode == 1
+    assert finished.stderr.count("\n") == 1
+    assert "ip route add 224.0.0.0/4 dev lo" in finished.stderr
+    assert not (tmp_path / "d").exists()

@@ -1,0 +1,186 @@
+"""``strainfmu estimate``: every format gives the numbers of the estimator itself; wrong data get one line."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from bus_run import flight
+from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
+
+from strainfmu.errors import InputError
+from strainfmu.estimation.columns import plan_columns
+from strainfmu.estimation.run import estimate_file
+from strainfmu.estimation.strain_files import BLOCK_ROWS, open_strains
+from strainfmu.estimator import Estimator
+from strainfmu.inverse_map import COEFFICIENT_NAMES
+
+NAMES = [f"G{i}" for i in range(N_GAUGES)]
+N = 2 * BLOCK_ROWS + 17
+
+
+@pytest.fixture(scope="module")
+def truth() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return time (n,) [s], strains (n, n_d) [m/m], q_inf (n,) [Pa], and coefficients (n, 5) by the estimator."""
+    samples = flight(N)
+    strain = np.array([sample.strain for sample in samples])
+    pressure = np.array([sample.dynamic_pressure for sample in samples])
+    estimator = Estimator(synthetic_inverse_map(1))
+    expected = np.array([estimator.estimate(d, q).coefficients for d, q in zip(strain, pressure, strict=True)])
+    return 1e-3 * np.arange(N), strain, pressure, expected
+
+
+def write_csv(path: Path, headings: list[str], *columns: np.ndarray) -> Path:
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(headings)
+        writer.writerows(np.column_stack(columns).tolist())
+    return path
+
+
+def read_csv(path: Path) -> dict[str, np.ndarray]:
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def coefficients(path: Path) -> np.ndarray:
+    with h5py.File(path) as file:
+        return np.column_stack([file[name][()] for name in COEFFICIENT_NAMES])
+
+
+def test_csv_and_hdf5_give_the_estimators_numbers(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    time, strain, pressure, expected = truth
+    data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
+    seen: list[tuple[int, int]] = []
+    summary = estimate_file(synthetic.map_1, data, tmp_path / "o.h5", None, lambda *at: seen.append(at))
+    np.testing.assert_array_equal(coefficients(tmp_path / "o.h5"), expected)  # the same code, so the same bits
+    assert (summary.samples, summary.duration) == (N, pytest.approx(time[-1]))
+    assert len(seen) == 3
+    assert seen[-1][0] == seen[-1][1]
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["time"], file["strain"], file["dynamic_pressure"] = 1e3 * time, 1e6 * strain, 1e-3 * pressure
+        for name, unit in (("time", "ms"), ("strain", "um/m"), ("dynamic_pressure", "kPa")):
+            file[name].attrs["unit"] = unit
+    estimate_file(synthetic.map_1, tmp_path / "d.h5", tmp_path / "o.csv")
+    found = read_csv(tmp_path / "o.csv")
+    # A factor of 1e6 and back costs a bit or two of each strain.
+    np.testing.assert_allclose(found["C_N [1]"], expected[:, 1], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found["time [s]"], time, rtol=1e-12, atol=1e-15)
+
+
+def test_fmu_and_map_agree(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    time, strain, pressure, expected = (part[:200] for part in truth)
+    headings = ["Time", *(f"plant.strain[{i}] [um/m]" for i in range(1, N_GAUGES + 1)), "q.dynamic_pressure [hPa]"]
+    data = write_csv(tmp_path / "d.csv", headings, time, 1e6 * strain, 1e-2 * pressure)
+    estimate_file(synthetic.estimator_1, data, tmp_path / "o.h5")
+    np.testing.assert_allclose(coefficients(tmp_path / "o.h5"), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_mf4_and_tdms(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    asammdf, nptdms = pytest.importorskip("asammdf"), pytest.importorskip("nptdms")
+    time, strain, pressure, expected = (part[:300] for part in truth)
+    columns = {**dict(zip(NAMES, 1e6 * strain.T, strict=True)), "dynamic_pressure": pressure}
+    units = dict.fromkeys(NAMES, "um/m") | {"dynamic_pressure": "Pa"}
+    mdf = asammdf.MDF(version="4.10")
+    mdf.append([asammdf.Signal(v, time, name=name, unit=units[name]) for name, v in columns.items()])
+    mdf.save(tmp_path / "d.mf4")
+    mdf.close()
+    with nptdms.TdmsWriter(tmp_path / "d.tdms") as writer:
+        held = {"time": time, **columns}
+        properties = {name: {"unit_string": unit} for name, unit in units.items()}
+        writer.write_segment([nptdms.ChannelObject("g", n, v, properties.get(n)) for n, v in held.items()])
+    for kind in ("mf4", "tdms"):
+        estimate_file(synthetic.map_1, tmp_path / f"d.{kind}", tmp_path / f"{kind}.h5")
+        np.testing.assert_allclose(coefficients(tmp_path / f"{kind}.h5"), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_missing_strains_are_left_out_and_counted(truth, synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+    time, strain, pressure, _ = (part[:20].copy() for part in truth)
+    strain[3, 2] = np.nan
+    pressure[5] = np.nan
+    data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
+    code, out, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv")
+    assert (code, errors) == (0, "")
+    assert "1 strains without a value in 1 gauges, most in 'G2'" in out
+    assert "1 samples without a dynamic pressure" in out
+    found = read_csv(tmp_path / "o.csv")
+    expected = Estimator(synthetic_inverse_map(1)).estimate(strain[3], pressure[3])
+    assert found["C_N [1]"][3] == expected.coefficients[1]
+    assert found["sigma.C_N [1]"][3] == expected.coefficients_std[1]
+    assert found["gauges_used [1]"][3] == N_GAUGES - 1
+    assert np.isnan(found["C_N [1]"][5])
+
+
+WRONG = {
+    "time,G0,G1\n0,1e-6,2e-6\n": "no column 'G2' or 'strain[3]' found",
+    "G0,G1,G2\n1,1,1\n": "no column 'time' found",
+    "time,G0,G1,G2\n0,1e-6,1e-6,1e-6\n": "no column 'dynamic_pressure' found",
+    "time,G0 [mV],G1,G2,dynamic_pressure\n0,1,1,1,1\n": "column 'G0 [mV]': unit 'mV' found",
+    "time,G0,G0,G1,G2,dynamic_pressure\n0,1,1,1,1,1\n": "2 columns 'G0' found",
+    "time,G0,G1,G2,dynamic_pressure\n0,1e-6,x,1e-6,9e4\n": "line 2, column 'G1': 'x' found, a number wanted",
+    "time,G0,G1,G2,dynamic_pressure\n0,100,200,300,9e4\n": "100 m/m found, at most 0.1 expected",
+    "time,G0,G1,G2,dynamic_pressure\n1,0,0,0,9e4\n1,0,0,0,9e4\n": "row 3: 1 s after 1 s found",
+    "time,G0,G1,G2,dynamic_pressure\nnan,0,0,0,9e4\n": "column 'time', row 2: no number found",
+    "time,G0,G1,G2,dynamic_pressure\n0,0,0\n": "line 2: 3 cells found, 5 wanted",
+    "": "no headings found",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_wrong_tables_get_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as error, open_strains(path, ["G0", "G1", "G2"]) as opened:
+        list(opened.blocks)
+    assert WRONG[text] in str(error.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_wrong_hdf5_gets_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "d.h5"
+    good = {"time": np.arange(4.0), "strain": np.zeros((4, 3)), "dynamic_pressure": np.float64(9e4)}
+    for name, value, line in (
+        ("strain", np.zeros((4, 2)), r"shape \(4, 2\) found, \(n, 3\) wanted"),
+        ("time", np.arange(5.0), r"shape \(5,\) found, \(4,\) wanted"),
+        ("dynamic_pressure", np.zeros(7), r"shape \(7,\) found"),
+        ("strain", None, "no data set 'strain' found"),
+        ("strain", np.full((4, 3), b"x"), "numbers wanted"),
+        ("gauge_names", np.array([b"G0", b"G2", b"G1"]), "entry 2 is not the map's gauge 2"),
+    ):
+        with h5py.File(path, "w") as file:
+            for key, held in {**good, name: value}.items():
+                if held is not None:
+                    file[key] = held
+        with pytest.raises(InputError, match=line), open_strains(path, ["G0", "G1", "G2"]) as opened:
+            list(opened.blocks)
+
+
+def test_units_behind_an_index() -> None:
+    headings = ["t [ms]", "strain[1]", "x.strain[2] [ue]", "dynamic_pressure [psi]"]
+    plan = plan_columns(Path("d.csv"), headings, ["a", "b"], None)
+    assert (plan.time, plan.strain, plan.dynamic_pressure) == (0, (1, 2), 3)
+    assert plan.time_factor == 1e-3
+    np.testing.assert_array_equal(plan.strain_factor, [1.0, 1e-6])
+    assert plan.pressure_factor == pytest.approx(6894.757, rel=1e-6)  # 1 psi
+
+
+def test_a_failure_leaves_the_old_output(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+    out = tmp_path / "o.csv"
+    out.write_text("old")
+    rows = "".join(
+        f"{k},{',0' * N_GAUGES}"[: -1 if k < 0 else None].replace(",,", ",") + "\n" for k in range(3000)
+    )
+    bad = "time," + ",".join(NAMES) + "\n" + rows + "x" + ",0" * N_GAUGES + "\n"
+    (tmp_path / "d.csv").write_text(bad)
+    code, _, errors = run("estimate", synthetic.map_1, tmp_path / "d.csv", "-o", out, "--dynamic-pressure", "9e4")
+    assert code == 2
+    assert "line 3002, column 'time': 'x' found" in errors
+    assert out.read_text() == "old"
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["d.csv", "o.csv"]
+    code, _, errors = run("estimate", synthetic.map_1, tmp_path / "d.csv", "-o", tmp_path / "o.xls")
+    assert code == 2
+    assert "'.xls' found, one of .csv, .h5, .hdf5 wanted" in errors

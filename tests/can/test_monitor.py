@@ -1,0 +1,222 @@
+"""The live view: datagrams that never block, a server on loopback, a page that a browser shows."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bus_run import live_run
+from chromium import PROGRAM, Browser
+from synthetic_vehicle import N_GAUGES, SyntheticFiles
+
+from strainfmu.can.bus_state import BusState
+from strainfmu.can.frame_account import FrameAccount
+from strainfmu.can.publisher import GaugePlace, Publisher, gauge_places, parsed_address
+from strainfmu.can.quality import Cause, Quality
+from strainfmu.can.result import CycleResult
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.monitor.server import Monitor, page
+
+
+@pytest.fixture
+def monitor() -> Iterator[Monitor]:
+    running = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
+    yield running
+    running.close()
+
+
+def result(quality: Quality = Quality.VALID, value: float = 0.5) -> CycleResult:
+    strain = np.array([1e-6, np.nan, -3e-6])
+    full = np.full(5, value)
+    valid = np.isfinite(strain)
+    return CycleResult(1.0, quality, Cause.PARTIAL_CYCLE, valid, strain, 9e4, 0.002, coefficients=full)
+
+
+def publisher(port: int, rate: float = 1e4) -> Publisher:
+    places = [GaugePlace(name, 0.5, 90.0 * k) for k, name in enumerate("abc")]
+    return Publisher(("127.0.0.1", port), places, rate, FrameAccount, lambda: BusState.ERROR_ACTIVE)
+
+
+def get(monitor: Monitor, path: str, host: str | None = None) -> tuple[int, bytes]:
+    address = monitor.url.removeprefix("http://").rstrip("/")
+    connection = http.client.HTTPConnection(address, timeout=5)
+    connection.request("GET", path, headers={} if host is None else {"Host": host})
+    answer = connection.getresponse()
+    content = answer.read()
+    connection.close()
+    return answer.status, content
+
+
+def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_datagrams_are_plain_json() -> None:
+    """What PlotJuggler's UDP server reads: one object per datagram, numbers under names, a time stamp."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ears:
+        ears.bind(("127.0.0.1", 0))
+        ears.settimeout(5.0)
+        mouth = publisher(ears.getsockname()[1])
+        mouth.result(result())
+        layout, content = json.loads(ears.recv(1 << 16)), json.loads(ears.recv(1 << 16))
+        mouth.close()
+    assert [gauge["roll_angle"] for gauge in layout["layout"]["gauges"]] == [0.0, 90.0, 180.0]
+    assert content["strain_um_per_m"] == {"a": 1.0, "b": None, "c": -3.0}
+    assert content["coefficients"]["M_Y"] == 0.5
+    assert content["sigma"]["C_A"] is None  # NaN is no JSON
+    assert (content["quality_name"], content["causes"]) == ("VALID", ["PARTIAL_CYCLE"])
+    assert content["timestamp"] == pytest.approx(time.time(), abs=10.0)
+    assert content["account"]["not accounted for"] == 0
+
+
+def test_a_publisher_without_a_listener_never_blocks() -> None:
+    mouth = publisher(9)  # nobody there; on loopback a full receive buffer drops, it does not block
+    begin = time.monotonic()
+    for _ in range(2000):
+        mouth._next = 0.0
+        mouth.result(result())
+    mouth.close()
+    assert time.monotonic() - begin < 30.0  # a block would be for ever
+    mouth.result(result(Quality.STALE))  # a closed socket is one more thing that cannot be sent to
+    assert mouth.dropped >= 1
+
+
+def test_the_rate_is_limited_but_for_a_change_of_quality() -> None:
+    mouth = publisher(9, rate=0.01)
+    for _ in range(10):
+        mouth.result(result())
+    assert mouth.sent == 2  # layout and result
+    mouth.result(result(Quality.STALE))
+    assert mouth.sent == 3
+    mouth.close()
+
+
+def test_places_of_the_gauges_come_from_the_fmu(synthetic: SyntheticFiles) -> None:
+    places = gauge_places(synthetic.estimator_1)
+    assert [place.name for place in places] == [f"G{i}" for i in range(N_GAUGES)]
+    # synthetic_vehicle puts them evenly from 0.3 to 3.3 m and around.
+    np.testing.assert_allclose([place.x for place in places], np.linspace(0.3, 3.3, N_GAUGES), atol=1e-3)
+    assert len({place.roll_angle for place in places}) == N_GAUGES
+
+
+def test_addresses() -> None:
+    assert parsed_address("127.0.0.1:9870", "--publish") == ("127.0.0.1", 9870)
+    assert parsed_address("[::1]:5", "--publish") == ("::1", 5)
+    for text in ("9870", "host:", "host:x", "host:70000"):
+        with pytest.raises(InputError, match="HOST:PORT such as"):
+            parsed_address(text, "--publish")
+
+
+def test_garbage_is_counted_and_changes_nothing(monitor: Monitor) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
+        bad = [b"\xff\x00", b"[]", b"{}", b'{"layout":{"gauges":[1]}}', b"[" * 60000, b'{"coefficients":{}}']
+        for datagram in bad:
+            mouth.sendto(datagram, monitor.listens_at)
+    until(lambda: monitor.state.refused == len(bad))
+    content = json.loads(get(monitor, "/state")[1])
+    assert (content["latest"], content["gauges"], content["datagrams"]) == (None, [], 0)
+
+
+def test_the_server_is_on_loopback_and_answers_nobody_else(monitor: Monitor) -> None:
+    assert monitor.url.startswith("http://127.0.0.1:")
+    assert monitor.listens_at[0] == "127.0.0.1"
+    assert get(monitor, "/") == (200, page())
+    assert get(monitor, "/etc/passwd")[0] == 404
+    # A foreign name that was made to point here, as in DNS rebinding.
+    assert get(monitor, "/state", "evil.example")[0] == 403
+    with pytest.raises(StrainfmuError, match=r"datagrams at 127\.0\.0\.1"):
+        Monitor(monitor.listens_at, ("127.0.0.1", 0))
+
+
+def test_the_page_needs_nothing_from_elsewhere() -> None:
+    text = page().decode()
+    assert [part for part in text.split('"') if part.startswith(("http:", "https:", "//"))] == [
+        "http://www.w3.org/2000/svg"
+    ]
+
+
+def test_events_carry_what_is_newest(monitor: Monitor) -> None:
+    address = monitor.url.removeprefix("http://").rstrip("/")
+    connection = http.client.HTTPConnection(address, timeout=10)
+    connection.request("GET", "/events")
+    stream = connection.getresponse()
+    first = json.loads(stream.readline().removeprefix(b"data: "))
+    assert (first["latest"], first["history"]) == (None, [])
+    mouth = publisher(monitor.listens_at[1])
+    for k in range(500):
+        mouth.result(result(value=float(k)))
+        mouth._next = 0.0
+    until(lambda: json.loads(monitor.state.snapshot(time.monotonic(), False))["latest"] is not None)
+    time.sleep(0.3)
+    expected = json.loads(monitor.state.snapshot(time.monotonic(), False))["latest"]["coefficients"]["C_A"]
+    seen = []
+    while not seen or seen[-1] != expected:
+        line = stream.readline()
+        if line.startswith(b"data: ") and (latest := json.loads(line.removeprefix(b"data: "))["latest"]):
+            seen.append(latest["coefficients"]["C_A"])
+    assert len(seen) < 100  # newest only: far fewer events than datagrams
+    mouth.close()
+    connection.close()
+
+
+def test_monitor_as_a_command(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-c", "from strainfmu.cli import main; main()", "monitor"),
+            *("--listen", "127.0.0.1:0", "--http", "127.0.0.1:0"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("http://127.0.0.1:")
+    process.send_signal(signal.SIGTERM)
+    out, errors = process.communicate(timeout=10)
+    assert (process.returncode, out, errors) == (0, "0 datagrams, 0 refused\n", "")
+
+
+@pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
+def test_chromium_shows_live_data_and_goes_on_after_a_restart(
+    synthetic: SyntheticFiles, tmp_path: Path, monitor: Monitor
+) -> None:
+    browser = Browser(tmp_path / "profile", monitor.url)
+    address = "{}:{}".format(*monitor.listens_at)
+    try:
+        browser.wait("document.getElementById('quality')?.textContent", lambda found: found == "waiting")
+        counted = []
+        for number in (1, 2):  # the second bridge is a new one: the page is not touched meanwhile
+            running = threading.Thread(
+                target=live_run, args=(synthetic.estimator_1, f"monitor{number}", 200), kwargs={"publish": address}
+            )
+            running.start()
+            browser.wait("document.getElementById('quality').textContent", lambda found: found == "VALID")
+            received = "[...document.querySelectorAll('#account td')].map(cell => cell.textContent).join()"
+            counted.append(browser.wait(received, lambda found: "received," in found and "used," in found))
+            assert browser.value("document.querySelectorAll('rect.gauge').length") == N_GAUGES
+            browser.wait("document.querySelectorAll('polygon.band').length", lambda found: found == 5)
+            shown = browser.value("document.getElementById('now_C_N').textContent")
+            live = json.loads(monitor.state.snapshot(time.monotonic(), False))["latest"]
+            assert " ± " in shown
+            assert live["coefficients"]["C_N"] is not None
+            running.join()
+            browser.wait("document.getElementById('link').textContent", lambda found: found == "bridge silent")
+            assert browser.value("document.getElementById('quality').textContent") == "SILENT"
+        assert len(counted) == 2
+        browser.screenshot(tmp_path / "page.png")
+        assert (tmp_path / "page.png").stat().st_size > 10_000
+    finally:
+        browser.close()

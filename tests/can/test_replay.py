@@ -1,0 +1,151 @@
+"""Replay: the results of a live run again, from the log alone."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from bus_run import CYCLE, LiveRun, live_run
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.can.fault_injection import Fault, FaultKind
+from strainfmu.can.fmu_step import FmuStep
+from strainfmu.can.recording import LOG_SUFFIXES, sidecar
+from strainfmu.can.replay import ReplaySummary, replay_log
+from strainfmu.can.result import CycleResult
+from strainfmu.can.setup import BridgeOptions
+from strainfmu.errors import InputError
+
+FAULTS = (
+    Fault(FaultKind.LOSS, 15, 4, 1),
+    Fault(FaultKind.STUCK_GAUGE, 25, 30, 2),
+    Fault(FaultKind.RESTART, 40, 2, 3),
+)
+
+
+def recorded(options: BridgeOptions | None) -> BridgeOptions:
+    assert options is not None
+    return options
+
+
+def replayed(log: Path, fmu: Path) -> tuple[list[CycleResult], ReplaySummary]:
+    results: list[CycleResult] = []
+    with FmuStep(fmu) as step:
+        summary = replay_log(log, fmu, step, step.gauge_names, recorded, results.append)
+    return results, summary
+
+
+def check_equal(run: LiveRun, results: list[CycleResult]) -> None:
+    """Hold every published result against its replay, bit by bit; a live bridge that stood still may say STALE."""
+    assert len(results) == len(run.results)
+    for live, again in zip(run.results, results, strict=True):
+        assert (again.counter, again.sample_time) == (live.counter, live.sample_time)
+        np.testing.assert_array_equal(again.strain, live.strain)
+        if live.quality.has_coefficients:
+            assert (again.quality, again.causes, again.health) == (live.quality, live.causes, live.health)
+            np.testing.assert_array_equal(again.coefficients, live.coefficients)
+            np.testing.assert_array_equal(again.coefficients_std, live.coefficients_std)
+            assert again.chi_square == live.chi_square
+
+
+@pytest.mark.parametrize("suffix", LOG_SUFFIXES)
+def test_coefficients_of_a_live_run_bit_by_bit(synthetic: SyntheticFiles, tmp_path: Path, suffix: str) -> None:
+    log = tmp_path / f"run{suffix}"
+    run = live_run(synthetic.estimator_1, f"replay{suffix}", 70, FAULTS, record=log)
+    assert sum(result.quality.has_coefficients for result in run.results) > 20
+    results, summary = replayed(log, synthetic.estimator_1)
+    check_equal(run, results)
+    assert summary.account.rows() == run.summary.account.rows()
+    assert summary.account.unaccounted == 0
+    assert summary.notes == []
+    # Result frames as they were on the bus; those may differ that went out late.
+    assert summary.compared >= len(run.results) - 3
+    assert summary.equal >= summary.compared - 3
+
+
+def test_replay_of_a_classic_profile(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    log = tmp_path / "run.log"
+    run = live_run(synthetic.estimator_1, "replay_be", 40, record=log, profile="classic-be")
+    results, summary = replayed(log, synthetic.estimator_1)
+    check_equal(run, results)
+    assert summary.compared > 100  # five frames per result
+    assert summary.equal >= 0.9 * summary.compared
+
+
+def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(
+    synthetic: SyntheticFiles, tmp_path: Path, run
+) -> None:  # type: ignore[no-untyped-def]
+    log = tmp_path / "run.blf"
+    live = live_run(synthetic.estimator_1, "replay_foreign", 40, record=log)
+    sidecar(log).unlink()
+    outputs = []
+    for name in ("a.csv", "b.csv"):
+        code, out, errors = run("replay", log, synthetic.estimator_1, "-o", tmp_path / name, "--cycle-time", "10")
+        assert (code, errors) == (0, "")
+        assert "no description beside it" in " ".join(out.split())
+        outputs.append((tmp_path / name).read_bytes())
+    assert outputs[0] == outputs[1]
+    rows = list(csv.DictReader(outputs[0].decode().splitlines()))
+    answered = {r.counter: r for r in live.results if r.quality.has_coefficients}
+    compared = 0
+    for row in rows:
+        if row["C_N [1]"] != "nan" and int(float(row["counter [1]"])) in answered:
+            assert float(row["C_N [1]"]) == answered[int(float(row["counter [1]"]))].coefficients[1]
+            compared += 1
+    assert compared > 20
+
+
+def test_estimate_takes_a_log_and_a_map(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+    """The map in numpy and the native FMU of it agree to round-off, 1e-9 of sigma and more."""
+    log = tmp_path / "run.asc"
+    live = live_run(synthetic.estimator_1, "replay_map", 30, record=log)
+    out = tmp_path / "run.h5"
+    code, printed, errors = run("estimate", synthetic.map_1, log, "-o", out)
+    assert (code, errors) == (0, "")
+    assert "is not the FMU of the recording" in " ".join(printed.split())
+    with h5py.File(out) as file:
+        found = file["C_A"][()]
+        assert file["time"].attrs["unit"] == "s"
+    expected = np.array([r.coefficients[0] for r in live.results])
+    assert len(found) == len(expected)
+    both = np.isfinite(expected)
+    np.testing.assert_allclose(found[both], expected[both], rtol=1e-9)
+
+
+def test_bad_logs_get_one_line(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+    (tmp_path / "x.blf").write_bytes(b"this is no log at all" * 20)
+    (tmp_path / "x.db").write_bytes(b"")
+    for name, line in (("x.blf", "damaged"), ("x.db", "loses rows"), ("none.log", "no such file")):
+        code, _, errors = run("replay", tmp_path / name, synthetic.estimator_1, "-o", tmp_path / "o.csv")
+        assert code == 2
+        assert line in errors
+        assert errors.count("\n") == 1
+    assert not (tmp_path / "o.csv").exists()
+
+
+def test_settings_of_the_run_are_those_of_the_replay(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """A replay with another period is another run: the comparison with the log says so."""
+    log = tmp_path / "run.blf"
+    live_run(synthetic.estimator_1, "replay_other", 30, record=log)
+
+    def slower(options: BridgeOptions | None) -> BridgeOptions:
+        assert options is not None
+        assert options.cycle_time == CYCLE
+        return BridgeOptions("virtual", "x", cycle_time=10.0 * CYCLE)
+
+    with FmuStep(synthetic.estimator_1) as step:
+        summary = replay_log(log, synthetic.estimator_1, step, step.gauge_names, slower, lambda _: None)
+    assert summary.equal < summary.compared
+
+    with pytest.raises(InputError, match="cycle time"), FmuStep(synthetic.estimator_1) as step:
+        replay_log(
+            log,
+            synthetic.estimator_1,
+            step,
+            step.gauge_names,
+            lambda _: BridgeOptions("v", "x", cycle_time=0.0),
+            print,
+        )
