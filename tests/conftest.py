@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,13 +12,17 @@ import pytest
 
 from strainfmu.cli import main
 
+# Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 OGIVE = Path(__file__).parent / "acceptance" / "ogive" / "ogive.toml"
 
 
-SHARED_FIXTURES = ("acceptance", "campaign", "inverse")
+SHARED_FIXTURES = ("acceptance", "campaign", "inverse", "reports")
 """Folders whose files share results that take long to make: each runs in one process."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
     for item in items:

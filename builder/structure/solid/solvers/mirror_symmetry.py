@@ -1,8 +1,8 @@
 """Planes of symmetry: a problem that a reflection leaves as it is falls apart into smaller ones.
 
-Reflections about y = 0 and z = 0 commute with each other and, on a symmetric structure, with the matrix. In a basis
-of motions that are even or odd about each plane the matrix is block diagonal, so up to four problems of a quarter of
-the unknowns take the place of one (Bossavit, Comput. Methods Appl. Mech. Eng. 56, 1986, 167-215).
+Reflections about y = 0 and z = 0 commute with each other and, on a symmetric structure, with the matrix. In a
+basis of motions that are even or odd about each plane the matrix is block diagonal, so up to four problems of a
+quarter of the unknowns take the place of one (Bossavit, Comput. Methods Appl. Mech. Eng. 56, 1986, 167-215).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def symmetric_parts(problem: SparseProblem) -> list[csr_array]:
 
 
 def _reflection(problem: SparseProblem, sign: FloatArray) -> csr_array | None:
-    """Return the reflection as (n_free, n_free) signed permutation of the free motions; None if it is no symmetry."""
+    """Return the reflection as (n_free, n_free) signed permutation of free motions; None if it is no symmetry."""
     if problem.node is None:
         return None
     partner = _partners(problem.node, sign)
@@ -70,7 +70,7 @@ def _partners(node: FloatArray, sign: FloatArray) -> IntArray | None:
 def _basis(n: int, reflections: list[csr_array], parity: tuple[float, ...]) -> csr_array:
     """Return the orthonormal basis (n, k) of motions x with R x = parity x for each reflection R.
 
-    The projection of a unit vector is that of all its mirror images but for the sign, so one of them stands for all.
+    The projection of a unit vector is, but for the sign, that of its mirror images: one of them stands for all.
     """
     projection, first = csr_array(eye_array(n)), np.arange(n)
     for mirror, sign in zip(reflections, parity, strict=True):
