@@ -47,7 +47,7 @@ class Running:
         core = BridgeCore(layout, Projection(N), BridgeSettings(), time.monotonic(), [r.key for r in results])
         self.results: list[CycleResult] = []
         self.buses: list[can.BusABC] = []
-        self.sender, self.cycle, self._truth = sender, 0, Truth(N, 1)
+        self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0
         self._encoder, self._start = StrainEncoder(layout), time.monotonic()
 
         def opened() -> can.BusABC:
@@ -127,12 +127,21 @@ def virtual() -> Iterator[Running]:
 
 @pytest.fixture
 def multicast() -> Iterator[Running]:
-    """Return a bridge on udp_multicast."""
-    settings = BusSettings("udp_multicast", GROUP, {"port": 43221})
+    """Return a bridge on udp_multicast, on a port that nobody else has."""
+    settings = BusSettings("udp_multicast", GROUP, {"port": free_port()})
     with open_bus(settings) as sender:
         running = Running(lambda: open_bus(settings), sender)
+        running.port = settings.options["port"]
         yield running
         running.bridge.stop()
+
+
+def free_port() -> int:
+    """Return a UDP port that is free now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port: int = probe.getsockname()[1]
+    return port
 
 
 def test_results_come_back_on_the_bus(virtual: Running) -> None:
@@ -156,7 +165,7 @@ def test_a_malformed_datagram_is_counted_and_passed_over(multicast: Running) -> 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as raw:
         raw.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
         for data in (b"", b"\xc1", b"no frame", b"\x81\xa3abc\x01", os.urandom(500)):
-            raw.sendto(data, (GROUP, 43221))
+            raw.sendto(data, (GROUP, multicast.port))
     multicast.send_until(Quality.VALID)
     summary = multicast.end()
     assert summary.malformed == 5
@@ -309,7 +318,7 @@ def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Runni
 
 
 def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() -> None:
-    settings = BusSettings("udp_multicast", GROUP, {"port": 43222})
+    settings = BusSettings("udp_multicast", GROUP, {"port": free_port()})
     with open_bus(settings) as bus, open_bus(settings) as sender:
         message = to_message(Frame(0x301, bytes(64), is_fd=True))
         with socket.socket(fileno=os.dup(bus.fileno())) as same:

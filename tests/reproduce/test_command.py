@@ -14,6 +14,7 @@ from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import TITLES
 
 
+@pytest.mark.slow
 def test_every_published_number_is_compared_in_every_set_up(quick_run: tuple[Path, str]) -> None:
     folder, _ = quick_run
     with (folder / "tables" / "parity_numbers.csv").open(newline="", encoding="utf-8") as stream:
@@ -24,6 +25,7 @@ def test_every_published_number_is_compared_in_every_set_up(quick_run: tuple[Pat
     assert set(numbers) >= {"parity", "criteria", "readings", "layout_45", "noise_free", "symmetry_classes"}
 
 
+@pytest.mark.slow
 def test_coarse_grids_keep_the_source_s_findings(quick_run: tuple[Path, str]) -> None:
     # Bands, not values: the grids are coarse.
     numbers = json.loads((quick_run[0] / "numbers.json").read_text(encoding="utf-8"))
@@ -65,6 +67,7 @@ class _Page(HTMLParser):
             self.outside.append(tag)
 
 
+@pytest.mark.slow
 def test_report_needs_no_other_file(quick_run: tuple[Path, str]) -> None:
     page = _Page()
     page.feed((quick_run[0] / "report.html").read_text(encoding="utf-8"))
@@ -72,6 +75,7 @@ def test_report_needs_no_other_file(quick_run: tuple[Path, str]) -> None:
     assert page.pictures == len(list((quick_run[0] / "figures").glob("*.png"))) >= 17
 
 
+@pytest.mark.slow
 def test_second_run_reuses_what_is_there_and_mends_what_is_damaged(
     quick_run: tuple[Path, str], command: Callable[..., str]
 ) -> None:
