@@ -21,6 +21,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator import Estimator
 from strainfmu.estimator_settings import EstimatorSettings, setting_fault
 from strainfmu.fmi_variables import Variable, value_references
+from strainfmu.fmu.wrapper_exit import let_go_at_exit
 from strainfmu.interface import PARAMETERS, estimator_interface, output_values
 from strainfmu.inverse_map import load_inverse_map
 
@@ -37,6 +38,7 @@ class EstimatorSlave(Fmi2Slave):
         super().__init__(**kwargs)
         resources = Path(self.resources)
         self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
+        let_go_at_exit(resources, self.modelName)
         inverse_map = load_inverse_map(resources / "map.h5")
         self._estimator = Estimator(inverse_map)
         interface = estimator_interface(inverse_map)

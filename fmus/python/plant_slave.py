@@ -20,6 +20,7 @@ from strainfmu.cosim.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.fmi_variables import value_references
+from strainfmu.fmu.wrapper_exit import let_go_at_exit
 from strainfmu.plant_interface import plant_interface
 
 
@@ -34,6 +35,7 @@ class PlantSlave(Fmi2Slave):
         super().__init__(**kwargs)
         resources = Path(self.resources)
         self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
+        let_go_at_exit(resources, self.modelName)
         self._model = load_flight_model(resources / "flight_model.h5")
         self._trajectory = load_trajectory(resources / "trajectory.csv")
         interface = plant_interface(self._model)

@@ -27,9 +27,8 @@ HOSTS = {
         "The folder the host unzips it to may hold plain ASCII letters, digits, blanks and . _ - ~ only: "
         "PythonFMU ends the process where it holds others.",
         "PythonFMU lets no slave refuse a value: what cannot be set is logged as an error and left as it was, "
-        "while the call returns OK. It does not compare the guid, and offers no directional derivatives. A native "
-        "host may report an abort when it unloads the FMU, after all results are written. The native kind "
-        "of this FMU has none of these limits.",
+        "while the call returns OK. It does not compare the guid, and offers no directional derivatives. The "
+        "native kind of this FMU has none of these limits.",
     ),
     "native": (
         "Nothing: the FMU holds compiled code for each of its platforms and the C sources it was made of. Other "

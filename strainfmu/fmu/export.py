@@ -39,6 +39,8 @@ _ESTIMATOR_MODULES = (
     "files.py",
     "fixed_order.py",
     "fmi_variables.py",
+    "fmu/__init__.py",
+    "fmu/wrapper_exit.py",
     "health.py",
     "innovation.py",
     "interface.py",
@@ -62,6 +64,8 @@ _PLANT_MODULES = (
     "files.py",
     "flight_condition.py",
     "fmi_variables.py",
+    "fmu/__init__.py",
+    "fmu/wrapper_exit.py",
     "plant_interface.py",
     "records.py",
 )

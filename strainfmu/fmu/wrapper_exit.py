@@ -1,0 +1,31 @@
+"""A clean end of the process for PythonFMU's compiled wrapper.
+
+At the end of a process on Linux, PythonFMU 0.7 lets go of its hold on the interpreter twice: once as a static
+object of C++ and once more as its library is unloaded, from memory that is free by then. In a Python host the C
+library now and then finds its heap damaged and aborts, after the last result; in any other host it always does
+(PythonFMU issue 228). The hold is let go here before either: what comes later then finds none.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import sys
+from functools import cache
+from pathlib import Path
+
+
+def let_go_at_exit(resources: Path, model_identifier: str) -> None:
+    """Let the wrapper of the FMU unzipped around ``resources`` let go of the interpreter before Python ends."""
+    if sys.platform.startswith("linux"):
+        _register(resources.parent / "binaries" / "linux64" / f"{model_identifier}.so")
+
+
+@cache  # once for each library, however many instances it has
+def _register(library: Path) -> None:
+    """Have Python call the wrapper's own release when it ends; do nothing for a wrapper that has none."""
+    if not library.exists():  # while the FMU is packed
+        return
+    let_go = getattr(ctypes.CDLL(str(library)), "finalizePythonInterpreter", None)
+    if let_go is not None:
+        atexit.register(let_go)
