@@ -26,7 +26,7 @@ def build(
 
         strainfmu build my_vehicle.toml -o results
     """
-    from builder.demo import run_build
+    from builder.map_chain import run_build
 
     console = Console()
     path = run_build(vehicle, output, ConsoleReporter(console))
@@ -62,7 +62,7 @@ def export(
 
 
 def crosscheck(
-    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, exported by this program.")],
+    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Any FMU exported by this program.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("crosscheck"),
 ) -> None:
     """Run an FMU in every importer that is installed; leave input, reference, options and results.

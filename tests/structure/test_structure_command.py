@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cad_files import write_step, write_stl
 
-from builder.demo import run_build
+from builder.map_chain import run_build
 from builder.reporting import Silent
 from builder.snapshots import load_snapshots
 from builder.structural_model import StructuralModel, solid_case, structural_model, used_layouts, wall_of
