@@ -18,7 +18,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -110,9 +110,9 @@ def encode_record(fingerprint: str, flow: Flow) -> bytes:
     """Return one record of the journal."""
     stream = io.BytesIO()
     # Arrays have names of the engine's choice; the prefix keeps them apart from ours.
-    arrays = {f"array.{name}": values for name, values in flow.arrays.items()}
-    own = {"key": np.array(flow.key), "momentum_error": flow.momentum_error, "repairs": flow.repairs}
-    np.savez(stream, allow_pickle=False, **arrays, **own)  # type: ignore[arg-type]
+    entries: dict[str, Any] = {f"array.{name}": values for name, values in flow.arrays.items()}
+    entries |= {"key": np.array(flow.key), "momentum_error": flow.momentum_error, "repairs": flow.repairs}
+    np.savez(stream, allow_pickle=False, **entries)
     name, payload = fingerprint.encode(), stream.getvalue()
     return HEADER.pack(MARK, len(payload), hashlib.sha256(name + payload).digest(), name) + payload
 

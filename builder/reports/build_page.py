@@ -11,7 +11,7 @@ from builder.reports import build_figures as draw
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import first_rows, report_tables
 from builder.reports.html import Block, Files, Items, Page, Paragraph, Section, picture, write_page
-from builder.reports.tables import Table, table_csv, table_json
+from builder.reports.tables import Table, tables_json, write_csv
 from strainfmu.files import write_bytes_atomically
 from strainfmu.inverse_map import COEFFICIENT_NAMES
 
@@ -33,8 +33,7 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
         A file could not be written.
     """
     tables = report_tables(report)
-    for name, table in tables.items():
-        write_bytes_atomically(folder / CSV_FOLDER / f"{name}.csv", table_csv(table).encode("utf-8"))
+    write_csv(tables, folder / CSV_FOLDER)
     content = {
         "schema_version": SCHEMA_VERSION,
         "vehicle": report.vehicle,
@@ -44,7 +43,7 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
         "structural_model": report.structural_model,
         "blind_classes": [str(report.symmetries[i].symmetry) for i in report.blind_classes],
         "excluded": list(report.excluded),
-        "tables": {name: table_json(table) for name, table in tables.items()},
+        "tables": tables_json(tables),
     }
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     write_bytes_atomically(folder / JSON_NAME, text.encode("utf-8"))

@@ -115,7 +115,7 @@ def build_report(
         coefficients=coefficient_sources(inverse_map, problem, solution),
         gauges=gauge_value(inverse_map),
         noise=tuple(solution.noise.shares()),
-        gamma=gamma_choice(inverse_map, problem, solution),
+        gamma=gamma_choice(inverse_map, problem, solution, grid),
         excluded=exclusions(vehicle, snapshots.engine),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees
 
@@ -10,14 +11,14 @@ from numpy.typing import NDArray
 
 from builder.reports.build_report import BuildReport
 from builder.reports.coefficient_sources import coefficient_scales
-from builder.reports.tables import Column, Table, make_table
+from builder.reports.tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES, direction_names
 from strainfmu.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 from strainfmu.validity import valid_ranges
 
 FloatArray = NDArray[np.float64]
 
-MICRO = 1e6
+MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
 MOST_PAIRS = 200
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
@@ -41,7 +42,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         alike(report),
         *((gamma_rules(report), eigenvalues(report), l_curve(report)) if report.gamma else ()),
     )
-    return {table.name: table for table in tables}
+    return by_name(tables)
 
 
 def first_rows(table: Table, count: int) -> Table:
@@ -53,9 +54,13 @@ def first_rows(table: Table, count: int) -> Table:
 
 
 def validity(report: BuildReport) -> Table:
-    rows = [(one.quantity, one.least, one.greatest, one.unit) for one in valid_ranges(report.inverse_map)]
-    columns = (Column("quantity"), Column("least", "", ".6g"), Column("greatest", "", ".6g"), Column("unit"))
-    return make_table("validity", "What the snapshots cover.", columns, rows)
+    columns = (
+        ("quantity", Column("quantity")),
+        ("least", Column("least", "", ".6g")),
+        ("greatest", Column("greatest", "", ".6g")),
+        ("unit", Column("unit")),
+    )
+    return records_table("validity", "What the snapshots cover.", valid_ranges(report.inverse_map), columns)
 
 
 def classes(report: BuildReport) -> Table:
@@ -98,8 +103,6 @@ def modes(report: BuildReport) -> Table:
     sigma = np.sqrt(np.mean(report.inverse_map.noise_std**2))
     rows = []
     for j in range(len(sight.mode_std)):
-        known = np.isfinite(sight.mode_classes[j]).all()
-        main = int(np.argmax(sight.mode_classes[j])) if known else 0
         rows.append(
             (
                 j + 1,
@@ -108,8 +111,7 @@ def modes(report: BuildReport) -> Table:
                 100.0 * sight.mode_share[j],
                 MICRO * sight.mode_strain[j],
                 sight.mode_strain[j] / sigma,
-                str(SYMMETRIES[main]) if known else "",
-                100.0 * sight.mode_classes[j, main],
+                *_main_class(sight.mode_classes[j]),
                 100.0 * sight.mode_removed[j],
                 100.0 * sight.mode_removed_at_best[j],
             )
@@ -127,6 +129,12 @@ def modes(report: BuildReport) -> Table:
         Column("at best", "%", ".1f"),
     )
     return make_table("modes", "POD modes of the snapshots at one standard deviation.", columns, rows)
+
+
+def _main_class(shares: FloatArray) -> tuple[str, float]:
+    """Return the class that most of a mode is of, and its share in per cent; nothing and NaN without classes."""
+    main = int(np.argmax(shares))
+    return (str(SYMMETRIES[main]) if np.isfinite(shares).all() else "", 100.0 * float(shares[main]))
 
 
 def singular_values(report: BuildReport) -> Table:
@@ -171,32 +179,45 @@ def coefficients(report: BuildReport) -> Table:
 
 
 def correlations(report: BuildReport) -> Table:
-    rows = [(name, *row) for name, row in zip(COEFFICIENT_NAMES, report.coefficients.correlation, strict=True)]
-    columns = Column("error of"), *(Column(name, "1", ".2f") for name in COEFFICIENT_NAMES)
-    return make_table("correlations", "Correlation of the coefficients' errors.", columns, rows)
+    caption = "Correlation of the coefficients' errors."
+    return _by_coefficient(
+        "correlations",
+        caption,
+        "error of",
+        COEFFICIENT_NAMES,
+        report.coefficients.correlation,
+        Column("", "1", ".2f"),
+    )
 
 
 def sources(report: BuildReport) -> Table:
-    found = report.coefficients
+    found, caption = report.coefficients, "Share of each cause in the variance of each coefficient."
     share = 100.0 * found.variance / found.std**2
-    rows = [(name, *row) for name, row in zip(found.names, share, strict=True)]
-    columns = Column("cause"), *(Column(name, "%", ".1f") for name in COEFFICIENT_NAMES)
-    return make_table("sources", "Share of each cause in the variance of each coefficient.", columns, rows)
+    return _by_coefficient("sources", caption, "cause", found.names, share, Column("", "%", ".1f"))
 
 
 def source_sigmas(report: BuildReport) -> Table:
-    found = report.coefficients
-    rows = [(name, *row) for name, row in zip(found.names, np.sqrt(found.variance), strict=True)]
-    rows.append(("all", *found.std))
-    columns = Column("cause"), *(Column(name, "1", ".3g") for name in COEFFICIENT_NAMES)
-    return make_table("source_sigmas", "Sigma of each coefficient by each cause alone.", columns, rows)
+    found, caption = report.coefficients, "Sigma of each coefficient by each cause alone."
+    sigma = np.vstack([np.sqrt(found.variance), found.std])
+    return _by_coefficient("source_sigmas", caption, "cause", (*found.names, "all"), sigma, Column("", "1", ".3g"))
+
+
+def _by_coefficient(
+    name: str, caption: str, heading: str, names: Sequence[str], values: FloatArray, like: Column
+) -> Table:
+    """Return a table of (n, 5) values, a row per name and a column ``like`` this one per coefficient."""
+    columns = (Column(heading), *(replace(like, heading=one) for one in COEFFICIENT_NAMES))
+    return make_table(name, caption, columns, [(one, *row) for one, row in zip(names, values, strict=True)])
 
 
 def noise(report: BuildReport) -> Table:
-    rows = [(one.name, 100.0 * one.share, MICRO * one.rms_strain) for one in report.noise]
-    columns = Column("noise term"), Column("share", "%", ".1f"), Column("rms over the gauges", "um/m", ".3g")
+    columns = (
+        ("name", Column("noise term")),
+        ("share", Column("share", "%", ".1f")),
+        ("rms_strain", Column("rms over the gauges", "um/m", ".3g")),
+    )
     caption = "What the states do not explain of the strain; shares of the whitened variance."
-    return make_table("noise", caption, columns, rows)
+    return records_table("noise", caption, report.noise, columns)
 
 
 def gauges(report: BuildReport) -> Table:
@@ -311,10 +332,20 @@ def gamma_rules(report: BuildReport) -> Table:
 
 def eigenvalues(report: BuildReport) -> Table:
     assert report.gamma is not None
-    pairs = zip(report.gamma.eigenvalues, report.gamma.filter_factors, strict=True)
-    rows = [(number, *pair) for number, pair in enumerate(pairs, start=1)]
-    columns = Column("number"), Column("eigenvalue", "1"), Column("filter factor", "1", ".4f")
-    caption = "Eigenvalues of the prior-preconditioned Hessian, and the part of each mode that the data decide."
+    one = report.gamma
+    found = zip(one.eigenvalues, one.filter_factors, map(_main_class, one.mode_classes), strict=True)
+    rows = [(number, value, factor, *main) for number, (value, factor, main) in enumerate(found, start=1)]
+    columns = (
+        Column("number"),
+        Column("eigenvalue", "1"),
+        Column("filter factor", "1", ".4f"),
+        Column("most of it is"),
+        Column("that part", "%", ".0f"),
+    )
+    caption = (
+        "Eigenvalues of the prior-preconditioned Hessian, the part of each mode that the data decide, and the "
+        "symmetry of its pressure."
+    )
     return make_table("eigenvalues", caption, columns, rows)
 
 

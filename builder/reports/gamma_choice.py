@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from builder.aero.surface_mesh import SurfaceMesh
+from builder.geometry import SurfaceGrid
 from builder.inverse.case_2 import GaussianMap, gaussian_map
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.gamma_rules import RULES
 from builder.inverse.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
+from builder.reports.symmetry_classes import class_shares, mirror_operators
 from strainfmu.errors import InputError
 from strainfmu.inverse_map import InverseMap
 
@@ -51,6 +54,8 @@ class GammaChoice:
     ----------
     eigenvalues : (k,) lambda of the prior-preconditioned Hessian, falling.
     filter_factors : (k,) lambda / (lambda + gamma).
+    mode_classes : (k, 4) share of each class of symmetry in the modes' pressure, area-weighted [1]; NaN where the
+        surface has no such symmetry.
     gamma : in use.
     rules : the gamma in use first, then every rule.
     curve : the L-curve; a diagnostic.
@@ -58,12 +63,15 @@ class GammaChoice:
 
     eigenvalues: FloatArray
     filter_factors: FloatArray
+    mode_classes: FloatArray
     gamma: float
     rules: tuple[GammaOfRule, ...]
     curve: LCurve
 
 
-def gamma_choice(inverse_map: InverseMap, problem: Problem, solution: Solution) -> GammaChoice | None:
+def gamma_choice(
+    inverse_map: InverseMap, problem: Problem, solution: Solution, surface: SurfaceGrid | SurfaceMesh
+) -> GammaChoice | None:
     """Return what the rules say of a map of Case 2, None of one of Case 1, which has no gamma.
 
     Data are those that prior and noise lead to expect: the mean over flights like the snapshots'.
@@ -78,11 +86,14 @@ def gamma_choice(inverse_map: InverseMap, problem: Problem, solution: Solution) 
             rules.append(_at(inverse_map, loads, solution, solved, rule, select_gamma(rule, data)))
         except InputError as error:
             rules.append(GammaOfRule(rule, None, str(error).partition(", ")[2] or str(error), np.nan, 0, None))
+    # Mode j of the Hessian is column j of V among the states: the pressure F V_j.
+    pressure = solution.field_modes @ solved.spectrum.right[:, : len(solved.spectrum.singular_values)]
     middle = np.log10(solved.regularisation)
     low, high = min(CURVE_DECADES[0], middle - 2.0), max(CURVE_DECADES[1], middle + 2.0)
     return GammaChoice(
         solved.spectrum.eigenvalues,
         solved.filter_factors,
+        class_shares(pressure, problem.node_area, mirror_operators(surface)),
         solved.regularisation,
         tuple(rules),
         l_curve(data, np.logspace(low, high, CURVE_POINTS)),

@@ -5,8 +5,6 @@ estimates c from d - m = Z_p V c + noise as X T (d - m), X the modal coefficient
 c - X T (Z_p V c + N n), and [(I - X T Z_p V) diag(s), X T N] is a factor C of the error's covariance C C'.
 Truncated modes act in it as what they are, pressure that no state holds. The best that a linear map can do is the
 same with Bayes' gain (gamma = 1) on all modes.
-
-Classes of symmetry are projections: even and odd parts under y -> -y and z -> -z.
 """
 
 from __future__ import annotations
@@ -15,22 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
-from builder.aero.closest_points import closest_points
-from builder.aero.mapping import interpolation_at
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.geometry import SurfaceGrid
 from builder.inverse.case_2 import gaussian_map
 from builder.inverse.noise_model import NoiseModel
 from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.solution import Problem, Solution
+from builder.reports.symmetry_classes import class_shares, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
 
 FloatArray = NDArray[np.float64]
-
-LARGEST_GAP = 2e-3
-"""Of the body's length, between a surface and its mirror image, above which it has no such symmetry."""
 
 LEAST_SHARE = 1e-6
 """Of the variance, below which a class counts as empty."""
@@ -92,13 +85,11 @@ def prior_sight(problem: Problem, solution: Solution, surface: SurfaceGrid | Sur
     of_error, of_best = (_variance(modes.modes, area, factor) for factor in (error, best))
     mirrors = mirror_operators(surface)
     classes = np.full((5, len(SYMMETRIES)), np.nan)
-    mode_classes = np.full((len(std), len(SYMMETRIES)), np.nan)
     for i, symmetry in enumerate(SYMMETRIES):
         if mirrors is None:
             break
         part = symmetric_part(modes.modes, mirrors, symmetry.even_in_y, symmetry.even_in_z)
         held = std**2 * (area @ part**2)
-        mode_classes[:, i] = held
         rms = np.sqrt(np.sum((problem.strain_operator @ part * std) ** 2) / len(strain))
         left = np.array([_variance(part, area, factor) for factor in (error, best)])
         share = held.sum() / whole
@@ -107,7 +98,7 @@ def prior_sight(problem: Problem, solution: Solution, surface: SurfaceGrid | Sur
     return PriorSight(
         mode_std=np.sqrt(per_mode),
         mode_share=per_mode / whole,
-        mode_classes=mode_classes / mode_classes.sum(axis=1, keepdims=True),
+        mode_classes=class_shares(modes.modes, area, mirrors),
         mode_strain=std * np.sqrt(np.mean(strain**2, axis=0)),
         mode_removed=1.0 - np.sum(error**2, axis=1) / std**2,
         mode_removed_at_best=1.0 - np.sum(best**2, axis=1) / std**2,
@@ -152,41 +143,3 @@ def _node_removed(modes: FloatArray, std: FloatArray, error: FloatArray) -> Floa
         varies = before > 0.0
         removed[first : first + NODES_AT_ONCE][varies] = 1.0 - after[varies] / before[varies]
     return removed
-
-
-Mirrors = tuple[sparse.csr_array, sparse.csr_array]
-
-
-def mirror_operators(surface: SurfaceGrid | SurfaceMesh) -> Mirrors | None:
-    """Return sparse (n_p, n_p) M_y, M_z: (M_y p)(x, y, z) = p(x, -y, z). None where the surface is not symmetric.
-
-    Nodes at even roll angles mirror onto each other; on other surfaces the value is that of the closest point.
-    """
-    if isinstance(surface, SurfaceGrid):
-        if surface.n_roll % 2:
-            return None
-        node = np.arange(surface.n_nodes).reshape(-1, surface.n_roll)
-        roll = np.arange(surface.n_roll)
-        turned = (-roll % surface.n_roll, (surface.n_roll // 2 - roll) % surface.n_roll)
-        order = [node[:, one].ravel() for one in turned]
-        one, place = np.ones(surface.n_nodes), np.arange(surface.n_nodes)
-        of_y, of_z = (sparse.csr_array((one, (place, of))) for of in order)
-        return of_y, of_z
-    found = []
-    for axis in (1, 2):
-        flip = np.ones(3)
-        flip[axis] = -1.0
-        closest = closest_points(surface, surface.point * flip, surface.node_normal * flip)
-        if closest.gap.max() > LARGEST_GAP * float(np.ptp(surface.point, axis=0).max()):
-            return None
-        found.append(interpolation_at(surface, closest))
-    return found[0], found[1]
-
-
-def symmetric_part(field: FloatArray, mirrors: Mirrors, even_in_y: bool, even_in_z: bool) -> FloatArray:
-    """Return the part of ``field`` (n_p, n) that is even, or odd, under y -> -y and z -> -z."""
-    part = field
-    for mirror, even in zip(mirrors, (even_in_y, even_in_z), strict=True):
-        image = mirror @ part
-        part = 0.5 * (part + image if even else part - image)
-    return part

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan
+from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from strainfmu.files import write_bytes_atomically
 
 Cell = str | bool | int | float | None
 """None and NaN are shown as a dash: there is no such number."""
 
 NO_VALUE = "–"
+
+SCALES = {"%": 100.0, "um/m": 1e6}
+"""From SI to the units that tables show instead."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +81,44 @@ def make_table(name: str, caption: str, columns: Sequence[Column], rows: Sequenc
     return Table(name, caption, tuple(columns), tuple(tuple(_plain(cell) for cell in row) for row in rows))
 
 
+def records_table(
+    name: str, caption: str, records: Iterable[Any], columns: Sequence[tuple[str | Callable[[Any], Any], Column]]
+) -> Table:
+    """Return a table with one row per record.
+
+    Parameters
+    ----------
+    columns : where a cell comes from, an attribute of the record or a function of it, and the column it stands in.
+        Records are in SI; numbers under :data:`SCALES` are shown in the column's unit.
+
+    Raises
+    ------
+    ValueError
+        A cell is neither a number nor a word.
+    """
+    takes = [attrgetter(source) if isinstance(source, str) else source for source, _ in columns]
+    headings = [column for _, column in columns]
+    rows = [[_scaled(_plain(take(one)), of) for take, of in zip(takes, headings, strict=True)] for one in records]
+    return make_table(name, caption, headings, rows)
+
+
+def by_name(tables: Iterable[Table]) -> dict[str, Table]:
+    """Return tables by their names, in their order."""
+    return {table.name: table for table in tables}
+
+
+def write_csv(tables: Mapping[str, Table], folder: Path) -> None:
+    """Write each table to ``NAME.csv`` in ``folder``, atomically.
+
+    Raises
+    ------
+    StrainfmuError
+        A file could not be written.
+    """
+    for name, table in tables.items():
+        write_bytes_atomically(folder / f"{name}.csv", table_csv(table).encode("utf-8"))
+
+
 def shown(cell: Cell, column: Column) -> str:
     """Return a cell as a reader sees it: rounded, a dash where there is no number."""
     if cell is None or (isinstance(cell, float) and isnan(cell)):
@@ -103,6 +148,11 @@ def table_csv(table: Table) -> str:
     return stream.getvalue()
 
 
+def tables_json(tables: Mapping[str, Table]) -> dict[str, Any]:
+    """Return tables for JSON by name."""
+    return {name: table_json(table) for name, table in tables.items()}
+
+
 def table_json(table: Table) -> dict[str, Any]:
     """Return the table for JSON: caption, columns with units, rows of raw values; no NaN or infinity."""
     return {
@@ -116,6 +166,12 @@ def json_number(cell: Cell) -> Cell:
     """Return a cell as JSON can hold it: infinity as a word, NaN as null."""
     if isinstance(cell, float) and not isfinite(cell):
         return None if isnan(cell) else ("infinite" if cell > 0.0 else "-infinite")
+    return cell
+
+
+def _scaled(cell: Cell, column: Column) -> Cell:
+    if column.unit in SCALES and isinstance(cell, int | float) and not isinstance(cell, bool):
+        return SCALES[column.unit] * cell
     return cell
 
 

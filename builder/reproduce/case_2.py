@@ -14,6 +14,7 @@ from builder.inverse.field import data_informed_modes, project_on_modes
 from builder.inverse.gamma_rules import RULES, Rule
 from builder.inverse.prior import LowRankPrior
 from builder.inverse.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
+from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
 from builder.reproduce.setups import SetUp
@@ -210,22 +211,5 @@ def _load_errors(
 
 
 def odd_part(field: FloatArray, grid: SurfaceGrid) -> FloatArray:
-    """Return the part (.., n_p) of a field (.., n_p) that is odd in y and odd in z.
-
-    With roll angle phi, y -> -y turns phi to -phi and z -> -z to pi - phi; nodes are mapped onto nodes where the
-    number of roll angles is even.
-
-    Raises
-    ------
-    InputError
-        It is odd.
-    """
-    n = grid.n_roll
-    if n % 2:
-        raise InputError(f"surface: {n} roll angles found, an even number is wanted")
-    by_ring = grid.as_map(field)
-    k = np.arange(n)
-    in_y, in_z = (-k) % n, (n // 2 - k) % n
-    both = (k + n // 2) % n
-    part: FloatArray = 0.25 * (by_ring - by_ring[..., in_y] - by_ring[..., in_z] + by_ring[..., both])
-    return part.reshape(field.shape)
+    """Return the part (.., n_p) of a field (n_p,) or fields (n, n_p) that is odd in y and odd in z."""
+    return symmetric_part(field.T, grid_mirrors(grid), even_in_y=False, even_in_z=False).T

@@ -12,6 +12,7 @@ from builder.geometry import SurfaceGrid
 from builder.inverse.case_1 import relative_condition
 from builder.inverse.pod import PressureModes
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
+from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
 from builder.reproduce.protocol import EXAMPLES, MODES, NOISE_FREE_GAMMA, P1, SEED
@@ -229,20 +230,9 @@ def class_rows(
 
 def _class_shares(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
     """Return the share of the prior's variance in each symmetry class."""
-    by_ring = grid.as_map(prior.factor.T)
-    n = grid.n_roll
-    k = np.arange(n)
-    mirrored_y, mirrored_z, both = (
-        by_ring[..., (-k) % n],
-        by_ring[..., (n // 2 - k) % n],
-        by_ring[..., (k + n // 2) % n],
-    )
-    total, shares = float(np.sum(by_ring**2)), {}
-    for symmetry in SYMMETRIES:
-        y, z = (1.0 if even else -1.0 for even in (symmetry.even_in_y, symmetry.even_in_z))
-        part = 0.25 * (by_ring + y * mirrored_y + z * mirrored_z + y * z * both)
-        shares[str(symmetry)] = float(np.sum(part**2)) / total
-    return shares
+    mirrors, total = grid_mirrors(grid), float(np.sum(prior.factor**2))
+    parts = ((one, symmetric_part(prior.factor, mirrors, one.even_in_y, one.even_in_z)) for one in SYMMETRIES)
+    return {str(one): float(np.sum(part**2)) / total for one, part in parts}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from builder.figures import save
 from builder.geometry import SurfaceGrid
 from builder.reports.html import Block, Items, Page, Paragraph, Picture, Section, write_page
-from builder.reports.tables import Table, table_csv, table_json
+from builder.reports.tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import figures_case_1, figures_case_2, tables
 from builder.reproduce.acceptance import verdicts
 from builder.reproduce.parity import parity_rows
@@ -83,7 +83,7 @@ def figure_makers(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callab
 def all_tables(studies: Studies, moment_station: float) -> dict[str, Table]:
     """Return all tables by name; ``moment_station`` [m] is the vehicle file's."""
     rows = parity_rows(studies)
-    made = (
+    made = [
         tables.parity_table(rows),
         tables.parity_numbers(rows),
         tables.verdict_table(verdicts(studies)),
@@ -96,8 +96,8 @@ def all_tables(studies: Studies, moment_station: float) -> dict[str, Table]:
         tables.gamma_table(studies),
         tables.coverage_table(studies),
         tables.scatter_table(studies),
-    )
-    return {table.name: table for table in made}
+    ]
+    return by_name(made)
 
 
 def write_numbers(made: dict[str, Table], folder: Path) -> None:
@@ -108,10 +108,9 @@ def write_numbers(made: dict[str, Table], folder: Path) -> None:
     StrainfmuError
         A file could not be written.
     """
-    for name, table in made.items():
-        write_bytes_atomically(folder / "tables" / f"{name}.csv", table_csv(table).encode())
-    content = {name: table_json(table) for name, table in made.items()}
-    write_bytes_atomically(folder / "numbers.json", json.dumps(content, indent=1, allow_nan=False).encode())
+    write_csv(made, folder / "tables")
+    content = json.dumps(tables_json(made), indent=1, allow_nan=False)
+    write_bytes_atomically(folder / "numbers.json", content.encode())
 
 
 def write_report(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -147,15 +148,14 @@ def _models(stages: _Stages, snapshots: Snapshots) -> tuple[dict[str, StrainMode
     """Return the models by name, and the Fourier model with rows of other spans."""
     vehicle, sizes = stages.vehicle, stages.sizes
     solvers: dict[str, Solve] = {
-        FOURIER: lambda progress: fourier_model(vehicle, progress),
+        FOURIER: partial(fourier_model, vehicle),
         HEXAHEDRA: lambda progress: hexahedral_model(vehicle, sizes, snapshots, progress),
         TETRAHEDRA: lambda progress: tetrahedral_model(vehicle, sizes, snapshots, False, progress),
         RECOVERED: lambda progress: tetrahedral_model(vehicle, sizes, snapshots, True, progress),
     }
     others = list(SPANS.items())[1:]
     for i, (_, span) in enumerate(others, start=1):
-        other = _with_span(vehicle, span)
-        solvers[f"{FOURIER}_span_{i}"] = lambda progress, of=other: fourier_model(of, progress)  # type: ignore[misc]
+        solvers[f"{FOURIER}_span_{i}"] = partial(fourier_model, _with_span(vehicle, span))
     made = {name: _model(stages, name, solve) for name, solve in solvers.items()}
     spans = {label: made.pop(f"{FOURIER}_span_{i}") for i, (label, _) in enumerate(others, start=1)}
     return made, spans

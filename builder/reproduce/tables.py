@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.reports.tables import Column, Table, make_table
+from builder.reports.tables import Column, Table, make_table, records_table
 from builder.reproduce.acceptance import Verdict
 from builder.reproduce.case_2 import COEFFICIENTS, load_readings
 from builder.reproduce.parity import ParityRow
@@ -78,88 +78,63 @@ def verdict_table(verdicts: list[Verdict]) -> Table:
 
 def reading_table(studies: Studies) -> Table:
     """Return K and Case 1's medians per reading of the gauges' rows."""
-    columns = [
-        Column("model"),
-        Column("reading"),
-        Column("K1", "1", ".1f"),
-        Column("K2", "1", ".1f"),
-        Column("K1/K2", "1", ".2f"),
-        Column("K1/K2, area-weighted POD", "1", ".2f"),
-        Column("median field error, Configuration 1", "%", ".1f"),
-        Column("median field error, Configuration 2", "%", ".1f"),
-    ]
+    columns = (
+        ("model", Column("model")),
+        ("reading", Column("reading")),
+        ("k_1", Column("K1", "1", ".1f")),
+        ("k_2", Column("K2", "1", ".1f")),
+        ("ratio", Column("K1/K2", "1", ".2f")),
+        ("area_ratio", Column("K1/K2, area-weighted POD", "1", ".2f")),
+        ("median_1", Column("median field error, Configuration 1", "%", ".1f")),
+        ("median_2", Column("median field error, Configuration 2", "%", ".1f")),
+    )
     rows = [*studies.measured.readings, *studies.measured.spans]
-    cells = [
-        [
-            row.model,
-            row.reading,
-            row.k_1,
-            row.k_2,
-            row.ratio,
-            row.area_ratio,
-            100.0 * row.median_1,
-            100.0 * row.median_2,
-        ]
-        for row in rows
-    ]
     caption = "The readings of the gauges' rows (published: K1 89.61, K2 47.96, ratio 1.87; medians 7.5 and 5.5 %)"
-    return make_table("readings", caption, columns, cells)
+    return records_table("readings", caption, rows, columns)
 
 
 def hoop_table(studies: Studies) -> Table:
     """Return what each model makes of hoop and axial strain."""
-    columns = [
-        Column("model"),
-        Column("hoop strain returned", "%", ".1f"),
-        Column("axial strain returned", "%", ".2f"),
-        Column("rms difference, hoop", "sigma", ".3g"),
-        Column("rms difference, axial", "sigma", ".3g"),
-    ]
-    cells = [
-        [row.model, 100.0 * row.hoop_gain, 100.0 * row.axial_gain, row.hoop_error, row.axial_error]
-        for row in studies.measured.hoop
-    ]
+    columns = (
+        ("model", Column("model")),
+        ("hoop_gain", Column("hoop strain returned", "%", ".1f")),
+        ("axial_gain", Column("axial strain returned", "%", ".2f")),
+        ("hoop_error", Column("rms difference, hoop", "sigma", ".3g")),
+        ("axial_error", Column("rms difference, axial", "sigma", ".3g")),
+    )
     caption = (
         "Strain of Configuration 2 over P1 against the Fourier model; same mesh for map and data hides all of it"
     )
-    return make_table("hoop_strain", caption, columns, cells)
+    return records_table("hoop_strain", caption, studies.measured.hoop, columns)
 
 
 def crime_table(studies: Studies) -> Table:
     """Return the noise-free example for pairs of models."""
-    columns = [
-        Column("map"),
-        Column("data"),
-        Column("field error", "%"),
-        Column("of it odd in y and z", "%"),
-        Column("strain of the doubly odd prior", "of all", ".2e"),
-    ]
-    cells = [
-        [row.inversion, row.data, 100.0 * row.field_error, 100.0 * row.odd_error, row.odd_strain]
-        for row in studies.measured.crime
-    ]
+    columns = (
+        ("inversion", Column("map")),
+        ("data", Column("data")),
+        ("field_error", Column("field error", "%")),
+        ("odd_error", Column("of it odd in y and z", "%")),
+        ("odd_strain", Column("strain of the doubly odd prior", "of all", ".2e")),
+    )
     caption = (
         "M5 a6 b6 without noise, gamma 1e-6 (published: 2.8 %); the condition is in the prior, as in the source"
     )
-    return make_table("noise_free", caption, columns, cells)
+    return records_table("noise_free", caption, studies.measured.crime, columns)
 
 
 def class_table(studies: Studies) -> Table:
     """Return what the layouts see of each symmetry class."""
-    columns = [
-        Column("model"),
-        Column("layout"),
-        Column("pressure"),
-        Column("greatest response", "1/Pa", ".2e"),
-        Column("rank"),
-        Column("share of the prior's variance", "%", ".2f"),
-    ]
-    cells = [
-        [row.model, row.layout, row.symmetry, row.response, row.rank, 100.0 * row.prior_share]
-        for row in studies.measured.classes
-    ]
+    columns = (
+        ("model", Column("model")),
+        ("layout", Column("layout")),
+        ("symmetry", Column("pressure")),
+        ("response", Column("greatest response", "1/Pa", ".2e")),
+        ("rank", Column("rank")),
+        ("prior_share", Column("share of the prior's variance", "%", ".2f")),
+    )
     caption = "What the layouts see of smooth pressures, by symmetry; rank 0: blind"
-    return make_table("symmetry_classes", caption, columns, cells)
+    return records_table("symmetry_classes", caption, studies.measured.classes, columns)
 
 
 def layout_table(studies: Studies) -> Table:
@@ -233,17 +208,14 @@ def coverage_table(studies: Studies) -> Table:
 
 def scatter_table(studies: Studies) -> Table:
     """Return the eigenvalues where snapshots scatter."""
-    columns = [
-        Column("model"),
-        Column("scatter of every pressure", "%"),
-        Column("eigenvalues above 1e-6"),
-        Column("lambda_1 / lambda_8", "1", ".3g"),
-        Column("smallest eigenvalue", "1", ".1e"),
-    ]
-    cells = [
-        [row.model, 100.0 * row.scatter, row.above, row.decay, row.smallest] for row in studies.measured.scatter
-    ]
+    columns = (
+        ("model", Column("model")),
+        ("scatter", Column("scatter of every pressure", "%")),
+        ("above", Column("eigenvalues above 1e-6")),
+        ("decay", Column("lambda_1 / lambda_8", "1", ".3g")),
+        ("smallest", Column("smallest eigenvalue", "1", ".1e")),
+    )
     caption = (
         "Eigenvalues of Case 2 where every pressure of every snapshot has an error of its own (published: 54)"
     )
-    return make_table("scatter", caption, columns, cells)
+    return records_table("scatter", caption, studies.measured.scatter, columns)

@@ -19,7 +19,7 @@ def reproduce(
         bool, typer.Option("--quick", help="Coarse grids: minutes instead of a quarter of an hour.")
     ] = False,
 ) -> None:
-    """Do the source paper again: every table and figure, published beside ours.
+    """Do the source paper again, always on the shipped vehicle: every table and figure, published beside ours.
 
     Three set-ups: linear tetrahedra as the paper's, a converged mesh, and data that the map's mesh has not seen.
     Writes report.html, numbers.json, tables/*.csv and figures/*.png. A second run reuses what is up to date.

@@ -42,10 +42,11 @@ def schedule_interface(signals: Sequence[ScheduledSignal]) -> tuple[Variable, ..
 def schedule_data(signals: Sequence[ScheduledSignal]) -> FloatArray:
     """Return rows of time [s] and a value per signal, as schedule.c reads them."""
     times = sorted({0.0, *(time for signal in signals for time in signal.times)})
-    columns = [[_at(signal, time) for time in times] for signal in signals]
+    columns = [[value_at(signal, time) for time in times] for signal in signals]
     return np.column_stack((times, *columns)).ravel()
 
 
-def _at(signal: ScheduledSignal, time: float) -> float:
+def value_at(signal: ScheduledSignal, time: float) -> float:
+    """Return the value of a signal at ``time`` [s], in its unit."""
     place = int(np.searchsorted(signal.times, time, side="right")) - 1
     return signal.values[max(place, 0)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,7 +33,7 @@ ESTIMATE_COLUMNS = (
 """Columns of every output: name and unit."""
 
 
-class EstimateWriter:
+class EstimateWriter(ABC):
     """Takes rows; whole numbers are written as such."""
 
     def __init__(self, columns: Sequence[tuple[str, str]]) -> None:
@@ -44,8 +45,9 @@ class EstimateWriter:
         self.rows += len(rows)
         self._append(np.atleast_2d(rows))
 
+    @abstractmethod
     def _append(self, rows: FloatArray) -> None:
-        raise NotImplementedError
+        """Append ``rows`` (n, n_c), which ``rows`` counts already."""
 
 
 class _CsvWriter(EstimateWriter):

@@ -27,6 +27,9 @@ from strainfmu.fmu_inspection import read_fmu
 RELATIVE_TOLERANCE = 1e-5
 """Of the largest value of a signal: the reference has 6 digits."""
 
+DEFAULT_SOURCE = "the numpy estimator"
+"""What computed the reference of an FMU that does not say it."""
+
 _FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 _TIME_LIMIT = 300.0
 
@@ -61,7 +64,7 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
     StrainfmuError
         A file could not be written.
     """
-    description, _, files = read_fmu(fmu)
+    description, contents, files = read_fmu(fmu)
     names = [f"{_FOLDER}/reference_{which}.csv" for which in ("in", "out")]
     missing = [name for name in names if name not in files]
     if missing:
@@ -83,7 +86,9 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
         for name in IMPORTERS
     ]
     tolerance = experiment.tolerance if experiment is not None else None
-    write_bytes_atomically(folder / "Readme.txt", _readme(model, description, results, tolerance).encode())
+    source = contents.get("reference", DEFAULT_SOURCE)
+    readme = _readme(model, description, results, tolerance, source)
+    write_bytes_atomically(folder / "Readme.txt", readme.encode())
     return results
 
 
@@ -140,7 +145,9 @@ def largest_deviation(found: Table, reference: Table) -> tuple[float, str]:
     return (worst, where) if compared > 1 else (np.inf, "no signal in common")
 
 
-def _readme(model: str, description: object, results: Sequence[ImporterResult], tolerance: object) -> str:
+def _readme(
+    model: str, description: object, results: Sequence[ImporterResult], tolerance: object, source: str
+) -> str:
     """Return what a reader of the folder must know."""
     return "\n".join(
         [
@@ -148,12 +155,12 @@ def _readme(model: str, description: object, results: Sequence[ImporterResult], 
             f"exported by {getattr(description, 'generationTool', '')}",
             "",
             f"{model}_in.csv    inputs; those that are not in it keep their start values",
-            f"{model}_ref.csv   outputs of the numpy estimator, 6 digits",
+            f"{model}_ref.csv   outputs, 6 digits, computed without the FMU by {source}",
             f"{model}_ref.opt   start, stop, step size, and the tolerance of the comparison",
             "",
             "Inputs are set at the start of each step and held; outputs are read at its end. So row k of the",
             "reference belongs to the inputs of row k - 1, row 0 to those of row 0.",
-            f"The FMU has no internal integration; its default tolerance, {tolerance}, is without effect.",
+            f"The FMU adapts no step to an error; its default tolerance, {tolerance}, is without effect.",
             "",
             f"Importers, on {system()} {machine()}:",
             *(result.line for result in results),

@@ -21,6 +21,7 @@ from strainfmu.fmu.estimator_page import all_ranges, estimator_sections
 from strainfmu.fmu.native_package import chosen_libraries, native_entries, native_sources, sources_digest
 from strainfmu.fmu.package import CONTENTS, check_fmu_path, write_fmu
 from strainfmu.fmu.plant_page import plant_sections
+from strainfmu.fmu.plant_reference import python_plant_reference
 from strainfmu.fmu.python_package import python_entries, slave_code
 from strainfmu.fmu.reference_run import layered_standard_files, reference_run
 from strainfmu.fmu.terminals import terminal_files
@@ -217,13 +218,16 @@ def export_plant(
         _STEP_SIZE,
         python_package.CAPABILITIES,
     )
-    pages = documentation_files(description, plant_sections(model, trajectory, content_hash), "python")
+    reference = python_plant_reference(model, trajectory)
+    sections = [*plant_sections(model, trajectory, content_hash), *reference.sections]
+    pages = documentation_files(description, sections, "python")
     contents = {
         "kind": "python",
         "strainfmu_version": __version__,
         "flight_model": content_hash,
         "vehicle": model.vehicle,
         "gauges": list(model.gauge_names),
+        **reference.contents,
     }
     payload = {"flight_model.h5": flight_model_path.read_bytes(), "trajectory.csv": table}
     entries = {
@@ -231,5 +235,6 @@ def export_plant(
         CONTENTS: json.dumps(contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
         **terminal_files(description, {"gauges": ("strain", "Strain of every gauge")}, "plant"),
+        **reference.files(description.interface),
     }
     write_fmu(fmu_path, entries)

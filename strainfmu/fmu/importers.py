@@ -11,6 +11,7 @@ the importer gives before the first step, empty where it gives nothing.
 from __future__ import annotations
 
 import csv
+import ctypes
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,11 @@ Table = dict[str, list[list[float]]]
 """Values by name of the variable: one list of elements per row, of one element for a scalar."""
 
 NANOSECONDS = 1e9
+
+_CASTS: dict[str, Callable[[float], Any]] = {"Real": float, "Integer": int, "Boolean": bool}
+"""Python's type by FMI's; ecos and libcosim know no Enumeration."""
+
+_ECOS_NAMES = {"Real": "real", "Integer": "integer", "Boolean": "bool"}
 
 
 def read_table(path: Path) -> Table:
@@ -60,10 +66,14 @@ def run_fmpy(fmu: Path, table: Table) -> Table:
 
 
 def run_ecos(fmu: Path, table: Table) -> Table:
-    """Simulate with ecos (package ecospy), which needs the system library libtbb.so.12."""
+    """Simulate with ecos (package ecospy), which needs libtbb.so.12: the system's, or that of the package tbb."""
+    beside = Path(sys.prefix, "lib", "libtbb.so.12")
+    if beside.exists():  # where pip puts it and no loader looks
+        ctypes.CDLL(str(beside), mode=ctypes.RTLD_GLOBAL)
     from ecospy import EcosSimulation, EcosSimulationStructure
 
-    outputs = _scalar_outputs(fmu)
+    types = {name: variable.type for name, variable in _variables(fmu).items()}
+    inputs, outputs = {name: types[name] for name in table if name != "time"}, _scalar_outputs(fmu)
     time = [row[0] for row in table["time"]]
     found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
     with EcosSimulationStructure() as structure:
@@ -71,13 +81,13 @@ def run_ecos(fmu: Path, table: Table) -> Table:
         with EcosSimulation(structure=structure, step_size=time[1] - time[0]) as simulation:
             simulation.init()
             for row in range(len(time) - 1):
-                for name, cells in table.items():
-                    if name != "time":
-                        simulation.set_real(f"x::{name}", cells[row][0])
+                for name, type_ in inputs.items():
+                    cast, setter = _CASTS[type_], getattr(simulation, f"set_{_ECOS_NAMES[type_]}")
+                    setter(f"x::{name}", cast(table[name][row][0]))
                 simulation.step()
-                for name, variable in outputs.items():
-                    get = simulation.get_real if variable.type == "Real" else simulation.get_integer
-                    found[name].append([float(get(f"x::{name}"))])
+                for name, type_ in outputs.items():
+                    getter = getattr(simulation, f"get_{_ECOS_NAMES[type_]}")
+                    found[name].append([float(getter(f"x::{name}"))])
             simulation.terminate()
     return found
 
@@ -99,19 +109,23 @@ def run_libcosim(fmu: Path, table: Table) -> Table:
     manipulator, observer = CosimManipulator.create_override(), CosimObserver.create_last_value()
     execution.add_manipulator(manipulator)
     execution.add_observer(observer)
-    inputs = [name for name in table if name != "time"]
-    references = [variables[name].valueReference for name in inputs]
-    reals = {name: v.valueReference for name, v in outputs.items() if v.type == "Real"}
-    integers = {name: v.valueReference for name, v in outputs.items() if v.type == "Integer"}
-    found: Table = {"time": table["time"], **{name: [[]] for name in (*reals, *integers)}}
+    found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
     for row in range(len(time) - 1):
-        values = [table[name][row][0] for name in inputs]
-        manipulator.slave_real_values(slave, references, values)
+        for type_, cast in _CASTS.items():
+            names = [name for name in table if name != "time" and variables[name].type == type_]
+            if names:
+                set_values = getattr(manipulator, f"slave_{type_.lower()}_values")
+                values = [cast(table[name][row][0]) for name in names]
+                set_values(slave, [variables[name].valueReference for name in names], values)
         if not execution.step():
             raise RuntimeError(f"step {row} failed")
-        for names, get in ((reals, observer.last_real_values), (integers, observer.last_integer_values)):
-            for name, value in zip(names, get(slave, list(names.values())), strict=True):
-                found[name].append([float(value)])
+        for type_ in _CASTS:
+            names = [name for name, its in outputs.items() if its == type_]
+            if names:
+                get_values = getattr(observer, f"last_{type_.lower()}_values")
+                values = get_values(slave, [variables[name].valueReference for name in names])
+                for name, value in zip(names, values, strict=True):
+                    found[name].append([float(value)])
     return found
 
 
@@ -121,10 +135,9 @@ def _variables(fmu: Path) -> dict[str, Any]:
     return {v.name: v for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables}
 
 
-def _scalar_outputs(fmu: Path) -> dict[str, Any]:
-    """Return the outputs that numbers can be read from."""
-    kinds = {"Real", "Integer"}  # ecos and libcosim know no Enumeration
-    return {n: v for n, v in _variables(fmu).items() if v.causality == "output" and v.type in kinds}
+def _scalar_outputs(fmu: Path) -> dict[str, str]:
+    """Return the type by name of the outputs that numbers can be read from."""
+    return {n: v.type for n, v in _variables(fmu).items() if v.causality == "output" and v.type in _CASTS}
 
 
 IMPORTERS: dict[str, tuple[str, tuple[str, ...], Callable[[Path, Table], Table]]] = {

@@ -16,6 +16,7 @@ from strainfmu import __version__
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
+from strainfmu.cosim.plant_law import Plant
 from strainfmu.cosim.schedule import ScheduledSignal, schedule_data, schedule_interface
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
@@ -26,6 +27,12 @@ from strainfmu.fmu.documentation import Section, documentation_files
 from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries, sources_digest
 from strainfmu.fmu.package import CONTENTS, check_fmu_path, write_fmu
 from strainfmu.fmu.plant_page import native_plant_sections
+from strainfmu.fmu.plant_reference import (
+    Reference,
+    autopilot_reference,
+    plant_reference,
+    schedule_reference,
+)
 from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
 from strainfmu.fmu.terminals import terminal_files
 from strainfmu.plant_interface import FlightStart, Motion, native_plant_interface
@@ -78,6 +85,7 @@ def export_native_plant(
         native_plant_interface(model, motion, start, seed),
         plant_data(model, motion, trajectory),
         native_plant_sections(model, motion, content_hash),
+        plant_reference(Plant(model, motion, start, trajectory, seed)),
         platforms,
         {"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
         trajectory.stop_time if trajectory is not None else STOP_TIME,
@@ -125,6 +133,7 @@ def export_autopilot(
         autopilot_interface(model, start, settings),
         autopilot_data(model, start),
         sections,
+        autopilot_reference(model, start, settings),
         platforms,
         {"vehicle": model.vehicle, "design": asdict(start)},
     )
@@ -150,6 +159,7 @@ def export_schedule(
         schedule_interface(signals),
         schedule_data(signals),
         sections,
+        schedule_reference(signals),
         platforms,
         {},
     )
@@ -171,6 +181,7 @@ def _native_fmu(
     interface: Sequence[Variable],
     data: NDArray[np.float64],
     sections: Sequence[Section],
+    reference: Reference,
     platforms: Sequence[str] | None,
     contents: dict[str, object],
     stop_time: float = STOP_TIME,
@@ -191,7 +202,7 @@ def _native_fmu(
         capabilities,
         source_files=[name for name in sources if name.endswith(".c")],
     )
-    pages = documentation_files(description, sections, "native")
+    pages = documentation_files(description, [*sections, *reference.sections], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
     arrays = {variable.array for variable in interface}
     terminals = {"gauges": ("strain", "Strain of every gauge")} if "strain" in arrays else {}
@@ -200,7 +211,8 @@ def _native_fmu(
         **native_entries(
             description, libraries, sources, {"model.bin": model_resource(kind, interface, data, description.guid)}
         ),
-        CONTENTS: json.dumps(known, indent=1).encode(),
+        CONTENTS: json.dumps(known | reference.contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
         **(terminal_files(description, terminals, icon) if icon else {}),
+        **reference.files(interface),
     }

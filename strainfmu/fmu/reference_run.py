@@ -23,7 +23,9 @@ STOP_TIME = 1.0
 STEP_SIZE = 0.1
 N_ROWS = 11
 
-_INPUT_FORMAT = ".9g"
+INPUT_FORMAT = ".9g"
+"""Of inputs: files hold exactly what the outputs belong to."""
+
 _LS_REF = "org.fmi-standard.fmi-ls-ref"
 _COLOURS = ("#1b6ca8", "#c0392b", "#2e8b57", "#8e44ad", "#b8860b")
 
@@ -34,9 +36,9 @@ class ReferenceRun:
 
     Attributes
     ----------
-    time : (11,) [s].
-    inputs : (11,) by name of the input that varies.
-    outputs : (11,) by name of the output.
+    time : (n,) [s], in equal steps.
+    inputs : (n,) by name of the input that varies.
+    outputs : (n,) by name of the output.
     """
 
     time: NDArray[np.float64]
@@ -52,7 +54,7 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     """
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
     rows = [_strain(inverse_map, t) for t in time]
-    strain = np.array([[float(format(value, _INPUT_FORMAT)) for value in row] for row in rows])
+    strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows])
     q, estimator = inverse_map.nominal_dynamic_pressure, Estimator(inverse_map)
     values = np.array([output_values(estimator.estimate(row, q)) for row in strain])
     held = np.concatenate([values[:1], values[:-1]])

@@ -14,6 +14,7 @@ from builder.reports.coefficient_sources import OF_STATES, coefficient_sources
 from builder.reports.gamma_choice import gamma_choice
 from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel
+from builder.structure.observability import SYMMETRIES
 from builder.vehicle import Vehicle
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
@@ -62,7 +63,7 @@ def test_the_prior_is_a_cause_in_case_2_only(parts: Parts) -> None:
 def test_gamma_of_every_rule(parts: Parts) -> None:
     """The gamma in use gives the map's own sigmas; the others are those that the rules select."""
     case = case_of(parts, CASE_2)
-    choice = gamma_choice(case.inverse_map, case.problem, case.solution)
+    choice = gamma_choice(case.inverse_map, case.problem, case.solution, case.structure.surface)
     assert choice is not None
     used = choice.rules[0]
     assert (used.rule, used.gamma) == ("this map", 2.0)
@@ -80,9 +81,35 @@ def test_gamma_of_every_rule(parts: Parts) -> None:
     assert sum(one.gamma is not None for one in choice.rules) >= 3
 
 
+def test_classes_of_the_modes_are_those_of_their_waves(parts: Parts) -> None:
+    """Another way to the same shares: cosines and sines of each ring by FFT, sorted by Symmetry.waves."""
+    case = case_of(parts, CASE_2)
+    grid, solved = case.structure.surface, case.solution.solved
+    choice = gamma_choice(case.inverse_map, case.problem, case.solution, grid)
+    assert choice is not None
+    spectrum = solved.spectrum  # type: ignore[attr-defined]
+    fields = case.solution.field_modes @ spectrum.right[:, : len(choice.eigenvalues)]
+    waves = np.fft.rfft(grid.as_map(fields.T))
+    weight = grid.as_map(case.problem.node_area)[:, 0]
+    m = np.arange(waves.shape[-1])
+    # The constant and, of an even number of nodes, the last wave are there once, all others twice.
+    twice = np.where((m == 0) | (2 * m == grid.n_roll), 1.0, 2.0)
+    parts_of_waves = ((False, waves.real), (True, waves.imag))
+    energy = {sine: np.einsum("nxm,x->nm", part**2, weight) for sine, part in parts_of_waves}
+    shares = np.stack(
+        [
+            sum((energy[sine] * twice) @ one.waves(m, np.full(len(m), sine)) for sine in (False, True))
+            for one in SYMMETRIES
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(choice.mode_classes, shares / shares.sum(axis=1, keepdims=True), atol=1e-12)
+    assert np.ptp(np.argmax(choice.mode_classes, axis=1)) > 0
+
+
 def test_case_1_has_no_gamma(parts: Parts) -> None:
     case = case_of(parts, CASE_1)
-    assert gamma_choice(case.inverse_map, case.problem, case.solution) is None
+    assert gamma_choice(case.inverse_map, case.problem, case.solution, case.structure.surface) is None
 
 
 def test_a_coefficient_that_does_not_change_has_no_share_of_range(parts: Parts) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,16 @@ from builder.reports.html import (
     picture,
     write_page,
 )
-from builder.reports.tables import Column, Table, make_table, table_csv, table_json
+from builder.reports.tables import (
+    Column,
+    Table,
+    by_name,
+    make_table,
+    records_table,
+    table_csv,
+    table_json,
+    write_csv,
+)
 from strainfmu.errors import StrainfmuError
 
 NASTY = '<script>alert("a & b")</script>'
@@ -113,6 +123,33 @@ def test_table_refuses_what_does_not_fit() -> None:
         make_table("t", "c", (Column("a"), Column("b")), [[1]])
     with pytest.raises(ValueError, match="neither a number nor a word"):
         make_table("t", "c", (Column("a"),), [[[1, 2]]])
+
+
+@dataclass(frozen=True)
+class Gauge:
+    name: str
+    strain: float
+    share: float | int
+    used: bool
+    count: int
+
+
+def test_records_are_rows_in_the_columns_units(tmp_path: Path) -> None:
+    """SI in the records, um/m and % in the table; what is no such number stays as it is."""
+    records = [Gauge("A", np.float64(2e-6), 0.25, True, 3), Gauge("B", np.float32(0.5), 1, False, 0)]
+    columns = (
+        ("name", Column("gauge")),
+        ("strain", Column("strain", "um/m")),
+        ("share", Column("share", "%")),
+        (lambda one: one.used, Column("used", "%")),
+        ("count", Column("count")),
+    )
+    table = records_table("gauges", "Two.", records, columns)
+    assert table.rows == (("A", pytest.approx(2.0), 25.0, True, 3), ("B", 5e5, 100.0, False, 0))
+    write_csv(by_name([table]), tmp_path)
+    assert (tmp_path / "gauges.csv").read_bytes().decode() == table_csv(table)
+    with pytest.raises(AttributeError):
+        records_table("gauges", "Two.", records, [("nothing", Column("a"))])
 
 
 def test_page_is_written_whole_or_not(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from builder.geometry import SurfaceGrid
 from builder.inverse.noise_model import gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.map_options import MapEntry
-from builder.reports.prior_sight import PriorSight, mirror_operators, prior_sight, symmetric_part
+from builder.reports.prior_sight import PriorSight, prior_sight
+from builder.reports.symmetry_classes import mirror_operators, symmetric_part
 from builder.snapshots import Snapshots
 from builder.structural_model import StructuralModel
 from builder.structure.observability import SYMMETRIES
@@ -23,13 +24,14 @@ Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
 N_ROLL, STATIONS = 24, 21
 GRID = SurfaceGrid(np.linspace(0.0, 2.0, STATIONS), np.full(STATIONS, 0.1), np.zeros(STATIONS), N_ROLL)
+ODD_GRID = replace(GRID, n_roll=25)
 ODD_ODD = [str(one) for one in SYMMETRIES].index("odd in y, odd in z")
 EVEN_ODD = [str(one) for one in SYMMETRIES].index("even in y, odd in z")
 
 
-def constructed(correlated: bool) -> tuple[PriorSight, float]:
+def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorSight, float]:
     """cos(phi) of 300 Pa and sin(2 phi) of 100 Pa, over four gauges that feel 1, cos and sin; and their share."""
-    phi = np.tile(GRID.roll_angle, STATIONS)
+    phi = np.tile(grid.roll_angle, STATIONS)
     random = np.random.default_rng(5)
     first = random.normal(size=40)
     second = first if correlated else random.normal(size=40)
@@ -37,7 +39,7 @@ def constructed(correlated: bool) -> tuple[PriorSight, float]:
     if not correlated:
         second -= first * (first @ second) / (first @ first)
     pressure = 5e3 + np.outer(300.0 * first, np.cos(phi)) + np.outer(100.0 * second, np.sin(2.0 * phi))
-    area = mesh_of_grid(GRID).node_area
+    area = mesh_of_grid(grid).node_area
     at = np.radians([0.0, 90.0, 180.0, 270.0])
     strain_operator = 1e-9 * (1.0 + np.cos(phi - at[:, None])) * area
     noise = (gauge_noise(np.diag(np.full(4, 1e-12) ** 2)),)
@@ -45,12 +47,13 @@ def constructed(correlated: bool) -> tuple[PriorSight, float]:
     problem = Problem(pressure, 0.0, strain_operator, np.ones((5, len(phi))), area, noise, True, entry)
     # Both waves have a mean square of 1/2 over the area.
     share = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
-    return prior_sight(problem, solve(problem), GRID), share
+    return prior_sight(problem, solve(problem), grid), share
 
 
-def test_blind_share_of_a_constructed_case() -> None:
+@pytest.mark.parametrize("grid", [GRID, ODD_GRID], ids=["24 roll angles", "25 roll angles"])
+def test_blind_share_of_a_constructed_case(grid: SurfaceGrid) -> None:
     """sin(2 phi) is odd in y and z: its share by the amplitudes; uncorrelated, nothing of it becomes known."""
-    sight, share = constructed(correlated=False)
+    sight, share = constructed(correlated=False, grid=grid)
     assert sight.class_share[ODD_ODD] == pytest.approx(share, rel=1e-9)
     assert sight.class_share[EVEN_ODD] == pytest.approx(1.0 - share, rel=1e-9)
     assert sight.class_share.sum() == pytest.approx(1.0, rel=1e-12)
@@ -73,15 +76,29 @@ def test_blind_pressure_is_inferred_from_what_flies_with_it() -> None:
     assert sight.class_removed[ODD_ODD] > 0.999
 
 
-def test_parts_add_up_and_have_their_symmetry() -> None:
-    field = np.random.default_rng(1).normal(size=(GRID.n_nodes, 3))
-    mirrors = mirror_operators(GRID)
+@pytest.mark.parametrize("grid", [GRID, ODD_GRID], ids=["24 roll angles", "25 roll angles"])
+def test_parts_add_up_and_have_their_symmetry(grid: SurfaceGrid) -> None:
+    field = np.random.default_rng(1).normal(size=(grid.n_nodes, 3))
+    mirrors = mirror_operators(grid)
     assert mirrors is not None
     parts = [symmetric_part(field, mirrors, one.even_in_y, one.even_in_z) for one in SYMMETRIES]
     np.testing.assert_allclose(sum(parts), field, atol=1e-14)
     for one, part in zip(SYMMETRIES, parts, strict=True):
         for mirror, even in zip(mirrors, (one.even_in_y, one.even_in_z), strict=True):
             np.testing.assert_allclose(mirror @ part, part if even else -part, atol=1e-14)
+
+
+@pytest.mark.parametrize("n_roll", [3, 24, 25])
+def test_mirrors_of_waves(n_roll: int) -> None:
+    """cos and sin of every harmonic that the nodes carry: mirrored in y phi becomes -phi, in z pi - phi."""
+    grid = replace(GRID, n_roll=n_roll)
+    mirrors = mirror_operators(grid)
+    assert mirrors is not None
+    phi = np.tile(grid.roll_angle, STATIONS)
+    for m in range((n_roll - 1) // 2 + 1):
+        for wave in (np.cos, np.sin):
+            np.testing.assert_allclose(mirrors[0] @ wave(m * phi), wave(-m * phi), atol=1e-13)
+            np.testing.assert_allclose(mirrors[1] @ wave(m * phi), wave(m * (np.pi - phi)), atol=1e-12)
 
 
 def test_mirrors_of_a_free_mesh_are_those_of_the_grid() -> None:

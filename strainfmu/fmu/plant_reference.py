@@ -1,0 +1,231 @@
+"""Reference runs of the FMUs round the estimator: plant, autopilot and schedule, computed in numpy.
+
+The native ones are C; what they are held against are the flight model, noise, law and schedule of
+:mod:`strainfmu.cosim`, which share no code with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from math import floor, log10
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.atmosphere import LAYERS, dynamic_pressure
+from strainfmu.cosim.autopilot import AutopilotSettings
+from strainfmu.cosim.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
+from strainfmu.cosim.flight_model import FlightModel, evaluate
+from strainfmu.cosim.plant_law import Plant, plant_rows
+from strainfmu.cosim.schedule import ScheduledSignal, value_at
+from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.errors import InputError
+from strainfmu.fmi_variables import COEFFICIENTS, Variable, strain_names
+from strainfmu.fmu.documentation import Section
+from strainfmu.fmu.reference_run import INPUT_FORMAT, ReferenceRun, layered_standard_files
+from strainfmu.interface import valid_names
+from strainfmu.plant_interface import FlightStart, GaugeFault, Motion, native_plant_interface
+
+FloatArray = NDArray[np.float64]
+
+STEP_SIZE, AUTOPILOT_STEP = 0.01, 0.02
+N_ROWS = 21
+FEWEST_ROWS = 3
+
+FAULTS = ((GaugeFault.BIAS, 1e-4), (GaugeFault.DRIFT, 1e-3), (GaugeFault.STUCK, 2e-4), (GaugeFault.FROZEN, 0.0))
+"""Of the first gauges in a run: kind and value [m/m, m/m per s, m/m]; no NaN, which CSV readers differ on."""
+
+_ROUND_OFF = 1e-12
+"""Coefficients below are what the sine of pi leaves of 0."""
+
+_SWING = 0.5
+"""Amplitude of the pitch acceleration that the control moment would give [rad/s2]."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A reference run as an FMU holds it.
+
+    Attributes
+    ----------
+    source : what computed it.
+    run : None where the vehicle is outside the envelope at once: then the FMU holds nothing of it.
+    """
+
+    source: str
+    run: ReferenceRun | None
+
+    @property
+    def sections(self) -> list[Section]:
+        """What the FMU's page says of it."""
+        text = "Input and output of a short run, 6 digits, lie in extra/org.fmi-standard.fmi-ls-ref. Computed with"
+        return [] if self.run is None else [("Reference run", [f"{text} {escape(self.source)}."])]
+
+    @property
+    def contents(self) -> dict[str, object]:
+        """Its entry in the FMU's list of contents."""
+        return {} if self.run is None else {"reference": self.source}
+
+    def files(self, interface: Sequence[Variable]) -> dict[str, bytes]:
+        """Return content by name inside the FMU."""
+        return {} if self.run is None else layered_standard_files(self.run, interface)
+
+
+def plant_reference(plant: Plant) -> Reference:
+    """Return a run of the native plant with failing gauges; it ends where the vehicle leaves the envelope.
+
+    There is none where it does so within the first steps, as one does that starts outside.
+    """
+    return Reference("strainfmu.cosim.plant_law (numpy)", _plant_run(plant))
+
+
+def _plant_run(plant: Plant) -> ReferenceRun | None:
+    step = STEP_SIZE if plant.trajectory is None else covering_step(plant.trajectory.stop_time, N_ROWS - 1)
+    time = _times(step, N_ROWS)
+    inputs = {name: _rounded(values) for name, values in _plant_inputs(plant, time).items()}
+    rows: list[dict[str, float]] = []
+    try:
+        for row in plant_rows(plant, time, inputs):
+            rows.append(row)  # kept where a later one is outside the envelope
+    except InputError:
+        if len(rows) < FEWEST_ROWS:
+            return None
+    interface = native_plant_interface(plant.model, plant.motion, plant.start, plant.seed)
+    outputs = [variable.name for variable in interface if variable.causality == "output"]
+    n = len(rows)
+    return ReferenceRun(
+        np.array(time[:n]),
+        {name: values[:n] for name, values in inputs.items()},
+        {name: _cleaned(name, np.array([row[name] for row in rows])) for name in outputs},
+    )
+
+
+def _plant_inputs(plant: Plant, time: Sequence[float]) -> dict[str, FloatArray]:
+    """Return (n,) inputs by name: a tour of the envelope or a swinging moment, and faults in the middle."""
+    phase = np.linspace(0.0, 2.0 * np.pi, len(time))
+    model, start = plant.model, plant.start
+    largest = float(model.incidence_knots[-1])
+    inputs: dict[str, FloatArray] = {}
+    if plant.motion is Motion.INPUTS:
+        low, high = model.mach_knots[[0, -1]].tolist()
+        altitude = min(max(start.altitude, 0.0), LAYERS[-1][0] - 1e3)
+        inputs = {
+            "mach_number": np.linspace(0.9 * low + 0.1 * high, 0.1 * low + 0.9 * high, len(time)),
+            "angle_of_attack": 0.6 * largest * np.sin(phase),
+            "sideslip_angle": 0.4 * largest * np.cos(phase),
+            "altitude": altitude + np.linspace(0.0, 1e3, len(time)),
+        }
+    elif plant.motion is Motion.SHORT_PERIOD:
+        inputs = {
+            "sideslip_angle": start.sideslip_angle + 0.05 * largest * (1.0 + np.sin(phase)),
+            "control_moment": _SWING * start.pitch_inertia * np.sin(phase),
+        }
+    failing = (np.arange(len(time)) >= len(time) // 4) & (np.arange(len(time)) < 3 * len(time) // 4)
+    for gauge, (kind, value) in enumerate(FAULTS[: model.n_gauges], start=1):
+        inputs[f"fault_kind[{gauge}]"] = np.where(failing, float(kind), 0.0)
+        inputs[f"fault_value[{gauge}]"] = np.where(failing, value, 0.0)
+    return inputs
+
+
+def python_plant_reference(model: FlightModel, trajectory: Trajectory, seed: int = 1) -> Reference:
+    """Return a run of the plant of kind python, which has no inputs: along its trajectory and past its end.
+
+    Its noise is that of numpy's PCG64, one draw per communication point.
+    """
+    source = "strainfmu.cosim.flight_model (numpy), which is inside the FMU too"
+    return Reference(source, _python_plant_run(model, trajectory, seed))
+
+
+def _python_plant_run(model: FlightModel, trajectory: Trajectory, seed: int) -> ReferenceRun | None:
+    time = _times(covering_step(trajectory.stop_time, N_ROWS - 1), N_ROWS)
+    conditions = [trajectory.at(t) for t in time]
+    try:
+        points = [evaluate(model, condition) for condition in conditions]
+    except InputError:
+        return None
+    noise = np.random.Generator(np.random.PCG64(seed)).standard_normal((len(time), model.n_gauges))
+    strain = np.array([point.strain for point in points]) + model.noise_std * noise
+    coefficients = np.array([point.coefficients for point in points])
+    flown = np.array([condition.as_tuple() for condition in conditions])
+    names = ("mach_number", "angle_of_attack", "sideslip_angle", "altitude")
+    outputs = {
+        **{name: _cleaned(name, column) for name, column in zip(COEFFICIENTS, coefficients.T, strict=True)},
+        **dict(zip(strain_names(model.n_gauges), strain.T, strict=True)),
+        "dynamic_pressure": np.array([point.dynamic_pressure for point in points]),
+        **dict(zip(names, flown.T, strict=True)),
+    }
+    return ReferenceRun(np.array(time), {}, outputs)
+
+
+def autopilot_reference(model: FlightModel, start: FlightStart, settings: AutopilotSettings) -> Reference:
+    """Return a run of the autopilot for a vehicle and start: a command, a suspect gauge, bad estimates.
+
+    Row 0 holds the start values, as importers differ on whether inputs count during initialization.
+
+    Raises
+    ------
+    InputError
+        No autopilot can be made for the vehicle.
+    """
+    design = autopilot_design(model, start)
+    time = _times(AUTOPILOT_STEP, 2 * N_ROWS)
+    row = np.arange(len(time))
+    swing = np.sin(0.35 * row)
+    largest = 0.6 * float(np.abs(design.table[:, 1]).max())
+    pressure = dynamic_pressure(start.mach_number, start.altitude)
+    inputs = {
+        "commanded_angle_of_attack": np.where(row < 10, 0.0, 0.02),
+        "C_N": largest * swing,
+        "M_P": 0.01 * swing,
+        "chi_square": np.where((row > 25) & (row < 38), 2.0, 0.5 * (row > 0)),
+        "suspect_gauge": 1.0 * ((row > 12) & (row < 18)),
+        "dynamic_pressure": pressure * (1.0 + 0.1 * swing),
+        "pitch_rate": 0.01 * np.sin(0.5 * row),
+    }
+    inputs = {name: _rounded(values) for name, values in inputs.items()}
+    state, rows = AutopilotState((True,) * model.n_gauges), []
+    for k, now in enumerate(time):
+        given = {name: float(values[max(k - 1, 0)]) for name, values in inputs.items()}
+        suspect = int(given.pop("suspect_gauge"))
+        sample = AutopilotSample(chi_square_limit=1.0, suspect_gauge=suspect, **given)
+        state = next_state(design, settings, state, sample, now)
+        rows.append([state.control_moment, state.angle, state.trusted, state.valid.count(False), *state.valid])
+    found = np.array(rows, dtype=float).T
+    names = ("control_moment", "estimated_angle_of_attack", "trusted", "isolated_gauges")
+    outputs = (*names, *valid_names(model.n_gauges))
+    run = ReferenceRun(np.array(time), inputs, dict(zip(outputs, found, strict=True)))
+    return Reference("strainfmu.cosim.autopilot_law (numpy)", run)
+
+
+def schedule_reference(signals: Sequence[ScheduledSignal]) -> Reference:
+    """Return the schedule over all its times, and one step more; it has no inputs."""
+    last = max(time for signal in signals for time in signal.times)
+    step = covering_step(max(last, STEP_SIZE), 2 * N_ROWS)
+    time = _times(step, floor(last / step + 1e-9) + 3)
+    # A time of the table is met by the sum of steps that gives it, whatever the round-off.
+    outputs = {
+        signal.variable.name: np.array([value_at(signal, t * (1.0 + 1e-12)) for t in time]) for signal in signals
+    }
+    return Reference("strainfmu.cosim.schedule (numpy)", ReferenceRun(np.array(time), {}, outputs))
+
+
+def covering_step(span: float, n_steps: int) -> float:
+    """Return the least of 1, 2, 5 times a power of ten [s] of which ``n_steps`` cover ``span`` [s]."""
+    least = span / n_steps * (1.0 - 1e-12)
+    power = 10.0 ** floor(log10(least))
+    return float(f"{next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= least):.3g}")
+
+
+def _times(step: float, n: int) -> list[float]:
+    """Return n decimal numbers: what a file holds is what is computed with."""
+    return [float(f"{step * k:.10g}") for k in range(n)]
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    return np.array([float(format(value, INPUT_FORMAT)) for value in np.asarray(values, dtype=float).tolist()])
+
+
+def _cleaned(name: str, values: FloatArray) -> FloatArray:
+    return np.where(np.abs(values) < _ROUND_OFF, 0.0, values) if name in COEFFICIENTS else values

@@ -1,0 +1,156 @@
+"""Reference runs of plant, autopilot and schedule: what importers must repeat, and the folders that hold it."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+from slender_vehicle import make_slender_files, slender_flight_model
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.cosim.autopilot import AutopilotSettings
+from strainfmu.cosim.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
+from strainfmu.cosim.flight_model import load_flight_model
+from strainfmu.cosim.plant_law import Plant
+from strainfmu.cosim.schedule import ScheduledSignal
+from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.errors import InputError
+from strainfmu.fmi_variables import Variable
+from strainfmu.fmu.crosscheck import write_crosscheck
+from strainfmu.fmu.importers import read_table
+from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
+from strainfmu.fmu.plant_reference import covering_step, plant_reference
+from strainfmu.plant_interface import FlightStart, GaugeFault, Motion
+
+START = FlightStart(6.0, 20e3, angle_of_attack=0.05)
+KINDS = ("inputs", "trajectory", "short_period", "python", "autopilot", "schedule")
+SIGNALS = [
+    ScheduledSignal(Variable("angle", "one", "output", unit="rad"), (0.0, 1.0, 7.5), (0.1, 0.2, -0.3)),
+    ScheduledSignal(Variable("kind", "two", "output", "discrete", "Integer"), (0.0, 4.0), (0.0, 5.0)),
+    ScheduledSignal(Variable("used", "three", "output", "discrete", "Boolean"), (2.0, 3.0), (1.0, 0.0)),
+]
+
+
+@pytest.fixture(scope="module")
+def references(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One FMU of every kind round the estimator."""
+    folder = tmp_path_factory.mktemp("references")
+    make_slender_files(folder)
+    vehicle = folder / "flight_model.h5"
+    fmus = {name: folder / f"{name}.fmu" for name in KINDS}
+    for motion in (Motion.INPUTS, Motion.SHORT_PERIOD):
+        export_native_plant(vehicle, fmus[motion.name.lower()], motion, START, None, None, 7)
+    export_native_plant(synthetic.flight_model, fmus["trajectory"], Motion.TRAJECTORY, START, synthetic.trajectory)
+    fmus["python"] = synthetic.plant
+    export_autopilot(vehicle, fmus["autopilot"], START)
+    export_schedule(SIGNALS, fmus["schedule"])
+    return fmus
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_importers_repeat_the_run(references: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    """Each FMU gives what numpy gave, to the 6 digits of the file; the folder is that of the rules."""
+    results = write_crosscheck(references[kind], tmp_path)
+    model = next(path.stem for path in tmp_path.glob("*.fmu"))
+    wanted = {f"{model}{end}" for end in (".fmu", "_in.csv", "_ref.csv", "_ref.opt")}
+    assert {path.name for path in tmp_path.iterdir()} == {*wanted, "Readme.txt"}
+    outcomes = {result.importer.split()[0]: result for result in results}
+    assert outcomes["FMPy"].outcome == "passed", outcomes["FMPy"].line
+    assert all(result.outcome != "failed" for result in results), [result.line for result in results]
+    readme = (tmp_path / "Readme.txt").read_text()
+    with zipfile.ZipFile(references[kind]) as archive:
+        source = json.loads(archive.read("extra/strainfmu/contents.json"))["reference"]
+        page = archive.read("documentation/index.html").decode()
+    assert source in readme
+    assert source in page
+    assert validate_fmu(str(references[kind])) == []
+
+
+def test_runs_show_what_the_models_do(references: dict[str, Path]) -> None:
+    """Faults of each kind, a gauge taken out of use, an estimate that is not trusted, jumps: none is left out."""
+    tables = {}
+    for kind, path in references.items():
+        with zipfile.ZipFile(path) as archive:
+            content = archive.read("extra/org.fmi-standard.fmi-ls-ref/reference_out.csv")
+        copy = path.with_suffix(".csv")
+        copy.write_bytes(content)
+        tables[kind] = {name: np.array(cells)[:, 0] for name, cells in read_table(copy).items()}
+    for kind in ("inputs", "trajectory", "short_period"):
+        failing = slice(6, 16)  # inputs of rows 5 to 14
+        assert len(tables[kind]["time"]) == 21
+        assert set(tables[kind]["strain[3]"][failing]) == {2e-4}
+        assert len(set(tables[kind]["strain[4]"][failing])) == 1
+        assert np.ptp(tables[kind]["strain[5]"]) > 0.0
+    assert np.ptp(tables["short_period"]["pitch_rate"]) > 1e-3
+    autopilot = tables["autopilot"]
+    assert {*autopilot["trusted"]} == {0.0, 1.0}
+    assert autopilot["isolated_gauges"][-1] == 1.0
+    assert autopilot["valid[1]"][-1] == 0.0
+    # The bound hides the law where it acts: at most half of the rows may lie on it.
+    assert np.mean(np.abs(autopilot["control_moment"]) > 1999.0) < 0.5
+    assert [*tables["schedule"]["used"][[0, -1]]] == [1.0, 0.0]
+    assert tables["schedule"]["angle"][-1] == -0.3
+
+
+def test_a_run_ends_with_the_envelope() -> None:
+    """A vehicle that pitches up beyond 12 deg gives a shorter run, one that starts outside none."""
+    model = slender_flight_model()
+    unstable = replace(model, coefficient_table=model.coefficient_table * np.array([1.0, 1.0, -1.0]))
+    for vehicle, degrees, rows in ((model, 3.0, 21), (unstable, 11.7, 11)):
+        start = replace(START, angle_of_attack=np.radians(degrees), mass=1e6)
+        run = plant_reference(Plant(vehicle, Motion.SHORT_PERIOD, start)).run
+        assert run is not None
+        assert len(run.time) == len(run.inputs["control_moment"]) == len(run.outputs["C_N"]) == rows
+        incidence = np.hypot(run.outputs["angle_of_attack"], run.inputs["sideslip_angle"])
+        assert incidence.max() < np.radians(12.0)
+    assert plant_reference(Plant(model, Motion.SHORT_PERIOD, replace(START, mach_number=9.0))).run is None
+
+
+def test_an_fmu_without_a_run_says_so(tmp_path: Path) -> None:
+    make_slender_files(tmp_path)
+    path = tmp_path / "outside.fmu"
+    export_native_plant(
+        tmp_path / "flight_model.h5", path, Motion.SHORT_PERIOD, replace(START, angle_of_attack=0.5)
+    )
+    with pytest.raises(InputError, match="holds no reference run"):
+        write_crosscheck(path, tmp_path / "none")
+
+
+def test_the_law_places_its_poles() -> None:
+    """With the truth as estimate, a'' = w^2 (a_c - a) - 2 z w a' follows from the moment, whatever the vehicle."""
+    model, settings = slender_flight_model(), AutopilotSettings(largest_moment=1e9)
+    design = autopilot_design(model, START)
+    scale = 1.4e5 * design.reference_area
+    angle, rate, command = 0.05, 0.03, 0.08
+    # C_N = 3 a of the slender vehicle; M_P = -0.2 a.
+    sample = AutopilotSample(command, 3.0 * angle, -0.2 * angle, 0.0, 1.0, 0, 1.4e5, rate)
+    state = next_state(design, settings, AutopilotState((True,) * model.n_gauges), sample, 0.0)
+    lift_rate = scale / (design.mass * design.speed) * 3.0
+    angle_rate = rate - lift_rate * angle
+    pitching = state.control_moment + scale * design.reference_length * -0.2 * angle
+    acceleration = pitching / design.pitch_inertia - lift_rate * angle_rate
+    w, z = settings.frequency, settings.damping_ratio
+    assert state.angle == pytest.approx(angle, rel=1e-9)
+    assert acceleration == pytest.approx(w**2 * (command - angle) - 2.0 * z * w * angle_rate, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("span", "n", "step"), [(20.0, 20, 1.0), (20.0, 42, 0.5), (0.4, 20, 0.02), (21.0, 20, 2.0), (7.5, 42, 0.2)]
+)
+def test_steps_are_round_and_cover(span: float, n: int, step: float) -> None:
+    assert covering_step(span, n) == step
+    assert n * covering_step(span, n) >= span
+
+
+def test_frozen_is_among_the_faults(synthetic: SyntheticFiles) -> None:
+    """The gauge goes on reading what it read one row before the onset."""
+    model, trajectory = load_flight_model(synthetic.flight_model), load_trajectory(synthetic.trajectory)
+    run = plant_reference(Plant(model, Motion.TRAJECTORY, START, trajectory)).run
+    assert run is not None
+    onset = int(np.argmax(run.inputs["fault_kind[4]"] == float(GaugeFault.FROZEN)))
+    assert set(run.outputs["strain[4]"][onset + 1 : onset + 5]) == {run.outputs["strain[4]"][onset - 1]}
