@@ -5,27 +5,35 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "panels.h"
+#include "suspects.h"
 #include "triangles.h"
+
+/* Bytes that vector loads like to start at a multiple of. */
+#define ALIGNMENT 64
 
 static const char *const SETTING_NAMES[] = {
     "dynamic_pressure", "dynamic_pressure_std", "sensor_range",    "alarm_scale",
     "reference_area",   "reference_length",     "moment_station",
 };
 
-/* One block for all arrays: doubles, then places, then bytes. */
+/* One block for all arrays: doubles, then places, floats and bytes. */
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges;
     const size_t n_doubles =
-        CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + n + N_SCALAR_INPUTS + 3 * n;
+        CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + n + N_SCALAR_INPUTS + n + 3 * panel_length(n);
     const size_t n_places = CACHED_MASKS * masked_map_places(map) + n;
-    e->memory = calloc(1, n_doubles * sizeof(double) + n_places * sizeof(size_t) + (CACHED_MASKS + 2) * n);
+    const size_t n_bytes = n_doubles * sizeof(double) + n_places * sizeof(size_t) + n * sizeof(float);
+    e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 2) * n);
     if (e->memory == NULL) {
         return 0;
     }
-    double *doubles = e->memory;
+    unsigned char *start = e->memory;
+    double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     size_t *places = (size_t *)(void *)(doubles + n_doubles);
-    unsigned char *flags = (unsigned char *)(places + n_places);
+    e->narrow = (float *)(void *)(places + n_places);
+    unsigned char *flags = (unsigned char *)(e->narrow + n);
     for (int k = 0; k < CACHED_MASKS; k++) {
         e->cache[k].mask = flags + (size_t)k * n;
         masked_map_arrays(map, &e->cache[k], &doubles, &places);
@@ -33,8 +41,9 @@ static int allocate(Estimator *e) {
     workspace_arrays(map, &e->work, &doubles, &places);
     e->input = doubles;
     e->residual = e->input + n + N_SCALAR_INPUTS;
-    e->whitened = e->residual + n;
-    e->z = e->whitened + n;
+    e->z = e->residual + n;
+    e->whitened = e->z + panel_length(n);
+    e->d_whitened = e->whitened + panel_length(n);
     e->valid = flags + CACHED_MASKS * n;
     e->mask = e->valid + n;
     return 1;
@@ -57,6 +66,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MAP_T
         estimator_free(e);
         return NULL;
     }
+    e->wide = panels_wide();
     estimator_reset(e);
     return e;
 }
@@ -106,11 +116,40 @@ int estimator_accepts(const Estimator *e, size_t place, double value, char text[
     return 0;
 }
 
-/* The matrices for the gauges of e->mask, from the cache if they are there. */
-static const MaskedMap *masked_map(Estimator *e) {
+/* Whether a gauge is in use: the caller trusts it, and its strain is a number within the sensor range. */
+static inline unsigned char in_use(const Estimator *e, size_t i, double range) {
+    return (unsigned char)(e->valid[i] & (fabs(e->input[i]) <= range));
+}
+
+/* Whether the gauges in use are those of e->masked. */
+static int same_mask(const Estimator *e, double range) {
     const size_t n = e->map.n_gauges;
-    if (e->masked != NULL && memcmp(e->masked->mask, e->mask, n) == 0) {
+    if (e->masked == NULL) {
+        return 0;
+    }
+    int broken = 0;
+    for (size_t i = 0; i < n; i++) {
+        broken |= !(fabs(e->input[i]) <= range);
+    }
+    if (!broken) {
+        return memcmp(e->masked->mask, e->valid, n) == 0;
+    }
+    int changed = 0;
+    for (size_t i = 0; i < n; i++) {
+        changed |= e->masked->mask[i] ^ in_use(e, i, range);
+    }
+    return !changed;
+}
+
+/* The matrices for the gauges in use: those of the step before, or from the cache if they are there. */
+static MaskedMap *masked_map(Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    const double range = e->input[n + SENSOR_RANGE];
+    if (same_mask(e, range)) {
         return e->masked;
+    }
+    for (size_t i = 0; i < n; i++) {
+        e->mask[i] = in_use(e, i, range);
     }
     int oldest = 0;
     e->uses++;
@@ -127,10 +166,11 @@ static const MaskedMap *masked_map(Estimator *e) {
     return &e->cache[oldest];
 }
 
-/* 1 / (q S) for forces, 1 / (q S L) for moments. */
-static double coefficient_scale(const double *scalar, size_t load) {
-    const double reference = load < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
-    return 1.0 / (scalar[DYNAMIC_PRESSURE] * reference);
+/* Factors of coefficients: 1 / (q S) for the three forces, 1 / (q S L) for the two moments. */
+static void coefficient_scales(const double *scalar, double *scale) {
+    const double area = scalar[REFERENCE_AREA];
+    scale[0] = scale[1] = scale[2] = 1.0 / (scalar[DYNAMIC_PRESSURE] * area);
+    scale[3] = scale[4] = 1.0 / (scalar[DYNAMIC_PRESSURE] * (area * scalar[REFERENCE_LENGTH]));
 }
 
 /* No number, for outputs from `first` up to, not including, `end`. */
@@ -180,20 +220,29 @@ static double moved_variance(const double *covariance, size_t load, double shift
     return (covariance[load * N_LOADS + load] + shift * cross) + shift * *with_force;
 }
 
+/* Deviations of the loads, which change only with the gauges in use and the moment point. */
+static void set_load_std(MaskedMap *m, double shift) {
+    for (size_t i = 0; i < N_LOADS; i++) {
+        double with_force;
+        const double variance =
+            i < 3 ? m->load_covariance[i * N_LOADS + i] : moved_variance(m->load_covariance, i, shift, &with_force);
+        m->load_std[i] = sqrt(variance);
+    }
+    m->load_std_shift = shift;
+}
+
 static void set_loads(const Estimator *e, double *output) {
-    const MaskedMap *m = e->masked;
+    MaskedMap *m = e->masked;
     const double shift = moment_shift(e);
+    if (shift != m->load_std_shift) {
+        set_load_std(m, shift);
+    }
     gain_times(m, e->residual, output + LOADS);
     for (size_t i = 0; i < N_LOADS; i++) {
         output[LOADS + i] += e->map.load_of_mean[i];
     }
     move_moments(shift, output + LOADS);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double with_force;
-        const double variance =
-            i < 3 ? m->load_covariance[i * N_LOADS + i] : moved_variance(m->load_covariance, i, shift, &with_force);
-        output[LOADS_STD + i] = sqrt(variance);
-    }
+    memcpy(output + LOADS_STD, m->load_std, sizeof m->load_std);
 }
 
 /* Whether the dynamic pressure gives coefficients; if so, set them. */
@@ -206,42 +255,17 @@ static int set_coefficients(const Estimator *e, double *output) {
         set_unknown(output, COEFFICIENTS, LOADS);
         return 0;
     }
+    const double share = deviation / pressure;
+    double scale[N_LOADS];
+    coefficient_scales(scalar, scale);
     for (size_t i = 0; i < N_LOADS; i++) {
-        const double scale = coefficient_scale(scalar, i);
-        const double coefficient = scale * output[LOADS + i], of_loads = scale * output[LOADS_STD + i];
-        const double of_pressure = coefficient * (deviation / pressure);
+        const double coefficient = scale[i] * output[LOADS + i], of_loads = scale[i] * output[LOADS_STD + i];
+        const double of_pressure = coefficient * share;
         output[COEFFICIENTS + i] = coefficient;
         output[COEFFICIENTS_STD + i] =
             deviation > 0.0 ? sqrt(of_loads * of_loads + of_pressure * of_pressure) : of_loads;
     }
     return 1;
-}
-
-/* Whether some |z| is above the threshold; z gets its scale. Without branches, for it runs in every step. */
-static int scale_and_compare(size_t n, double *restrict z, const double *restrict scale, double threshold) {
-    int above = 0;
-    for (size_t k = 0; k < n; k++) {
-        z[k] *= scale[k];
-        above |= fabs(z[k]) > threshold;
-    }
-    return above;
-}
-
-/* The gauge of the largest |z| and those it cannot be told from. */
-static void set_suspects(Estimator *e, double alarm_scale, double *output) {
-    const MaskedMap *m = e->masked;
-    triangle_transposed_times(m->n_used, m->triangle_rows, e->whitened, e->z);
-    if (!scale_and_compare(m->n_used, e->z, m->z_scale, sqrt(alarm_scale) * m->outlier_threshold)) {
-        return;
-    }
-    size_t worst = 0;
-    for (size_t k = 1; k < m->n_used; k++) {
-        worst = fabs(e->z[k]) > fabs(e->z[worst]) ? k : worst;
-    }
-    output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
-    for (size_t k = 0; k < m->n_used; k++) {
-        output[SUSPECTS] += m->group[k] == m->group[worst] ? 1.0 : 0.0;
-    }
 }
 
 static int health_state(const Estimator *e, const double *output) {
@@ -254,17 +278,22 @@ static int health_state(const Estimator *e, const double *output) {
     return e->masked->n_used == e->map.n_gauges ? OK : DEGRADED;
 }
 
-/* The gauges in use: those that the caller trusts and whose strain is a number within the sensor range. */
-static void set_mask(Estimator *e) {
-    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
-    for (size_t i = 0; i < e->map.n_gauges; i++) {
-        e->mask[i] = (unsigned char)(e->valid[i] & (fabs(e->input[i]) <= range));
+/* What the strains in use differ by from those of the mean state. */
+static void set_residual(Estimator *e) {
+    const MaskedMap *m = e->masked;
+    if (m->n_used == e->map.n_gauges) {
+        for (size_t k = 0; k < m->n_used; k++) {
+            e->residual[k] = e->input[k] - m->mean_strain[k];
+        }
+        return;
+    }
+    for (size_t k = 0; k < m->n_used; k++) {
+        e->residual[k] = e->input[m->used[k]] - m->mean_strain[k];
     }
 }
 
 static void update(Estimator *e) {
     double *output = e->output;
-    set_mask(e);
     const MaskedMap *m = e->masked = masked_map(e);
     output[VALID_GAUGES] = (double)m->n_used;
     output[SUSPECT_GAUGE] = output[SUSPECTS] = 0.0;
@@ -274,14 +303,12 @@ static void update(Estimator *e) {
         output[HEALTH_STATE] = m->n_used > 0 ? UNIDENTIFIED : INVALID;
         return;
     }
-    for (size_t k = 0; k < m->n_used; k++) {
-        e->residual[k] = e->input[m->used[k]] - m->mean_strain[k];
-    }
+    set_residual(e);
     const double alarm_scale = e->input[e->map.n_gauges + ALARM_SCALE];
-    triangle_times(m->n_used, m->triangle, e->residual, e->whitened);
+    panels_times(e->wide, m->n_used, m->row_panels, e->residual, e->whitened);
     output[CHI_SQUARE] = dot(m->n_used, e->whitened, e->whitened);
     output[CHI_SQUARE_LIMIT] = alarm_scale * m->chi_square_limit;
-    set_suspects(e, alarm_scale, output);
+    set_suspects(e, alarm_scale);
     set_loads(e, output);
     output[HEALTH_STATE] = set_coefficients(e, output) ? health_state(e, output) : NO_COEFFICIENTS;
 }
@@ -306,9 +333,9 @@ static void derive_loads(Estimator *e, const double *d_residual, double d_shift,
         d_output[LOADS + i] += d_shift * e->output[LOADS + i - 2];
         d_output[LOADS_STD + i] = with_force * d_shift / sqrt(variance);
     }
-    /* d|W r|^2 = 2 (W r)' W dr; e->z serves as scratch. */
-    triangle_times(m->n_used, m->triangle, d_residual, e->z);
-    d_output[CHI_SQUARE] = 2.0 * dot(m->n_used, e->whitened, e->z);
+    /* d|W r|^2 = 2 (W r)' W dr. */
+    panels_times(e->wide, m->n_used, m->row_panels, d_residual, e->d_whitened);
+    d_output[CHI_SQUARE] = 2.0 * dot(m->n_used, e->whitened, e->d_whitened);
 }
 
 static void derive_coefficients(const Estimator *e, const double *d_scalar, double *d_output) {
@@ -316,8 +343,10 @@ static void derive_coefficients(const Estimator *e, const double *d_scalar, doub
     const double pressure = scalar[DYNAMIC_PRESSURE];
     const double share = scalar[DYNAMIC_PRESSURE_STD] / pressure;
     const double d_share = (d_scalar[DYNAMIC_PRESSURE_STD] - share * d_scalar[DYNAMIC_PRESSURE]) / pressure;
+    double scales[N_LOADS];
+    coefficient_scales(scalar, scales);
     for (size_t i = 0; i < N_LOADS; i++) {
-        const double scale = coefficient_scale(scalar, i);
+        const double scale = scales[i];
         double growth = d_scalar[DYNAMIC_PRESSURE] / pressure + d_scalar[REFERENCE_AREA] / scalar[REFERENCE_AREA];
         growth += i < 3 ? 0.0 : d_scalar[REFERENCE_LENGTH] / scalar[REFERENCE_LENGTH];
         const double coefficient = output[COEFFICIENTS + i];

@@ -50,12 +50,15 @@ typedef struct {
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
     int outdated; /* whether an input has changed since output was computed */
-    const MaskedMap *masked;
+    int wide;     /* panels_wide() */
+    MaskedMap *masked;
     MaskedMap cache[CACHED_MASKS];
     unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty place */
     Workspace work;
     unsigned char *mask; /* (n_gauges) gauges in use in this step */
-    double *residual, *whitened, *z;
+    double *residual;
+    double *z, *whitened, *d_whitened; /* (panel_length(n_gauges)) */
+    float *narrow;                     /* (n_gauges) whitened */
 } Estimator;
 
 /* Make an estimator of the map in bytes [length], and own them: they are freed here if that fails. Return NULL with a

@@ -4,29 +4,26 @@
 
 #include <string.h>
 
-/* Value references 0 .. 13; each variable of the lists below follows the one before it without a gap. */
-static size_t array_size(const Estimator *e, fmi3ValueReference reference) {
-    static const size_t OUTPUT_SIZES[] = {
-        5, 5,            /* coefficients, sigma_coefficients */
-        3, 2, 3, 2,      /* forces, moments, sigma_forces, sigma_moments */
-        1, 1, 1, 1, 1, 1 /* health.state, .chi_square, .chi_square_limit, .valid_gauges, .suspect_gauge, .suspects */
-    };
-    const size_t n_outputs = sizeof OUTPUT_SIZES / sizeof *OUTPUT_SIZES;
-    if (reference < n_outputs) {
-        return OUTPUT_SIZES[reference];
-    }
-    return reference < n_outputs + 2 ? e->map.n_gauges : 1; /* strain and valid; scalar inputs and settings */
-}
-
+/* Each variable follows the one before it without a gap. */
 Span fmi3_span(const Estimator *e, fmi3ValueReference reference) {
+    static const unsigned char FIRST[] = {
+        0,  5,                      /* coefficients, sigma_coefficients */
+        10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
+        20, 21, 22, 23, 24, 25,     /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
+        N_OUTPUTS,                  /* strain; valid, then scalar inputs and settings */
+    };
+    const size_t n = e->map.n_gauges, strain = sizeof FIRST - 1;
     Span span = {0, 0};
-    if (reference >= TIME_REFERENCE) {
-        return span;
+    if (reference < strain) {
+        span.first = FIRST[reference];
+        span.count = (size_t)FIRST[reference + 1] - span.first;
+    } else if (reference < strain + 2) {
+        span.first = N_OUTPUTS + (reference - strain) * n;
+        span.count = n;
+    } else if (reference < TIME_REFERENCE) {
+        span.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
+        span.count = 1;
     }
-    for (fmi3ValueReference before = 0; before < reference; before++) {
-        span.first += array_size(e, before);
-    }
-    span.count = array_size(e, reference);
     return span;
 }
 

@@ -7,20 +7,14 @@
 
 #include "uri_path.h"
 
-#define HEADER_SIZE 128
+#define MAGIC_SIZE 8
 #define CHECKED_FROM 32 /* the checksum is over all bytes from here on */
 #define N_SCALARS 10
 #define BYTE_ORDER_MARK 0x01020304u
 #define LARGEST_COUNT 4096
 #define LARGEST_FILE ((size_t)1 << 30)
 
-static const char MAGIC[8] = "SFMUMAP";
-
-static uint32_t u32_at(const unsigned char *bytes, size_t place) {
-    uint32_t value;
-    memcpy(&value, bytes + place, sizeof value);
-    return value;
-}
+static const char MAGIC[MAGIC_SIZE] = "SFMUMAP";
 
 /* Four bytes per round, each through its own table ("slicing"): Kounavis & Berry, ISCC 2005. The tables are made on
    the stack in a few microseconds, so that instances share nothing. */
@@ -57,19 +51,19 @@ static size_t number_of_doubles(size_t n, size_t states) {
          + states * loads + 3 * n;
 }
 
-/* Check all that the header says against the bytes that are there. */
-static int check_header(const unsigned char *bytes, size_t length, char *text) {
-    if (length < HEADER_SIZE || memcmp(bytes, MAGIC, sizeof MAGIC) != 0) {
-        snprintf(text, MAP_TEXT_SIZE, "is no map of an FMU (%lu bytes)", (unsigned long)length);
+int resource_check(const unsigned char *bytes, size_t length, const char *magic, int version, const char *kind,
+                   char text[MAP_TEXT_SIZE]) {
+    if (length < HEADER_SIZE || memcmp(bytes, magic, MAGIC_SIZE) != 0) {
+        snprintf(text, MAP_TEXT_SIZE, "is no %s of an FMU (%lu bytes)", kind, (unsigned long)length);
         return 0;
     }
     if (u32_at(bytes, 12) != BYTE_ORDER_MARK) {
         snprintf(text, MAP_TEXT_SIZE, "has another byte order than this machine");
         return 0;
     }
-    if (u32_at(bytes, 8) != MAP_FORMAT_VERSION) {
+    if (u32_at(bytes, 8) != (uint32_t)version) {
         snprintf(text, MAP_TEXT_SIZE, "has format version %lu, must be %d: export the FMU again",
-                 (unsigned long)u32_at(bytes, 8), MAP_FORMAT_VERSION);
+                 (unsigned long)u32_at(bytes, 8), version);
         return 0;
     }
     uint64_t stated;
@@ -158,7 +152,7 @@ static void take_arrays(Map *map, const double *next) {
 }
 
 int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MAP_TEXT_SIZE]) {
-    if (!check_header(bytes, length, text) || !check_sizes(bytes, length, text)) {
+    if (!resource_check(bytes, length, MAGIC, MAP_FORMAT_VERSION, "map", text) || !check_sizes(bytes, length, text)) {
         return 0;
     }
     map->n_gauges = u32_at(bytes, 32);

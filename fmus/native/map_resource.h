@@ -8,7 +8,9 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
+#define HEADER_SIZE 128
 #define MAP_FORMAT_VERSION 1
 #define MAP_TEXT_SIZE 256 /* longest message of this file's functions, with its final zero */
 #define N_LOADS 5
@@ -51,6 +53,18 @@ int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MAP
 
 /* Read a whole map.bin. Return its bytes, to be freed with free(), or NULL with a text that says what is wrong. */
 unsigned char *map_read(const char *path, size_t *length, char text[MAP_TEXT_SIZE]);
+
+/* What map.bin and the model.bin of other FMUs share: the 32 bytes before what each has of its own. Whether they are
+   those of a file of `length` bytes that starts with the 8 bytes of magic; if not, text says what is wrong with it. */
+int resource_check(const unsigned char *bytes, size_t length, const char *magic, int version, const char *kind,
+                   char text[MAP_TEXT_SIZE]);
+
+/* The little-endian number at a place of a file. */
+static inline uint32_t u32_at(const unsigned char *bytes, size_t place) {
+    uint32_t value;
+    memcpy(&value, bytes + place, sizeof value);
+    return value;
+}
 
 /* CRC-32 of ISO 3309, as that of zlib. */
 uint32_t crc32(const unsigned char *bytes, size_t length);

@@ -3,11 +3,13 @@
 #include <math.h>
 #include <string.h>
 
+#include "panels.h"
 #include "triangles.h"
 
 size_t masked_map_doubles(const Map *map) {
     const size_t n = map->n_gauges;
-    return n + LOAD_STRIDE * n + n * (n + 1) + n;
+    /* Two floats take the place of a double; panels are multiples of PANEL doubles. */
+    return 2 * panel_elements(n) + panel_elements(n) / 2 + panel_length(n + LOAD_STRIDE * n + triangle_column(n) + n);
 }
 
 size_t masked_map_places(const Map *map) {
@@ -20,11 +22,13 @@ size_t workspace_doubles(const Map *map) {
 
 void masked_map_arrays(const Map *map, MaskedMap *masked, double **doubles, size_t **places) {
     const size_t n = map->n_gauges;
-    masked->mean_strain = *doubles;
+    masked->row_panels = *doubles;
+    masked->screen = (float *)(void *)(masked->row_panels + panel_elements(n));
+    masked->column_panels = masked->row_panels + panel_elements(n) + panel_elements(n) / 2;
+    masked->mean_strain = masked->column_panels + panel_elements(n);
     masked->load_gain = masked->mean_strain + n;
     masked->triangle = masked->load_gain + LOAD_STRIDE * n;
-    masked->triangle_rows = masked->triangle + n * (n + 1) / 2;
-    masked->z_scale = masked->triangle_rows + n * (n + 1) / 2;
+    masked->z_scale = masked->triangle + triangle_column(n);
     masked->used = *places;
     masked->group = masked->used + n;
     *doubles += masked_map_doubles(map);
@@ -194,7 +198,9 @@ static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, Wo
         const int checked = precision > map->least_precision[masked->used[k]];
         masked->z_scale[k] = checked ? 1.0 / sqrt(precision) : 0.0;
     }
-    triangle_rows(masked->n_used, masked->triangle, masked->triangle_rows);
+    panels_of_rows(masked->n_used, masked->triangle, masked->row_panels);
+    panels_of_columns(masked->n_used, masked->triangle, masked->column_panels);
+    masked->screened = panels_of_screen(masked->n_used, masked->triangle, masked->z_scale, masked->screen);
 }
 
 /* Put together, whatever the chain of links, gauges whose z are correlated beyond the limit. */
@@ -236,6 +242,7 @@ void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     } else {
         memcpy(masked->load_covariance, map->load_covariance, sizeof masked->load_covariance);
     }
+    masked->load_std_shift = NAN;
     set_residual(map, masked, n_missing, work);
     set_groups(map, masked);
     const int freedom = map->degrees_of_freedom - (int)n_missing;

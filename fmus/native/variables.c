@@ -1,6 +1,7 @@
 #include "variables.h"
 
 #include <stdio.h>
+#include <string.h>
 
 int is_real_output(size_t variable) {
     return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT;
@@ -28,7 +29,20 @@ static int get_real(Estimator *e, size_t variable, double *value) {
     return 1;
 }
 
+/* Whether the variables listed follow each other without a gap. */
+static int is_run(const unsigned *variable, size_t count) {
+    unsigned gaps = 0;
+    for (size_t k = 0; k < count; k++) {
+        gaps |= variable[k] ^ (variable[0] + (unsigned)k);
+    }
+    return count > 0 && gaps == 0;
+}
+
 int get_reals(Estimator *e, size_t first, size_t count, double *value) {
+    if (first < HEALTH_STATE && count <= HEALTH_STATE - first) {
+        memcpy(value, estimator_outputs(e) + first, count * sizeof *value);
+        return 1;
+    }
     for (size_t k = 0; k < count; k++) {
         if (!get_real(e, first + k, value + k)) {
             return 0;
@@ -38,6 +52,9 @@ int get_reals(Estimator *e, size_t first, size_t count, double *value) {
 }
 
 int get_listed_reals(Estimator *e, const unsigned *variable, size_t count, double *value) {
+    if (is_run(variable, count)) {
+        return get_reals(e, variable[0], count, value);
+    }
     for (size_t k = 0; k < count; k++) {
         if (!get_real(e, variable[k], value + k)) {
             return 0;
@@ -82,6 +99,11 @@ static int set_real(Estimator *e, size_t variable, double value, char *text) {
 
 int set_reals(Estimator *e, size_t first, size_t count, const double *value, char text[MAP_TEXT_SIZE]) {
     e->outdated = 1;
+    const size_t n = e->map.n_gauges, gauge = first - N_OUTPUTS;
+    if (gauge < n && count <= n - gauge) {
+        memcpy(e->input + gauge, value, count * sizeof *value);
+        return 1;
+    }
     for (size_t k = 0; k < count; k++) {
         if (!set_real(e, first + k, value[k], text)) {
             return 0;
@@ -92,6 +114,9 @@ int set_reals(Estimator *e, size_t first, size_t count, const double *value, cha
 
 int set_listed_reals(Estimator *e, const unsigned *variable, size_t count, const double *value,
                      char text[MAP_TEXT_SIZE]) {
+    if (is_run(variable, count)) {
+        return set_reals(e, variable[0], count, value, text);
+    }
     e->outdated = 1;
     for (size_t k = 0; k < count; k++) {
         if (!set_real(e, variable[k], value[k], text)) {

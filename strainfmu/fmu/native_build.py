@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,7 +48,7 @@ class Platform:
     ----------
     suffix : of its shared libraries.
     targets : zig's name of each processor that one library serves.
-    flags : beside :data:`COMPILER_FLAGS` and :data:`LIBRARY_FLAGS`.
+    flags : beside :data:`COMPILER_FLAGS` and :data:`LIBRARY_FLAGS`; ``{name}`` stands for the library.
     """
 
     suffix: str
@@ -56,7 +57,7 @@ class Platform:
 
 
 # zig would leave the path of the build in a dylib, and ask for its own version of macOS.
-_MACOS = ("-Wl,-install_name,@rpath/estimator.dylib",)
+_MACOS = ("-Wl,-install_name,@rpath/{name}.dylib",)
 
 PLATFORMS = {
     "linux64": Platform(".so", ("x86_64-linux-gnu.2.17",), ("-fPIC",)),
@@ -120,14 +121,32 @@ def compile_with_zig(target: str, arguments: list[str]) -> None:
 
 
 def build_library(platform: str) -> bytes:
-    """Return the library for ``platform``, a key of :data:`PLATFORMS`."""
+    """Return the library for ``platform``, a key of :data:`PLATFORMS`.
+
+    Raises
+    ------
+    StrainfmuError
+        The compiler reported an error.
+    """
+    return compile_library(platform, "estimator", source_files())
+
+
+def compile_library(platform: str, name: str, sources: Sequence[Path], includes: Sequence[Path] = ()) -> bytes:
+    """Return the library called ``name`` for ``platform``, made of C files with headers in ``includes``.
+
+    Raises
+    ------
+    StrainfmuError
+        The compiler reported an error.
+    """
     chosen = PLATFORMS[platform]
+    flags = [flag.format(name=name) for flag in chosen.flags]
+    arguments = [*LIBRARY_FLAGS, *flags, *(f"-I{folder}" for folder in includes), *map(str, sources)]
     with tempfile.TemporaryDirectory() as folder:
         parts = []
         for target in chosen.targets:
-            output = Path(folder) / f"estimator{chosen.suffix}"
-            sources = [str(path) for path in source_files()]
-            compile_with_zig(target, [*LIBRARY_FLAGS, *chosen.flags, *sources, "-o", str(output)])
+            output = Path(folder) / f"{name}{chosen.suffix}"
+            compile_with_zig(target, [*arguments, "-o", str(output)])
             parts.append(output.read_bytes())
     return parts[0] if len(parts) == 1 else universal_library(parts)
 
@@ -157,17 +176,35 @@ def _aligned(place: int, alignment: int) -> int:
 
 def main(platforms: list[str]) -> None:
     """Build the libraries for ``platforms``, all if there are none."""
+    write_libraries(platforms, build_library, library_file)
+
+
+def write_libraries(
+    platforms: Sequence[str], build: Callable[[str], bytes], file_of: Callable[[str], Path]
+) -> None:
+    """Write what ``build`` makes for each of ``platforms``, all if there are none, to its file.
+
+    Raises
+    ------
+    InputError
+        There is no such platform.
+    """
     for platform in platforms or PLATFORMS:
         if platform not in PLATFORMS:
             raise InputError(f"platform: '{platform}' found, must be one of {', '.join(PLATFORMS)}")
-        library = build_library(platform)
-        write_bytes_atomically(library_file(platform), library)
-        print(f"{library_file(platform)}: {len(library)} bytes")
+        library = build(platform)
+        write_bytes_atomically(file_of(platform), library)
+        print(f"{file_of(platform)}: {len(library)} bytes")
 
 
-if __name__ == "__main__":
+def run_build(build_all: Callable[[list[str]], None]) -> None:
+    """Run ``build_all`` for the platforms on the command line; an error gives one line and its exit code."""
     try:
-        main(sys.argv[1:])
+        build_all(sys.argv[1:])
     except StrainfmuError as error:
         print(error, file=sys.stderr)
         sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    run_build(main)

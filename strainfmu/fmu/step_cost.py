@@ -13,11 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+
+FloatArray = NDArray[np.float64]
 
 KINDS = {
     "native FMI 2.0": ExportOptions(),
@@ -51,7 +54,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             instance.terminate()
             instance.freeInstance()
             if options == ExportOptions():
-                costs |= host_costs(fmu, unzipped, inverse_map.n_gauges)
+                costs |= host_costs(fmu, unzipped, inverse_map.mean_strain)
     return costs
 
 
@@ -123,8 +126,10 @@ def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
     return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
 
 
-def host_costs(fmu: Path, unzipped: Path, n_gauges: int) -> dict[str, float]:
-    """Return the times [s] of bare product, step and instantiation in a C host; none without a C compiler.
+def host_costs(fmu: Path, unzipped: Path, strain: FloatArray) -> dict[str, float]:
+    """Return the times [s] of bare product, steps and instantiation in a C host; none without a C compiler.
+
+    ``strain`` (n,) [m/m] fits the map; the second kind of step is with its first value far off.
 
     Raises
     ------
@@ -143,11 +148,12 @@ def host_costs(fmu: Path, unzipped: Path, n_gauges: int) -> dict[str, float]:
         command = [*compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"]
         _run(command)
     resources = (unzipped / "resources").as_uri()
-    said = _run([str(program), str(libraries[0]), description.guid, resources, str(n_gauges)])
-    product, step, instantiation = np.array(said.split(), dtype=float).tolist()
+    said = _run([str(program), str(libraries[0]), description.guid, resources, *map(repr, strain.tolist())])
+    product, step, faulty, instantiation = np.array(said.split(), dtype=float).tolist()
     return {
-        f"C host: bare product 5 x {n_gauges}": product,
-        f"C host, native FMI 2.0: set {n_gauges}, step, get 5 and health ({step / product:.1f} x in C)": step,
+        f"C host: bare product 5 x {len(strain)}": product,
+        f"C host, native FMI 2.0: set {len(strain)}, step, get 5 and health ({step / product:.1f} x in C)": step,
+        "C host, native FMI 2.0: the same with a gauge that does not fit": faulty,
         "C host, native FMI 2.0: instantiate": instantiation,
     }
 

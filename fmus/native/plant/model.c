@@ -7,9 +7,6 @@
 
 #include "map_resource.h"
 
-#define HEADER_SIZE 128
-#define CHECKED_FROM 32 /* the checksum is over all bytes from here on */
-#define BYTE_ORDER_MARK 0x01020304u
 #define LARGEST_COUNT (1u << 24)
 #define N_TABLES 5 /* type, causality, start, minimum, maximum of each variable */
 
@@ -31,36 +28,9 @@ static const Behaviour *behaviour_of(uint32_t kind) {
     return kind < sizeof KINDS / sizeof *KINDS ? KINDS[kind] : NULL;
 }
 
-static uint32_t u32_at(const unsigned char *bytes, size_t place) {
-    uint32_t value;
-    memcpy(&value, bytes + place, sizeof value);
-    return value;
-}
-
 /* Check what the header says against the bytes that are there; the text says what is wrong. */
 static int check_header(const unsigned char *bytes, size_t length, char *text) {
-    if (length < HEADER_SIZE || memcmp(bytes, MAGIC, sizeof MAGIC) != 0) {
-        snprintf(text, MODEL_TEXT_SIZE, "is no model of an FMU (%lu bytes)", (unsigned long)length);
-        return 0;
-    }
-    if (u32_at(bytes, 12) != BYTE_ORDER_MARK) {
-        snprintf(text, MODEL_TEXT_SIZE, "has another byte order than this machine");
-        return 0;
-    }
-    if (u32_at(bytes, 8) != MODEL_FORMAT_VERSION) {
-        snprintf(text, MODEL_TEXT_SIZE, "has format version %lu, must be %d: export the FMU again",
-                 (unsigned long)u32_at(bytes, 8), MODEL_FORMAT_VERSION);
-        return 0;
-    }
-    uint64_t stated;
-    memcpy(&stated, bytes + 16, sizeof stated);
-    if (stated != length) {
-        snprintf(text, MODEL_TEXT_SIZE, "has %lu bytes, must have %.0f: the file is cut or extended",
-                 (unsigned long)length, (double)stated);
-        return 0;
-    }
-    if (u32_at(bytes, 24) != crc32(bytes + CHECKED_FROM, length - CHECKED_FROM) || u32_at(bytes, 28) != 0) {
-        snprintf(text, MODEL_TEXT_SIZE, "is damaged: its checksum is wrong");
+    if (!resource_check(bytes, length, MAGIC, MODEL_FORMAT_VERSION, "model", text)) {
         return 0;
     }
     const size_t variables = u32_at(bytes, 36), data = u32_at(bytes, 40);

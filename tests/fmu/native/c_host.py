@@ -25,11 +25,15 @@ def program(*names: str, install: str) -> str:
     return pytest.skip(f"needs {names[0]}: {install}")
 
 
-def host_by_zig(target: str, output: Path) -> Path:
-    """The host and the run-time for ``target``, compiled as the libraries are."""
-    sources = [str(HOST), *map(str, source_files())]
-    compile_with_zig(target, [f"-I{NATIVE}", *sources, "-s", "-o", str(output)])
+def program_by_zig(target: str, output: Path, sources: list[Path], *flags: str) -> Path:
+    """A program of C files for ``target``, compiled as the libraries are."""
+    compile_with_zig(target, [f"-I{NATIVE}", *map(str, sources), *flags, "-s", "-o", str(output)])
     return output
+
+
+def loading_host(target: str, output: Path) -> Path:
+    """The host for ``target`` that loads the library named by its first argument."""
+    return program_by_zig(target, output, [HOST], "-DHOST_LOADS")
 
 
 def host_by_clang(output: Path, *flags: str, sources: tuple[Path, ...] | None = None) -> Path:
@@ -48,7 +52,7 @@ def host_by_clang(output: Path, *flags: str, sources: tuple[Path, ...] | None = 
 
 
 def run_host(command: list[str], case: NativeCase, *task: object, location: str | None = None) -> bytes:
-    """Standard output of the host for a task."""
+    """Standard output of the host for a task; ``command`` ends with the library, if the host loads one."""
     arguments = [*command, GUID, location or case.uri, str(case.n), *map(str, task)]
     environment = os.environ | {"WINEDEBUG": "-all", "UBSAN_OPTIONS": "print_stacktrace=1"}
     finished = subprocess.run(arguments, capture_output=True, check=False, env=environment)

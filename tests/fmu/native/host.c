@@ -1,12 +1,14 @@
 /* A small importer in C: drives the native FMU of FMI 2.0 and writes what it returns, or measures what it costs.
 
      host GUID LOCATION GAUGES run STEPS SEED      outputs of STEPS random steps, raw float64, to standard output
+     host GUID LOCATION GAUGES replay STEPS FILE   the same of STEPS inputs in a file: strains, valid and two pressures
      host GUID LOCATION GAUGES time STEPS          nanoseconds per step, and per instantiation
      host GUID LOCATION GAUGES many STEPS          200 instances, interleaved, states, freed out of order
      host GUID LOCATION GAUGES endure STEPS        memory of one instance over many steps
      host GUID LOCATION GAUGES threads STEPS       8 threads, each with instances of its own
 
-   It is linked with the library's sources, so that sanitizers and other processors need no loader. */
+   It is linked with the library's sources, so that sanitizers need no loader. With -DHOST_LOADS it loads a library
+   instead, which is then the first argument. */
 
 #define _POSIX_C_SOURCE 200112L
 
@@ -17,7 +19,11 @@
 #include <string.h>
 #include <time.h>
 
+#ifdef HOST_LOADS
+#include "loaded_library.h"
+#else
 #include "fmi2Functions.h"
+#endif
 
 #ifdef HOST_THREADS
 #include <pthread.h>
@@ -76,13 +82,27 @@ static double uniform(uint64_t *state) {
     return (double)((z ^ (z >> 31)) >> 11) / 9007199254740992.0;
 }
 
+/* Strains, validity and the two pressures. */
+static void set_inputs(fmi2Component c, unsigned n, const double *strain, const fmi2Boolean *valid,
+                       const double *pressures) {
+    fmi2ValueReference reference[MOST_GAUGES];
+    for (unsigned i = 0; i < n; i++) {
+        reference[i] = N_OUTPUTS + i;
+    }
+    check(fmi2SetReal(c, reference, n, strain) == fmi2OK, "fmi2SetReal");
+    for (unsigned i = 0; i < n; i++) {
+        reference[i] += n;
+    }
+    check(fmi2SetBoolean(c, reference, n, valid) == fmi2OK, "fmi2SetBoolean");
+    const fmi2ValueReference pressure[2] = {N_OUTPUTS + 2 * n, N_OUTPUTS + 2 * n + 1};
+    check(fmi2SetReal(c, pressure, 2, pressures) == fmi2OK, "fmi2SetReal of pressure");
+}
+
 /* Strains of some micrometres per metre, now and then a broken one, and a few gauges switched off. */
 static void set_random(fmi2Component c, unsigned n, uint64_t *random, long step) {
-    fmi2ValueReference reference[MOST_GAUGES];
     double strain[MOST_GAUGES];
     fmi2Boolean valid[MOST_GAUGES];
     for (unsigned i = 0; i < n; i++) {
-        reference[i] = N_OUTPUTS + i;
         strain[i] = 2e-4 * (uniform(random) - 0.5);
         valid[i] = 1;
     }
@@ -92,14 +112,9 @@ static void set_random(fmi2Component c, unsigned n, uint64_t *random, long step)
     for (int k = 0; k < step % 4; k++) {
         valid[(unsigned)(uniform(random) * n)] = 0;
     }
-    check(fmi2SetReal(c, reference, n, strain) == fmi2OK, "fmi2SetReal");
-    for (unsigned i = 0; i < n; i++) {
-        reference[i] += n;
-    }
-    check(fmi2SetBoolean(c, reference, n, valid) == fmi2OK, "fmi2SetBoolean");
-    const fmi2ValueReference pressure[2] = {N_OUTPUTS + 2 * n, N_OUTPUTS + 2 * n + 1};
-    const double values[2] = {1e4 + 1e5 * uniform(random), 1e3 * uniform(random)};
-    check(fmi2SetReal(c, pressure, 2, values) == fmi2OK, "fmi2SetReal of pressure");
+    const double pressure = 1e4 + 1e5 * uniform(random);
+    const double pressures[2] = {pressure, 1e3 * uniform(random)};
+    set_inputs(c, n, strain, valid, pressures);
 }
 
 static void get_outputs(fmi2Component c, double value[N_OUTPUTS]) {
@@ -114,18 +129,39 @@ static void get_outputs(fmi2Component c, double value[N_OUTPUTS]) {
     }
 }
 
+static void step_and_write(fmi2Component c, long step) {
+    double value[N_OUTPUTS];
+    check(fmi2DoStep(c, 0.01 * (double)step, 0.01, 1) == fmi2OK, "fmi2DoStep");
+    get_outputs(c, value);
+    check(fwrite(value, sizeof value, 1, stdout) == 1, "fwrite");
+}
+
 static void run(const Setup *setup, long steps, uint64_t seed) {
-#ifdef _WIN32
-    _setmode(_fileno(stdout), _O_BINARY);
-#endif
     fmi2Component c = started(setup);
     for (long k = 0; k < steps; k++) {
-        double value[N_OUTPUTS];
         set_random(c, setup->gauges, &seed, k);
-        check(fmi2DoStep(c, 0.01 * (double)k, 0.01, 1) == fmi2OK, "fmi2DoStep");
-        get_outputs(c, value);
-        check(fwrite(value, sizeof value, 1, stdout) == 1, "fwrite");
+        step_and_write(c, k);
     }
+    fmi2FreeInstance(c);
+}
+
+/* Each step of the file: float64 strains, as many float64 that are 0 or 1, dynamic pressure and its deviation. */
+static void replay(const Setup *setup, long steps, const char *path) {
+    const unsigned n = setup->gauges;
+    double inputs[2 * MOST_GAUGES + 2];
+    fmi2Boolean valid[MOST_GAUGES];
+    fmi2Component c = started(setup);
+    FILE *file = fopen(path, "rb");
+    check(file != NULL, "fopen");
+    for (long k = 0; k < steps; k++) {
+        check(fread(inputs, sizeof *inputs, 2 * n + 2, file) == 2 * n + 2, "fread");
+        for (unsigned i = 0; i < n; i++) {
+            valid[i] = inputs[n + i] > 0.0;
+        }
+        set_inputs(c, n, inputs, valid, inputs + 2 * n);
+        step_and_write(c, k);
+    }
+    fclose(file);
     fmi2FreeInstance(c);
 }
 
@@ -306,6 +342,14 @@ static void threads(Setup *setup, long steps) {
 #endif
 
 int main(int argc, char **argv) {
+#ifdef HOST_LOADS
+    check(argc > 1, "arguments");
+    load_library(*++argv);
+    argc--;
+#endif
+#ifdef _WIN32
+    _setmode(_fileno(stdout), _O_BINARY);
+#endif
     check(argc >= 6, "arguments");
     Setup setup = {argv[1], argv[2], (unsigned)strtoul(argv[3], NULL, 10)};
     const char *task = argv[4];
@@ -313,6 +357,8 @@ int main(int argc, char **argv) {
     check(setup.gauges > 0 && setup.gauges <= MOST_GAUGES, "number of gauges");
     if (strcmp(task, "run") == 0) {
         run(&setup, steps, argc > 6 ? strtoull(argv[6], NULL, 10) : 1);
+    } else if (strcmp(task, "replay") == 0 && argc > 6) {
+        replay(&setup, steps, argv[6]);
     } else if (strcmp(task, "many") == 0) {
         many(&setup, steps);
     } else if (strcmp(task, "endure") == 0) {

@@ -1,57 +1,130 @@
-"""The same bits on every processor and system that can be tried on this machine."""
+"""The shipped libraries give the same bits on every processor and system that can be tried on this machine."""
 
 from __future__ import annotations
 
+import platform
 from pathlib import Path
 
 import numpy as np
 import pytest
-from c_host import host_by_zig, program, run_host
+from agreement import Sample, random_samples
+from c_host import loading_host, program, run_host
 from conftest import NativeCase
 from raw_fmu import N_OUTPUTS
 
+from strainfmu.fmu.native_build import library_file
+
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        (platform.system(), platform.machine()) != ("Linux", "x86_64"), reason="needs Linux on x86-64"
+    ),
+]
 
 STEPS = 2000
+LINUX = "x86_64-linux-gnu.2.17"
+
+
+def inputs_of(case: NativeCase) -> bytes:
+    """Inputs as the host replays them: gauges missing, broken, and off by more or less than the threshold.
+
+    Two thirds fit the map but for one gauge that is 2 to 7 of its deviations off.
+    """
+    random, mean = np.random.default_rng(6), case.inverse_map.mean_strain
+    deviation = 1.0 / np.sqrt(np.sum(case.inverse_map.residual_whitening**2, axis=0))
+    content = b""
+    for k, sample in enumerate(random_samples(case.inverse_map, STEPS, seed=5)):
+        strain, valid = sample.strain, sample.valid
+        if k % 3:
+            strain = mean + 0.6 * deviation * random.normal(size=case.n)
+            strain[k % case.n] += random.uniform(2.0, 7.0) * deviation[k % case.n]
+        if k == STEPS // 2:
+            valid = np.zeros(case.n, dtype=bool)
+        content += line_of(Sample(strain, valid, sample.dynamic_pressure, sample.dynamic_pressure_std))
+    return content
+
+
+def line_of(sample: Sample) -> bytes:
+    """One set of inputs: strains, valid, dynamic pressure and its deviation as float64."""
+    pressures = [sample.dynamic_pressure, sample.dynamic_pressure_std]
+    return np.concatenate([sample.strain, sample.valid, pressures]).astype("<f8").tobytes()
 
 
 @pytest.fixture(scope="module")
-def linux(cases: dict[str, NativeCase], tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Outputs of the host on x86-64 Linux for each map."""
-    host = host_by_zig("x86_64-linux-gnu.2.17", tmp_path_factory.mktemp("host") / "host")
-    return {name: run_host([str(host)], case, "run", STEPS, 5) for name, case in cases.items()}
+def inputs(cases: dict[str, NativeCase], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The file of inputs for each map."""
+    folder = tmp_path_factory.mktemp("inputs")
+    files = {name: folder / f"{k}.bin" for k, name in enumerate(cases)}
+    for name, file in files.items():
+        file.write_bytes(inputs_of(cases[name]))
+    return files
 
 
-def test_host_takes_all_branches(linux: dict[str, bytes]) -> None:
-    states = {
-        int(state) for content in linux.values() for state in np.frombuffer(content).reshape(-1, N_OUTPUTS)[:, 20]
-    }
-    assert len(np.frombuffer(linux["case 1"])) == STEPS * N_OUTPUTS
-    assert {1, 4} <= states
+@pytest.fixture(scope="module")
+def linux_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The host on this machine."""
+    return loading_host(LINUX, tmp_path_factory.mktemp("host") / "host")
 
 
-def test_aarch64(cases: dict[str, NativeCase], linux: dict[str, bytes], tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def linux(cases: dict[str, NativeCase], inputs: dict[str, Path], linux_host: Path) -> dict[str, bytes]:
+    """Outputs of the library for Linux, run by this processor, for each map."""
+    return outputs_by([str(linux_host), str(library_file("linux64"))], cases, inputs)
+
+
+def outputs_by(command: list[str], cases: dict[str, NativeCase], inputs: dict[str, Path]) -> dict[str, bytes]:
+    """Outputs for each map of host and library in ``command``: of the inputs, then of random strains."""
+    root = "Z:" if command[-1].startswith("Z:") else ""
+    found = {}
+    for name, case in cases.items():
+        location = f"file:///{root}{case.resources}" if root else case.uri
+        replayed = run_host(command, case, "replay", STEPS, f"{root}{inputs[name]}", location=location)
+        found[name] = replayed + run_host(command, case, "run", STEPS, 5, location=location)
+    return found
+
+
+def test_inputs_take_all_branches(linux: dict[str, bytes]) -> None:
+    states = {}
+    for name, content in linux.items():
+        outputs = np.frombuffer(content).reshape(-1, N_OUTPUTS)
+        assert len(outputs) == 2 * STEPS
+        states[name] = set(outputs[:, 20].astype(int).tolist())
+    assert set().union(*states.values()) == {0, 1, 2, 3, 4, 5, 6}
+    assert {0, 1, 2, 4, 6} <= states["case 1"]
+
+
+def test_sse2(
+    cases: dict[str, NativeCase], inputs: dict[str, Path], linux: dict[str, bytes], linux_host: Path
+) -> None:
+    emulator = program("qemu-x86_64", install="apt install qemu-user")
+    command = [emulator, "-cpu", "Nehalem", str(linux_host), str(library_file("linux64"))]
+    assert outputs_by(command, cases, inputs) == linux
+
+
+def test_aarch64(
+    cases: dict[str, NativeCase], inputs: dict[str, Path], linux: dict[str, bytes], tmp_path: Path
+) -> None:
     emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
     sysroot = Path("/usr/aarch64-linux-gnu")
     if not sysroot.is_dir():
         pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
-    host = host_by_zig("aarch64-linux-gnu.2.17", tmp_path / "host")
-    for name, case in cases.items():
-        assert run_host([emulator, "-L", str(sysroot), str(host)], case, "run", STEPS, 5) == linux[name], name
+    host = loading_host("aarch64-linux-gnu.2.17", tmp_path / "host")
+    command = [emulator, "-L", str(sysroot), str(host), str(library_file("aarch64-linux"))]
+    assert outputs_by(command, cases, inputs) == linux
 
 
-def test_windows(cases: dict[str, NativeCase], linux: dict[str, bytes], tmp_path: Path) -> None:
+def test_windows(
+    cases: dict[str, NativeCase], inputs: dict[str, Path], linux: dict[str, bytes], tmp_path: Path
+) -> None:
     wine = program("wine64", "wine", "/usr/lib/wine/wine64", install="apt install wine64")
-    host = host_by_zig("x86_64-windows-gnu", tmp_path / "host.exe")
-    for name, case in cases.items():
-        location = f"file:///Z:{case.uri.removeprefix('file://')}"
-        assert run_host([wine, str(host)], case, "run", STEPS, 5, location=location) == linux[name], name
+    host = loading_host("x86_64-windows-gnu", tmp_path / "host.exe")
+    assert outputs_by([wine, str(host), f"Z:{library_file('win64')}"], cases, inputs) == linux
 
 
 def test_windows_paths(small: NativeCase, tmp_path: Path) -> None:
     wine = program("wine64", "wine", "/usr/lib/wine/wine64", install="apt install wine64")
-    host = host_by_zig("x86_64-windows-gnu", tmp_path / "host.exe")
+    host = loading_host("x86_64-windows-gnu", tmp_path / "host.exe")
     content = (small.resources / "map.bin").read_bytes()
     folders = ["Jürgen Groß + (1)", "日本語", "/".join(["a folder of many letters " * 4] * 3) + "/x"]
     for name in folders:
@@ -59,4 +132,5 @@ def test_windows_paths(small: NativeCase, tmp_path: Path) -> None:
         folder.mkdir(parents=True)
         (folder / "map.bin").write_bytes(content)
         location = f"file:///Z:{folder.as_uri().removeprefix('file://')}"
-        assert run_host([wine, str(host)], small, "run", 1, 5, location=location)
+        command = [wine, str(host), f"Z:{library_file('win64')}"]
+        assert run_host(command, small, "run", 1, 5, location=location)

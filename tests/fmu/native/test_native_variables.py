@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import byref, c_double, c_int, c_size_t
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,6 +37,57 @@ def test_outputs_are_right_after_initialization_and_after_every_set(case: Native
     reference.check(third, fmu.outputs())
     assert fmu.step() == OK
     reference.check(third, fmu.outputs())
+    fmu.free()
+
+
+def test_lists_in_any_order_and_in_parts(small: NativeCase) -> None:
+    fmu, strain = Fmu2(small.uri, small.n).start(), sample_of(small).strain
+    fmu.set_strain(strain)
+    wanted = fmu.outputs()
+    orders = [
+        np.arange(small.n)[::-1],
+        np.roll(np.arange(small.n), 3),
+        np.random.default_rng(1).permutation(small.n),
+    ]
+    for order in orders:
+        fmu.set_strain(np.zeros(small.n))
+        assert fmu.set_reals((N_OUTPUTS + order).tolist(), strain[order]) == OK
+        assert fmu.outputs().tobytes() == wanted.tobytes()
+        assert np.array_equal(fmu.get_reals((N_OUTPUTS + order).tolist()), strain[order])
+    fmu.set_strain(np.zeros(small.n))
+    for first in range(0, small.n, 3):  # each part without a gap
+        part = range(first, min(first + 3, small.n))
+        assert fmu.set_reals([N_OUTPUTS + k for k in part], strain[part.start : part.stop]) == OK
+    assert fmu.outputs().tobytes() == wanted.tobytes()
+    outputs = [4, 3, 2, 1, 0, 19, 18, 22, 21]
+    assert np.array_equal(fmu.get_reals(outputs), wanted[outputs])
+    fmu.free()
+
+
+def test_run_that_leaves_the_reals(small: NativeCase) -> None:
+    fmu, last = Fmu2(small.uri, small.n).start(), N_OUTPUTS + small.n - 1
+    assert fmu.set_reals([last, last + 1], [1e-4, 1.0]) == ERROR  # the second is a Boolean
+    assert fmu.set_reals([last + 2 * small.n, 2**32 - 1, 0], [1e-4, 1.0, 1.0]) == ERROR
+    assert fmu.set_reals([2**32 - 1, 0], [1.0, 1.0]) == ERROR
+    values = (c_double * 2)()
+    for references in ([19, 20], [20, 21], [2**32 - 1, 0]):
+        assert fmu.call("GetReal", fmu.references(references), c_size_t(2), values) == ERROR
+    fmu.free()
+
+
+def test_moment_point_there_and_back(case: NativeCase) -> None:
+    # Deviations are kept from step to step for one moment point and set of gauges.
+    reference, fmu, sample = Reference(case.inverse_map), Fmu2(case.uri, case.n).start(), sample_of(case)
+    fmu.set_strain(sample.strain)
+    fmu.set_scalars(0, sample.dynamic_pressure)
+    without = sample.valid.copy()
+    without[1] = False
+    for station in (0.3, -2.0, 0.3):
+        reference.set(replace(reference.settings, moment_station=station))
+        assert fmu.set_scalars(6, station) == OK
+        for valid in (sample.valid, without, sample.valid):
+            fmu.set_valid(valid)
+            reference.check(replace(sample, valid=valid), fmu.outputs())
     fmu.free()
 
 
