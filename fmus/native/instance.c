@@ -125,9 +125,9 @@ void instance_log_health(Instance *instance) {
         return;
     }
     char text[TEXT_SIZE];
-    snprintf(text, sizeof text, "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f",
-             STATES[health], instance->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT],
-             output[SUSPECT_GAUGE]);
+    snprintf(text, sizeof text,
+             "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
+             instance->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
     instance->logged_health = health;
     instance->write(instance, STATUS_OK, CATEGORY_EVENTS, text);
 }
