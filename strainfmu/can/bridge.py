@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.can.acceptance import Acceptance
+from strainfmu.can.backlog import Backlog
 from strainfmu.can.bus import OpenBus, kernel_drops, shut_down
 from strainfmu.can.bus_state import BusState
 from strainfmu.can.clock import Clock, monotonic
@@ -32,6 +33,9 @@ from strainfmu.errors import StrainfmuError
 
 QUEUED_CYCLES = 50
 """Cycles that wait at most: above that, the oldest are dropped."""
+
+GATHER, LONGEST_GATHER = 0.2, 2e-4
+"""For how long frames are let gather behind the first: cycles, and at most [s]."""
 
 _LONGEST_WAIT = 0.1
 _LATENCIES = 200_000
@@ -105,6 +109,7 @@ class Bridge:
         self._transmitter = Transmitter(None if on_sent is None else self._tell_sent)
         n_frames = len(core.layout.frames)
         self._queue = FrameQueue(queued_cycles * n_frames, n_frames)
+        self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
         self._back_off = BackOff(back_off or BackOffSettings())
         self._on_result, self._on_frame = on_result, on_frame
         self._on_received, self._on_sent = on_received, on_sent
@@ -146,9 +151,10 @@ class Bridge:
         finally:
             self._disconnect()
         now = self._clock()
-        for item in self._queue.take_all(0.0, self._clock)[0]:
-            if isinstance(item, Frame):
-                self._publish(self._core.receive(item))
+        while items := self._queue.take(0.0, self._clock)[0]:
+            for item in items:
+                if isinstance(item, Frame):
+                    self._publish(self._core.receive(item))
         self._core.finish(now)
         return self.summary()
 
@@ -174,16 +180,17 @@ class Bridge:
         """Wait for frames or for what is due, and deal with it."""
         now = self._clock()
         due = min(self._core.next_event, self._next_status, end)
-        items, known = self._queue.take_all(min(max(due - now, 0.0), _LONGEST_WAIT), self._clock)
+        items, known = self._queue.take(min(max(due - now, 0.0), _LONGEST_WAIT), self._clock)
         self.known = known
         self._watch_door()
+        is_answered = not items or self._backlog.is_answered(self._clock() - items[-1].time)
         for item in items:
             if isinstance(item, BusFault):
                 self._lose_bus(item.reason, item.time)
                 continue
             if self._on_frame is not None:
                 self._on_frame(item)
-            self._publish(self._core.receive(item))
+            self._publish(self._core.receive(item, is_answered))
         # Only up to where all frames are known, so that a recording of them gives the same results.
         self._publish(self._core.advance(known))
         now = self._clock()
@@ -250,7 +257,8 @@ class Bridge:
         core = self._core
         self._bus = self._open_bus()
         door = Acceptance(core.layout, self._own_keys, core.settings, core.guards)
-        self._receiver = Receiver(self._bus, self._queue, door, self._clock, self._on_received)
+        gather = min(GATHER * core.layout.cycle_time, LONGEST_GATHER)
+        self._receiver = Receiver(self._bus, self._queue, door, self._clock, self._on_received, gather)
         self._shed = 0
         self._transmitter.use(self._bus)
         self._receiver.start()
@@ -306,6 +314,11 @@ class Bridge:
     def skips(self) -> list[tuple[float, float]]:
         """When the bridge stood still so long that it passed over status results: due at, advanced to [s]."""
         return self._core.skips
+
+    @property
+    def unanswered(self) -> list[tuple[float, float]]:
+        """When it was too slow to answer all cycles: times of the first and the last frame skipped [s]."""
+        return self._core.unanswered
 
     @property
     def bus_state(self) -> BusState:

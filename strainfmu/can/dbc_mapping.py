@@ -1,32 +1,19 @@
 """A user's DBC file and a mapping of its signals to gauges, made into the frames that the bridge reads.
 
-The mapping is TOML; docs/can.md describes it. The DBC file is read by cantools; frames are decoded by our plan,
-which tests hold against cantools.
+The mapping is TOML; docs/can.md describes it. Frames are decoded by our plan, which tests hold against cantools.
 """
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from strainfmu.can.crc import Protection
+from strainfmu.can.dbc_signals import period, selector_value, signal_layout
 from strainfmu.can.frame import FD_LENGTHS
-from strainfmu.can.frame_layout import (
-    BIG,
-    FLOAT,
-    LITTLE,
-    SIGNED,
-    UNSIGNED,
-    FrameLayout,
-    InputFrame,
-    InputLayout,
-    SignalLayout,
-)
+from strainfmu.can.frame_layout import FrameLayout, InputFrame, InputLayout
 from strainfmu.can.signal_plan import SignalPlan
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
 """Message attributes of a DBC file that state the end-to-end protection; 0: none."""
@@ -49,63 +36,6 @@ _TABLES = {
     "configuration",
     "cycle_time_ms",
 }
-_NOT_AVAILABLE = re.compile(r"sna|not[ _]?available|invalid|error|signal[ _]?not[ _]?available", re.IGNORECASE)
-
-
-def load_mapping(path: Path) -> dict[str, Any]:
-    """Return the mapping file at ``path``.
-
-    Raises
-    ------
-    InputError
-        It is missing, no TOML, or holds an entry that does not exist.
-    """
-    try:
-        mapping = tomllib.loads(path.read_text("utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    return mapping
-
-
-def load_database(path: Path) -> Any:
-    """Return cantools' database of the DBC file at ``path``.
-
-    Raises
-    ------
-    InputError
-        It is missing or cannot be read.
-    StrainfmuError
-        cantools is not installed.
-    """
-    try:
-        # As DBC tools write them: Windows-1252; every byte means something.
-        return database_of(path.read_text("cp1252", errors="replace"), str(path))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-
-
-def database_of(text: str, name: str) -> Any:
-    """Return cantools' database of the DBC file with content ``text``; ``name`` is for messages.
-
-    Raises
-    ------
-    InputError
-        It cannot be read.
-    StrainfmuError
-        cantools is not installed.
-    """
-    try:
-        import cantools
-    except ImportError as error:
-        raise StrainfmuError("cantools is not installed: pip install 'strainfmu[can]'") from error
-    try:
-        return cantools.database.load_string(text, database_format="dbc")
-    except Exception as error:  # its parser raises what it meets
-        raise InputError(f"{name}: cannot be read as a DBC file: {' '.join(str(error).split())[:300]}") from error
 
 
 def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> InputLayout:
@@ -141,7 +71,7 @@ class _Mapper:
         by_message: dict[tuple[str, int | None], list[tuple[int, Any]]] = {}
         for gauge, path in self._table("strain").items():
             message, signal = self._signal(path, f"strain, '{gauge}'")
-            by_message.setdefault((message.name, _selector_value(signal, self._name)), []).append(
+            by_message.setdefault((message.name, selector_value(signal, self._name)), []).append(
                 (self._gauge(gauge), signal)
             )
         gauges = [place for items in by_message.values() for place, _ in items]
@@ -195,7 +125,7 @@ class _Mapper:
         message, signal = self._signal(table["signal"], "dynamic_pressure")
         factor = self._factor(message, signal, PRESSURE_UNITS, "a unit of pressure")
         extra, places = self._extras(message, 1)
-        layout = self._frame_layout(message, [signal, *extra], _selector_value(signal, self._name), [])
+        layout = self._frame_layout(message, [signal, *extra], selector_value(signal, self._name), [])
         return InputFrame(
             layout,
             dynamic_pressure=0,
@@ -228,7 +158,7 @@ class _Mapper:
             message.is_extended_frame,
             bool(message.is_fd),
             self._protection(message),
-            _period(message, where),
+            period(message, where),
             message.senders[0] if message.senders else "",
             multiplexer=multiplexer,
         )
@@ -345,62 +275,6 @@ class _Mapper:
         if not isinstance(table, Mapping) or (not table and not optional):
             raise InputError(f"{self._name}: table [{name}] wanted")
         return table
-
-
-def _period(message: Any, where: str) -> float | None:
-    """Return the cycle time of a frame [s], None if the DBC file does not give it."""
-    stated = message.cycle_time
-    if not stated:
-        return None
-    if not isinstance(stated, int | float) or not 0.0 < stated < 1e6:
-        raise InputError(f"{where}: cycle time {stated!r} ms found, a positive number wanted")
-    return float(stated) / 1e3
-
-
-def signal_layout(signal: Any, with_ends: bool = False) -> SignalLayout:
-    """Return our description of cantools' ``signal``; ``with_ends`` looks for its "not available" as well.
-
-    Raises
-    ------
-    InputError
-        Its numbers cannot be used.
-    """
-    try:
-        none = _not_available(signal) if with_ends else None
-        return SignalLayout(
-            signal.name,
-            int(signal.start),
-            int(signal.length),
-            LITTLE if signal.byte_order == "little_endian" else BIG,
-            FLOAT if signal.is_float else SIGNED if signal.is_signed else UNSIGNED,
-            float(signal.scale),
-            float(signal.offset),
-            signal.unit or "",
-            None if signal.minimum is None else float(signal.minimum),
-            None if signal.maximum is None else float(signal.maximum),
-            none,
-            None if signal.raw_initial is None else int(signal.raw_initial),
-        )
-    except (OverflowError, ValueError, TypeError) as error:
-        raise InputError(f"signal '{signal.name}': numbers that cannot be used: {error}") from error
-
-
-def _not_available(signal: Any) -> int | None:
-    """Return the raw number that the DBC file names "not available" or the like."""
-    for number, text in (signal.choices or {}).items():
-        if _NOT_AVAILABLE.fullmatch(str(text).strip()) and -(2**63) <= int(number) < 2**63:
-            return int(number)
-    return None
-
-
-def _selector_value(signal: Any, name: str) -> int | None:
-    """Return the multiplexer's value that ``signal`` comes with, None if it always comes."""
-    identifiers = signal.multiplexer_ids
-    if not identifiers:
-        return None
-    if len(identifiers) != 1:
-        raise InputError(f"{name}: signal '{signal.name}': {len(identifiers)} multiplexer values found, 1 allowed")
-    return int(identifiers[0])
 
 
 def _by_name(item: tuple[tuple[str, int | None], Any]) -> tuple[str, int]:

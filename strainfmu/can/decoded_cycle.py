@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -38,41 +39,30 @@ class DecodedCycle:
 
 
 class StrainDecoder:
-    """Decodes the strain frames of a layout."""
+    """Decodes the strain frames of a layout: the raw numbers of all frames, then all gauges at once."""
 
     def __init__(self, layout: InputLayout, guards: Guards) -> None:
+        frames = layout.strain_frames
         self._guards = guards
         self._n_gauges = layout.n_gauges
-        self._frames = [_StrainFrame(frame) for frame in layout.strain_frames]
-
-    def empty(self) -> DecodedCycle:
-        """Return a cycle without frames."""
-        n = self._n_gauges
-        absent = np.zeros(n, dtype=bool)
-        return DecodedCycle(np.full(n, np.nan), np.zeros(n, dtype=np.int64), absent, absent.copy())
-
-    def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
-        """Return what ``arrivals`` say; ``trailer_status`` is the status that the trailer gives, or 0."""
-        cycle = self.empty()
-        cycle.status = trailer_status
-        for arrival in arrivals:
-            frame = self._frames[arrival.slot]
-            frame.fill(cycle, arrival.raw, self._guards)
-        if cycle.status > STATUS_DEGRADED and self._guards.sender_status:
-            cycle.refused |= cycle.present
-        return cycle
-
-
-class _StrainFrame:
-    """One strain frame: arrays made once."""
-
-    def __init__(self, frame: InputFrame) -> None:
-        signals = [frame.layout.signals[place] for place in frame.places]
-        self._status = frame.status
-        self._plan = SignalPlan(frame.layout)
-        self._places = np.array(frame.places, dtype=np.intp)
-        self._gauges = np.array(frame.gauges, dtype=np.intp)
-        self._to_strain = np.array(frame.to_strain)
+        self._nothing = [np.zeros(len(frame.layout.signals), dtype=np.int64) for frame in frames]
+        self._status = [frame.status for frame in frames]
+        self._plans = [SignalPlan(frame.layout) for frame in frames]
+        self._is_linear = [_is_linear(frame) for frame in frames]
+        # Where each gauge lies in the raw numbers of all frames.
+        columns = np.cumsum([0, *(len(raw) for raw in self._nothing)])[:-1].tolist()
+        owners = {
+            gauge: (slot, place, factor)
+            for slot, frame in enumerate(frames)
+            for place, gauge, factor in zip(frame.places, frame.gauges, frame.to_strain, strict=True)
+        }
+        by_gauge = [owners[gauge] for gauge in range(layout.n_gauges)]
+        signals = [frames[slot].layout.signals[place] for slot, place, _ in by_gauge]
+        self._slot = np.array([slot for slot, _, _ in by_gauge], dtype=np.intp)
+        self._column = np.array([columns[slot] + place for slot, place, _ in by_gauge], dtype=np.intp)
+        self._scale = np.array([signal.scale for signal in signals])
+        self._offset = np.array([signal.offset for signal in signals])
+        self._to_strain = np.array([factor for _, _, factor in by_gauge])
         self._low = np.array([-np.inf if s.minimum is None else s.minimum for s in signals])
         self._high = np.array([np.inf if s.maximum is None else s.maximum for s in signals])
         ends = [_ends(s.kind, s.length) for s in signals]
@@ -82,23 +72,59 @@ class _StrainFrame:
         self._none = np.array([s.not_available is not None for s in signals])
         self._not_available = np.array([s.not_available or 0 for s in signals], dtype=np.int64)
 
-    def fill(self, cycle: DecodedCycle, raw: IntArray, guards: Guards) -> None:
-        """Put the strains of this frame into ``cycle``."""
-        own, gauges = raw[self._places], self._gauges
-        value = self._plan.physical(raw)[self._places]
-        refused = np.zeros(len(gauges), dtype=bool)
-        if guards.not_available:
-            refused |= self._none & (own == self._not_available)
-        if guards.range:
+    def empty(self) -> DecodedCycle:
+        """Return a cycle without frames."""
+        n = self._n_gauges
+        absent = np.zeros(n, dtype=bool)
+        return DecodedCycle(np.full(n, np.nan), np.zeros(n, dtype=np.int64), absent, absent.copy())
+
+    def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
+        """Return what ``arrivals`` say; ``trailer_status`` is the status that the trailer gives, or 0."""
+        raws, status = list(self._nothing), trailer_status
+        for arrival in arrivals:
+            raws[arrival.slot] = arrival.raw
+            place = self._status[arrival.slot]
+            if place is not None:
+                status = max(status, int(arrival.raw[place]))
+        raw = np.concatenate(raws)[self._column]
+        value = self._values(raws, raw)
+        refused = self._refused(raw, value)
+        strain = value * self._to_strain
+        present = np.ones(self._n_gauges, dtype=bool)
+        if len(arrivals) < len(raws):
+            here = np.zeros(len(raws), dtype=bool)
+            here[[arrival.slot for arrival in arrivals]] = True
+            present = here[self._slot]
+            strain[~present] = np.nan
+            refused &= present
+        if status > STATUS_DEGRADED and self._guards.sender_status:
+            refused |= present
+        return DecodedCycle(strain, raw, present, refused, status)
+
+    def _values(self, raws: Sequence[IntArray], raw: IntArray) -> FloatArray:
+        """Return (n_d,) the gauges' values in their signals' units."""
+        if all(self._is_linear):
+            return raw * self._scale + self._offset
+        plans = zip(self._plans, raws, strict=True)
+        return np.concatenate([plan.physical(own) for plan, own in plans])[self._column]
+
+    def _refused(self, raw: IntArray, value: FloatArray) -> BoolArray:
+        """Return (n_d,) gauges without a value, or outside their signal's limits."""
+        refused = np.zeros(self._n_gauges, dtype=bool)
+        if self._guards.not_available:
+            refused |= self._none & (raw == self._not_available)
+        if self._guards.range:
             refused |= ~((value >= self._low) & (value <= self._high))
             # Both ends of a converter's range mean that it is overdriven, or its wire is broken.
-            refused |= self._has_ends & ((own == self._first) | (own == self._last))
-        cycle.strain[gauges] = value * self._to_strain
-        cycle.raw[gauges] = own
-        cycle.present[gauges] = True
-        cycle.refused[gauges] = refused
-        if self._status is not None:
-            cycle.status = max(cycle.status, int(raw[self._status]))
+            refused |= self._has_ends & ((raw == self._first) | (raw == self._last))
+        return refused
+
+
+def _is_linear(frame: InputFrame) -> bool:
+    """Tell whether the values of all strains are int64 times a scale plus an offset, and none overflows."""
+    signals = [frame.layout.signals[place] for place in frame.places]
+    whole = all(s.kind == SIGNED or (s.kind == UNSIGNED and s.length < 64) for s in signals)
+    return whole and all(isfinite(abs(s.scale) * 2.0**s.length + abs(s.offset)) for s in signals)
 
 
 def _ends(kind: str, length: int) -> tuple[int, int]:

@@ -61,7 +61,7 @@ class HeldPressure:
         assert frame is not None
         assert frame.dynamic_pressure is not None
         signal = frame.layout.signals[frame.dynamic_pressure]
-        value = float(self._plan.physical(raw)[frame.dynamic_pressure])
+        value = self._plan.value(raw, frame.dynamic_pressure)
         delay = 0.0
         if self._clock is not None and frame.sample_time is not None:
             reading = self._clock.read(time, int(raw[frame.sample_time]))

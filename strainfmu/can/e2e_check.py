@@ -14,6 +14,8 @@ from strainfmu.can.crc import Protection, counter_in, crc_in, crc_of
 class E2EStatus(Enum):
     """Result of one check."""
 
+    __hash__ = object.__hash__  # in C, and by identity as equality is
+
     OK = "OK"
     """Right, and the next in sequence."""
     OK_SOME_LOST = "OKSOMELOST"

@@ -14,6 +14,10 @@ LISTED_IDENTIFIERS = 64
 class FrameClass(Enum):
     """What became of a frame."""
 
+    # By identity, which is what equality of members is: Enum's own hash is a function in Python, met many times a
+    # cycle.
+    __hash__ = object.__hash__
+
     USED = "used"
     OWN = "own frame"
     UNKNOWN_IDENTIFIER = "unknown identifier"
@@ -31,6 +35,7 @@ class FrameClass(Enum):
     TOO_OLD = "in a cycle that is too old, frozen or of a clock that jumped"
     NOT_USABLE = "right, but holds no usable value"
     OVERRUN = "dropped: queue full"
+    SKIPPED = "skipped: newer cycles waited"
     UNFINISHED = "in a cycle that was open at the end"
 
 

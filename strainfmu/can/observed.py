@@ -27,7 +27,8 @@ class ObservedBridge:
         """Close the recording and return a line on each watcher."""
         lines = []
         if self.recorder is not None:
-            self.recorder.close(self.ready.bridge.known, self.ready.bridge.skips)
+            bridge = self.ready.bridge
+            self.recorder.close(bridge.known, bridge.skips, bridge.unanswered)
             lines.append(
                 f"{self.recorder.path}: {self.recorder.recorded} frames recorded, {self.recorder.lost} lost"
             )

@@ -11,7 +11,6 @@ from strainfmu.can.signal_plan import FloatArray, IntArray
 
 BoolArray = NDArray[np.bool_]
 
-_NEVER = np.iinfo(np.int64).max
 _PACE = 3.0
 """Changes of one cycle that a strain may fall to exactly zero by."""
 
@@ -54,7 +53,8 @@ class GaugeChecks:
         now : when the cycle came [s].
         """
         settings, guards = self._settings, self._guards
-        bad = refused | ~np.isfinite(strain)
+        finite = np.isfinite(strain)
+        bad = refused | ~finite
         if guards.range:
             bad |= ~(np.abs(strain) <= settings.sensor_range)
         if guards.rate:
@@ -62,19 +62,19 @@ class GaugeChecks:
         bad |= self._stuck(raw, present, now)
         bad |= self._dropped_to_zero(raw, present)
         good = present & ~bad
-        self._good = np.where(present, np.where(bad, 0, self._good + 1), self._good)
-        valid = good & (self._good >= settings.heal_cycles)
-        self._last_strain = np.where(present & np.isfinite(strain), strain, self._last_strain)
+        self._good += good
+        self._good[present & bad] = 0
+        np.copyto(self._last_strain, strain, where=present & finite)
         self._keep_pace(strain, good, now)
-        return valid
+        return good & (self._good >= settings.heal_cycles)
 
     def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
         """Remember good strains, and how fast they change [m/m per cycle]."""
         cycles = np.maximum((now - self._good_time) / self._cycle_time, 1.0)
-        pace = np.nan_to_num(np.abs(strain - self._last_good) / cycles)  # of the first good strain: none
-        self._pace = np.where(good, pace, self._pace)
-        self._last_good = np.where(good, strain, self._last_good)
-        self._good_time = np.where(good, now, self._good_time)
+        pace = np.abs(strain - self._last_good) / cycles
+        np.copyto(self._pace, pace, where=good & np.isfinite(pace))  # the first good strain has none
+        np.copyto(self._last_good, strain, where=good)
+        self._good_time[good] = now
 
     def frozen(self, present: BoolArray, now: float) -> float:
         """Return for how long not one of the gauges that are ``present`` has changed by ``now`` [s]."""
@@ -90,18 +90,24 @@ class GaugeChecks:
     def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
         """Find gauges that have had one value for too long."""
         same = present & self._seen & (raw == self._last_raw)
-        self._changed = np.where(present & ~same, now, self._changed)
-        self._repeats = np.where(present, np.where(same, self._repeats + 1.0, 0.0), self._repeats)
-        self._last_raw = np.where(present, raw, self._last_raw)
+        changed = present & ~same
+        self._changed[changed] = now
+        self._repeats += same
+        self._repeats[changed] = 0.0
+        np.copyto(self._last_raw, raw, where=present)
         self._seen |= present
-        return same & (self._unchanged(now) >= self._longest_unchanged) & self._guards.stuck
+        if not self._guards.stuck:
+            return np.zeros_like(present)
+        return same & (self._unchanged(now) >= self._longest_unchanged)
 
     def _dropped_to_zero(self, raw: IntArray, present: BoolArray) -> BoolArray:
         """Find gauges at exactly zero, which amplifiers send on an error (HBK QuantumX: default for integers)."""
         zero = present & (raw == 0)
-        self._zeros = np.where(present, np.where(zero, self._zeros + 1, 0), self._zeros)
-        limit = self._settings.zero_cycles or _NEVER
+        self._zeros += zero
+        self._zeros[present & ~zero] = 0
+        if not (self._guards.zero and self._settings.zero_cycles and zero.any()):
+            return np.zeros_like(present)
         # A strain that moves through zero may well meet it: only a fall out of its own pace is one at once.
         usual = self._settings.zero_jump + _PACE * self._pace
-        fell = (np.abs(self._last_good) > usual) & bool(self._settings.zero_cycles)
-        return zero & (fell | (self._zeros >= limit)) & self._guards.zero
+        fell = np.abs(self._last_good) > usual
+        return zero & (fell | (self._zeros >= self._settings.zero_cycles))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,9 @@ from strainfmu.can.frame_account import FrameAccount, FrameClass
 
 RECEIVE_TIMEOUT = 0.1
 """Longest wait in one call [s]: so long does a stop take at most."""
+
+AT_ONCE = 64
+"""Messages at most between two looks at the queue."""
 
 ERRORS_PER_SECOND = 200
 """Failed receptions within a second after which the bus is taken for broken; single ones are passed over."""
@@ -41,45 +45,46 @@ class FrameQueue:
     Parameters
     ----------
     capacity : frames.
-    block : frames dropped at once: those of a cycle, so that one cycle is lost and not the ends of two.
+    cycle : frames of a cycle: so many are dropped at once, that one cycle is lost and not the ends of two, and so
+        many are taken at once.
     """
 
-    def __init__(self, capacity: int, block: int) -> None:
+    def __init__(self, capacity: int, cycle: int) -> None:
         # Whoever stamps and queues a frame holds it, so that no frame is older than a time already handed out.
         self.lock = threading.RLock()
         self._items: deque[Frame | BusFault] = deque()
-        self._capacity, self._block = max(capacity, block), block
+        self._capacity, self._cycle = max(capacity, cycle), cycle
         self._ready = threading.Condition(self.lock)
         self.highest = 0
 
-    def put(self, item: Frame | BusFault) -> int:
-        """Add ``item``; return how many frames were dropped for it."""
+    def put(self, items: Iterable[Frame | BusFault]) -> int:
+        """Add ``items``, then wake who waits for them; return how many frames were dropped for them."""
         with self._ready:
             dropped = 0
-            if len(self._items) >= self._capacity:
-                for _ in range(self._block):
-                    oldest = self._items.popleft()
-                    dropped += isinstance(oldest, Frame)
-            self._items.append(item)
-            self.highest = max(self.highest, len(self._items))
+            for item in items:
+                if len(self._items) >= self._capacity:
+                    oldest = [self._items.popleft() for _ in range(self._cycle)]
+                    dropped += sum(isinstance(old, Frame) for old in oldest)
+                self._items.append(item)
+                self.highest = max(self.highest, len(self._items))
             self._ready.notify()
         return dropped
 
-    def take_all(self, timeout: float, clock: Clock) -> tuple[list[Frame | BusFault], float]:
-        """Wait up to ``timeout`` [s] for an item; return all, and a time that no later item is before."""
+    def take(self, timeout: float, clock: Clock) -> tuple[list[Frame | BusFault], float]:
+        """Wait up to ``timeout`` [s] for an item; return a cycle's worth and a time no later item is before."""
         with self._ready:
             if not self._items and timeout > 0.0:
                 self._ready.wait(timeout)
-            items = list(self._items)
-            self._items.clear()
-            return items, clock()
+            items = [self._items.popleft() for _ in range(min(self._cycle, len(self._items)))]
+            return items, self._items[0].time if self._items else clock()
 
 
 class Receiver:
     """Receives from one bus until it is stopped or the bus fails, then says so through the queue.
 
     ``account`` holds the frames that went no further than here; it may be read once the thread has ended, or
-    roughly while it runs. ``on_received`` is told every frame, in the order of their times.
+    roughly while it runs. ``on_received`` is told every frame, in the order of their times. Behind the first
+    message others are let gather for ``gather`` [s].
     """
 
     def __init__(
@@ -89,8 +94,10 @@ class Receiver:
         acceptance: Acceptance,
         clock: Clock,
         on_received: Callable[[Frame], None] | None = None,
+        gather: float = 0.0,
     ) -> None:
         self._bus, self._queue, self._acceptance, self._clock = bus, queue, acceptance, clock
+        self._gather = gather
         self._on_received = on_received
         self.account = FrameAccount()
         self.failures = 0
@@ -110,32 +117,51 @@ class Receiver:
 
     def _run(self) -> None:
         while not self._stop.is_set():
+            messages: list[Any] = []
             try:
-                message = self._bus.recv(RECEIVE_TIMEOUT)
-                if message is not None:
-                    with self._queue.lock:
-                        self._take(from_message(message, self._clock()))
+                self._receive(messages)
             except Exception as error:  # whatever a backend raises, the bridge must know of it
+                self._take(messages)
                 if self._is_broken(error):
                     return
+            else:
+                self._take(messages)
 
-    def _take(self, frame: Frame) -> None:
-        """Refuse a frame here, or queue it."""
+    def _receive(self, messages: list[Any]) -> None:
+        """Wait for a message, and put it and what waits behind it into ``messages``."""
+        message = self._bus.recv(RECEIVE_TIMEOUT)
+        if message is not None and self._gather > 0.0:
+            # Two threads that take turns by the message wait for each other longer than all messages take.
+            time.sleep(self._gather)
+        while message is not None:
+            messages.append(message)
+            message = self._bus.recv(0.0) if len(messages) < AT_ONCE else None
+
+    def _take(self, messages: Sequence[Any]) -> None:
+        """Queue the frames that are not refused here, all at once: to wake the stepping thread costs most."""
+        if not messages:
+            return
+        with self._queue.lock:
+            frames = [from_message(message, self._clock()) for message in messages]
+            dropped = self._queue.put([frame for frame in frames if self._is_let_in(frame)])
+            if dropped:
+                # The core never sees them: so they are received, and settled, here.
+                self.account.received += dropped
+                self.account.settle(FrameClass.OVERRUN, frames[-1].time, dropped)
+
+    def _is_let_in(self, frame: Frame) -> bool:
+        """Tell of a frame; refuse it here, or tell that it is to be queued."""
         if self._on_received is not None:
             self._on_received(frame)
         refused = self._acceptance.refused(frame)
         if refused is None or refused is FrameClass.ERROR_FRAME:
-            dropped = self._queue.put(frame)
-            if dropped:
-                # The core never sees them: so they are received, and settled, here.
-                self.account.received += dropped
-                self.account.settle(FrameClass.OVERRUN, frame.time, dropped)
-            return
+            return True
         self.account.received += 1
         if refused is FrameClass.UNKNOWN_IDENTIFIER:
             self.account.settle_unknown(frame.key, frame.time)
         else:
             self.account.settle(refused, frame.time)
+        return False
 
     def _is_broken(self, error: Exception) -> bool:
         """Count a failed reception; tell whether the bus is to be given up, and say so to the bridge."""
@@ -147,7 +173,7 @@ class Receiver:
         too_many = full and now - self._failure_times[0] < 1.0
         if not too_many and isinstance(error, import_can().CanError) and self._is_open():
             return False
-        self._queue.put(BusFault(self.last_failure, now))
+        self._queue.put([BusFault(self.last_failure, now)])
         return True
 
     def _is_open(self) -> bool:

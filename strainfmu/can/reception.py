@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from strainfmu.can.crc import counter_in
 from strainfmu.can.cycle_assembler import Arrival
 from strainfmu.can.e2e_check import USABLE, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e_state_machine import E2EState, E2EStateMachine
@@ -52,6 +53,7 @@ class Reception:
         self._slots: dict[int, list[int]] = {}
         for slot, frame in enumerate(layout.frames):
             self._slots.setdefault(frame.layout.key, []).append(slot)
+        self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
         self._selectors = [_selector(frame) for frame in layout.frames]
         self._checks = [_reception_check(frame, settings, guards) for frame in layout.frames]
@@ -72,19 +74,21 @@ class Reception:
         if len(data) != item.layout.length:  # only where the guard of the format is off
             frame = replace(frame, data=data.ljust(item.layout.length, b"\0")[: item.layout.length])
         raw = self._plans[slot].raw(frame.data)
-        return Arrival(slot, frame, raw, None if item.sample_time is None else int(raw[item.sample_time]))
+        sample_time = None if item.sample_time is None else int(raw[item.sample_time])
+        protection = item.layout.protection
+        counter = None if protection is None else counter_in(frame.data, protection)
+        return Arrival(slot, frame, raw, sample_time, counter)
 
-    def check(self, arrival: Arrival) -> tuple[Arrival, FrameClass | None]:
-        """Check a frame by itself; return it with its counter, and its class if it is refused."""
+    def check(self, arrival: Arrival) -> FrameClass | None:
+        """Check a frame by itself; return its class if it is refused."""
         slot = arrival.slot
         if slot == self.trailer:
-            return arrival, None  # its CRC covers frames that may be yet to come
+            return None  # its CRC covers frames that may be yet to come
         check = self._checks[slot]
         status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
         wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(slot, arrival.raw)
         self._machines[slot].add(E2EStatus.ERROR if wrong else status)
-        refused = FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
-        return (arrival if check is None else replace(arrival, counter=check.counter)), refused
+        return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
 
     def check_trailer(self, arrivals: Mapping[int, Arrival]) -> TrailerVerdict:
         """Check CRC and counter over a closed cycle; a layout without a trailer has nothing to say."""
@@ -118,7 +122,7 @@ class Reception:
         trusted = np.zeros(self._layout.n_gauges, dtype=bool)
         for slot in arrivals:
             if slot < self.n_strain and self.is_trusted(slot):
-                trusted[list(self._layout.strain_frames[slot].gauges)] = True
+                trusted[self._gauges[slot]] = True
         return trusted
 
     def miss(self, arrivals: Mapping[int, Arrival]) -> bool:

@@ -105,20 +105,31 @@ class Recorder:
         """Take a frame that was sent; its time is when."""
         self._put(frame, False)
 
-    def close(self, end: float | None = None, skips: Sequence[tuple[float, float]] = ()) -> None:
+    def close(
+        self,
+        end: float | None = None,
+        skips: Sequence[tuple[float, float]] = (),
+        unanswered: Sequence[tuple[float, float]] = (),
+    ) -> None:
         """Write what waits and close the log, at the first call.
 
         Parameters
         ----------
         end : up to when the core was advanced [s].
-        skips : the core's.
+        skips, unanswered : the core's.
         """
         if self._stop.is_set():
             return
         self._stop.set()
         self._thread.join(60.0)
         if self._description:
-            self._description |= {"end": end, "skips": list(skips), "recorded": self.recorded, "lost": self.lost}
+            self._description |= {
+                "end": end,
+                "skips": list(skips),
+                "unanswered": list(unanswered),
+                "recorded": self.recorded,
+                "lost": self.lost,
+            }
             self._write_sidecar()
 
     def _put(self, frame: Frame, is_received: bool) -> None:

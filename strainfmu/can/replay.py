@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
@@ -99,10 +99,11 @@ def replay_log(
 
     time = start
     skips = dict(described.get("skips", ())) if described else {}
+    unanswered = deque(described.get("unanswered", ()) if described else ())
     for frame, is_received in chain([first], frames):
         time = frame.time
         if is_received:
-            give(_received(core, door, account, frame, skips))
+            give(_received(core, door, account, frame, skips, unanswered))
         else:
             comparison.logged(frame)
     end = described.get("end") if described else None
@@ -124,12 +125,20 @@ def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[
 
 
 def _received(
-    core: BridgeCore, door: Acceptance, account: FrameAccount, frame: Frame, skips: dict[float, float]
+    core: BridgeCore,
+    door: Acceptance,
+    account: FrameAccount,
+    frame: Frame,
+    skips: dict[float, float],
+    unanswered: deque[Sequence[float]],
 ) -> list[CycleResult]:
-    """Take a frame past the door, as the live receiver does, and into the core."""
+    """Take a frame past the door, as the live receiver does, and into the core; it is answered if it was then."""
     refused = door.refused(frame)
     if refused is None or refused is FrameClass.ERROR_FRAME:
-        return _advanced(core, frame.time, skips) + core.receive(frame)
+        while unanswered and unanswered[0][1] < frame.time:
+            unanswered.popleft()
+        is_answered = not unanswered or frame.time < unanswered[0][0]
+        return _advanced(core, frame.time, skips) + core.receive(frame, is_answered)
     account.received += 1
     if refused is FrameClass.UNKNOWN_IDENTIFIER:
         account.settle_unknown(frame.key, frame.time)

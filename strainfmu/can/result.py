@@ -39,7 +39,8 @@ Step = Callable[[FloatArray, float, float], StepResult]
 """(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]. Raises StepRefused."""
 
 
-def _no_numbers() -> FloatArray:
+def no_numbers() -> FloatArray:
+    """Return (5,) NaN."""
     return np.full(5, np.nan)
 
 
@@ -70,8 +71,8 @@ class CycleResult:
     age: float = np.nan
     sample_time: int | None = None
     counter: int | None = None
-    coefficients: FloatArray = field(default_factory=_no_numbers)
-    coefficients_std: FloatArray = field(default_factory=_no_numbers)
+    coefficients: FloatArray = field(default_factory=no_numbers)
+    coefficients_std: FloatArray = field(default_factory=no_numbers)
     chi_square: float = np.nan
     health: int | None = None
     arrival: float | None = None
@@ -91,8 +92,8 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
         later,
         quality=Quality.STALE,
         causes=result.causes | Cause.OLD | Cause.OVERLOAD,
-        coefficients=_no_numbers(),
-        coefficients_std=_no_numbers(),
+        coefficients=no_numbers(),
+        coefficients_std=no_numbers(),
     )
 
 

@@ -16,7 +16,7 @@ from strainfmu.can.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, 
 from strainfmu.can.profiles import BRIDGE, Identifiers, header_1, header_5
 from strainfmu.can.quality import Quality
 from strainfmu.can.result import CycleResult
-from strainfmu.can.signal_plan import FloatArray, SignalPlan
+from strainfmu.can.signal_plan import SignalPlan
 from strainfmu.health import HealthState
 from strainfmu.inverse_map import COEFFICIENT_NAMES
 
@@ -29,6 +29,7 @@ _HEALTH_CHOICES = tuple((int(state), state.name.title()) for state in HealthStat
 _BUS_CHOICES = tuple((int(state), state.name.title()) for state in BusState)
 _SIGMA_NAMES = tuple(f"sigma_{name}" for name in COEFFICIENT_NAMES)
 _LAST_NAMES = tuple(f"last_{name}" for name in COEFFICIENT_NAMES)
+_NOTHING = [nan] * 5
 _AGE_TICK = 1e-4
 
 
@@ -65,37 +66,42 @@ class ResultFrames:
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._configuration = configuration
-        self._plans = [(layout, SignalPlan(layout)) for layout in layouts]
-        self._counters = dict.fromkeys((layout.name for layout in layouts), 0)
+        self._of_result = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is not None]
+        self._of_status = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is None]
 
     def of_result(self, result: CycleResult) -> list[Frame]:
         """Return the frames of one result."""
-        return self._compose(_result_values(result, self._configuration), is_status=False)
+        values = _result_values(result, self._configuration)
+        return [frame.compose(values) for frame in self._of_result]
 
     def of_status(self, status: BridgeStatus) -> list[Frame]:
         """Return the frames of the bridge's status."""
-        return self._compose(_status_values(status, self._configuration), is_status=True)
+        values = _status_values(status, self._configuration)
+        return [frame.compose(values) for frame in self._of_status]
 
-    def _compose(self, values: Mapping[str, float], is_status: bool) -> list[Frame]:
-        frames = []
-        for layout, plan in self._plans:
-            if (layout.cycle_time is None) is not is_status:
-                continue
-            assert layout.protection is not None
-            numbers = np.array([values.get(signal.name, 0.0) for signal in layout.signals])
-            counter = self._counters[layout.name]
-            self._counters[layout.name] = (counter + 1) % layout.protection.counter_modulus
-            data = protect(plan.encode(numbers), layout.protection, counter)
-            frames.append(
-                Frame(
-                    layout.identifier,
-                    data,
-                    is_extended=layout.is_extended,
-                    is_fd=layout.is_fd,
-                    bitrate_switch=layout.is_fd,
-                )
-            )
-        return frames
+
+class _ResultFrame:
+    """One frame, with its counter."""
+
+    def __init__(self, layout: FrameLayout) -> None:
+        assert layout.protection is not None
+        self._layout, self._protection = layout, layout.protection
+        self._plan = SignalPlan(layout)
+        self._names = [signal.name for signal in layout.signals]
+        self._counter = 0
+
+    def compose(self, values: Mapping[str, float]) -> Frame:
+        """Return the next frame of ``values`` by signal; those that it has not are 0."""
+        layout, counter = self._layout, self._counter
+        self._counter = (counter + 1) % self._protection.counter_modulus
+        data = self._plan.encode([values.get(name, 0.0) for name in self._names])
+        return Frame(
+            layout.identifier,
+            protect(data, self._protection, counter),
+            is_extended=layout.is_extended,
+            is_fd=layout.is_fd,
+            bitrate_switch=layout.is_fd,
+        )
 
 
 def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tuple[FrameLayout, ...]:
@@ -125,19 +131,18 @@ def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tu
 def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
     """Return the values of all signals of a result, NaN for what is not there."""
     published = result.quality.has_coefficients
-    nothing = np.full(5, nan)
-    coefficients = result.coefficients if published else nothing
-    deviations = result.coefficients_std if published else nothing
+    coefficients = result.coefficients.tolist() if published else _NOTHING
+    deviations = result.coefficients_std.tolist() if published else _NOTHING
     return {
-        **dict(zip(COEFFICIENT_NAMES, coefficients.tolist(), strict=True)),
-        **dict(zip(_SIGMA_NAMES, deviations.tolist(), strict=True)),
+        **dict(zip(COEFFICIENT_NAMES, coefficients, strict=True)),
+        **dict(zip(_SIGMA_NAMES, deviations, strict=True)),
         "Quality": int(result.quality),
         "Health": nan if result.health is None else result.health,
         "SampleTime": nan if result.sample_time is None else result.sample_time,
         "ChiSquare": result.chi_square,
         "Age": 1e3 * result.age,
         "Causes": int(result.causes),
-        "GaugesUsed": min(int(result.valid.sum()), 255),
+        "GaugesUsed": min(int(np.count_nonzero(result.valid)), 255),
         "AnsweredCounter": result.counter or 0,
         "Configuration": configuration,
         "UsedPressure": result.dynamic_pressure,
@@ -148,7 +153,7 @@ def _status_values(status: BridgeStatus, configuration: int) -> dict[str, float]
     """Return the values of all signals of the status."""
     last, account = status.last_valid, status.account
     age = nan if last is None else 1e3 * (status.time - last.time + last.age)
-    coefficients: FloatArray = np.full(5, nan) if last is None else last.coefficients
+    coefficients = _NOTHING if last is None else last.coefficients.tolist()
     counts = {
         "Received": account.received,
         "Used": account.classes[FrameClass.USED],
@@ -157,7 +162,7 @@ def _status_values(status: BridgeStatus, configuration: int) -> dict[str, float]
         "Overrun": account.classes[FrameClass.OVERRUN],
     }
     return {
-        **dict(zip(_LAST_NAMES, coefficients.tolist(), strict=True)),
+        **dict(zip(_LAST_NAMES, coefficients, strict=True)),
         # Counts wrap; every layout takes as many of the low bits as it has.
         **{name: count % 2**32 for name, count in counts.items()},
         **{f"{name}16": count % 2**16 for name, count in counts.items()},

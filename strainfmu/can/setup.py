@@ -140,7 +140,8 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
     if options.dbc is None or options.mapping is None:
         layout = profile_layout(options.profile, gauge_names, options.cycle_time, options.identifiers)
         return layout, configuration_of(options.profile, gauge_names)
-    from strainfmu.can.dbc_mapping import load_database, load_mapping, mapped_layout
+    from strainfmu.can.dbc_files import load_database, load_mapping
+    from strainfmu.can.dbc_mapping import mapped_layout
 
     layout = mapped_layout(
         load_database(options.dbc), load_mapping(options.mapping), gauge_names, str(options.mapping)

@@ -1,11 +1,20 @@
-"""All signals of a frame decoded and encoded by a few numpy calls, for any start, length, byte order and kind."""
+"""All signals of a frame decoded and encoded, for any start, length, byte order and kind.
+
+Frames of whole bytes are decoded by one call of ``struct``, all others bit by bit through numpy. Frames are
+encoded as one long integer.
+"""
 
 from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.can.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.can.frame_layout import BIG, FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -13,10 +22,14 @@ IntArray = NDArray[np.int64]
 
 _WIDTH = 64
 _FLOAT_TYPES = {16: "<f2", 32: "<f4", 64: "<f8"}
+_FLOATS = {16: struct.Struct("<e"), 32: struct.Struct("<f"), 64: struct.Struct("<d")}
+_UNSIGNED_CODES = {8: "B", 16: "H", 32: "I", 64: "q"}
+_SIGNED_CODES = {8: "b", 16: "h", 32: "i", 64: "q"}
+"""Codes of ``struct``; 64 bits always as what int64 makes of them."""
 
 
 class SignalPlan:
-    """The signals of one frame, ready for the loop: each is 64 bit numbers of the frame, gathered at once.
+    """The signals of one frame, ready for the loop.
 
     Raises
     ------
@@ -29,11 +42,9 @@ class SignalPlan:
             _check(signal, layout)
         self.length = layout.length
         self.signals = layout.signals
+        self._packed = _packed(layout)
         index = [_gather(signal, 8 * layout.length) for signal in layout.signals]
         self._index = np.array(index, dtype=np.intp).reshape(-1)
-        self._own_bits = np.array(
-            [[bit < signal.length for bit in range(_WIDTH)] for signal in layout.signals], dtype=bool
-        ).reshape(-1)
         # Only unsigned numbers of all 64 bits do not fit into int64.
         self._unsigned = np.array([s.kind == UNSIGNED and s.length == _WIDTH for s in layout.signals], dtype=bool)
         self._any_unsigned = bool(self._unsigned.any())
@@ -42,11 +53,7 @@ class SignalPlan:
         ]
         self._scale = np.array([s.scale for s in layout.signals])
         self._offset = np.array([s.offset for s in layout.signals])
-        self._low = np.array([-np.inf if s.minimum is None else s.minimum for s in layout.signals])
-        self._high = np.array([np.inf if s.maximum is None else s.maximum for s in layout.signals])
-        ranges = [_raw_range(signal) for signal in layout.signals]
-        self._raw_low = np.array([low for low, _ in ranges])
-        self._raw_high = np.array([high for _, high in ranges])
+        self._encoders = [_encoder(signal, layout.length) for signal in layout.signals]
         # The last bit stays 0: it pads unsigned numbers.
         self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
 
@@ -58,6 +65,10 @@ class SignalPlan:
         ValueError
             ``data`` has not the length of the frame.
         """
+        if self._packed is not None:
+            if len(data) != self.length:
+                raise ValueError(f"{len(data)} bytes found, {self.length} wanted")
+            return np.array(self._packed.unpack(data), dtype=np.int64)
         self._bits[:-1] = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
         return np.packbits(self._bits[self._index], bitorder="little").view("<i8")
 
@@ -71,7 +82,16 @@ class SignalPlan:
         with np.errstate(over="ignore", invalid="ignore"):  # what a float64 cannot hold is refused as out of range
             return number * self._scale + self._offset
 
-    def encode(self, values: FloatArray) -> bytes:
+    def value(self, raw: IntArray, place: int) -> float:
+        """Return the value of one signal of ``raw``, as :meth:`physical` does."""
+        signal, number = self.signals[place], float(raw[place])
+        if signal.kind == FLOAT:
+            number = float(raw[place : place + 1].view(_FLOAT_TYPES[signal.length])[0])
+        elif signal.kind == UNSIGNED and number < 0.0:
+            number = float(int(raw[place]) + (1 << _WIDTH))
+        return number * signal.scale + signal.offset
+
+    def encode(self, values: FloatArray | Sequence[float]) -> bytes:
         """Return the frame that holds the (k,) ``values`` [the signals' units], nearest raw number.
 
         What is not finite or out of range becomes the signal's "not available".
@@ -81,34 +101,94 @@ class SignalPlan:
         InputError
             Such a value belongs to a signal that has no way to say so.
         """
-        with np.errstate(invalid="ignore", over="ignore"):
-            scaled = (np.asarray(values, dtype=float) - self._offset) / self._scale
-            usable = (values >= self._low) & (values <= self._high)
-            number = np.rint(scaled)
-            usable &= (number >= self._raw_low) & (number <= self._raw_high)
-        raw = np.where(usable, number, 0.0).astype(np.int64)
-        if self._any_unsigned:
-            raw = np.where(self._unsigned, np.where(usable, number, 0.0).astype(np.uint64).view(np.int64), raw)
-        floats = dict(self._floats)
-        for place in np.flatnonzero(~usable).tolist():
-            if place not in floats:
-                raw[place] = self._not_available(place, float(values[place]))
-        for place, kind in self._floats:
-            raw[place] = 0
-            raw[place : place + 1].view(kind)[0] = scaled[place] if usable[place] else np.nan
-        bits = np.zeros(8 * self.length + 1, dtype=np.uint8)
-        of_raw = np.unpackbits(raw.astype("<i8").view(np.uint8), bitorder="little")
-        bits[self._index[self._own_bits]] = of_raw[self._own_bits]
-        return np.packbits(bits[:-1], bitorder="little").tobytes()
+        little = big = 0
+        numbers = values.tolist() if isinstance(values, np.ndarray) else values
+        for encoder, value in zip(self._encoders, numbers, strict=True):
+            placed = (encoder.raw(value) & encoder.mask) << encoder.shift
+            if encoder.is_big:
+                big |= placed
+            else:
+                little |= placed
+        if big:
+            little |= int.from_bytes(big.to_bytes(self.length, "big"), "little")
+        return little.to_bytes(self.length, "little")
 
-    def _not_available(self, place: int, value: float) -> int:
-        signal = self.signals[place]
+
+@dataclass(frozen=True, slots=True)
+class _Encoder:
+    """One signal on its way into a frame taken for one integer, of the signal's byte order.
+
+    Attributes
+    ----------
+    shift, mask : where its least significant bit goes, and its bits.
+    low, high : smallest and largest value; ``raw_low``, ``raw_high`` : smallest and largest raw number.
+    packed : of a float, else None.
+    """
+
+    signal: SignalLayout
+    shift: int
+    mask: int
+    is_big: bool
+    low: float
+    high: float
+    raw_low: float
+    raw_high: float
+    packed: struct.Struct | None
+
+    def raw(self, value: float) -> int:
+        """Return the raw number of ``value``; of a float its bit pattern."""
+        signal = self.signal
+        scaled = (value - signal.offset) / signal.scale
+        # Half a number more than there is, so that only what can be rounded is; false of NaN.
+        usable = self.low <= value <= self.high and self.raw_low - 0.5 <= scaled <= self.raw_high + 0.5
+        if self.packed is not None:
+            held = scaled if usable and abs(scaled) <= self.raw_high else nan
+            return int.from_bytes(self.packed.pack(held), "little")
+        if usable:
+            number = round(scaled)
+            if self.raw_low <= number <= self.raw_high:
+                return number
         if signal.not_available is None:
             raise InputError(
                 f"signal '{signal.name}': {value:g} {signal.unit} found, what fits into "
                 f"{signal.length} bits of {signal.scale:g} {signal.unit} wanted"
             )
         return signal.not_available
+
+
+def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
+    """Return how ``signal`` goes into a frame of ``n_bytes``."""
+    lowest = signal.bits[0]
+    is_big = signal.byte_order == BIG
+    # Bits of a big endian integer count from the last byte on.
+    shift = 8 * (n_bytes - 1 - lowest // 8) + lowest % 8 if is_big else lowest
+    return _Encoder(
+        signal,
+        shift,
+        (1 << signal.length) - 1,
+        is_big,
+        -np.inf if signal.minimum is None else signal.minimum,
+        np.inf if signal.maximum is None else signal.maximum,
+        *_raw_range(signal),
+        _FLOATS[signal.length] if signal.kind == FLOAT else None,
+    )
+
+
+def _packed(layout: FrameLayout) -> struct.Struct | None:
+    """Return what unpacks a frame of whole bytes, of one byte order, signals in their order; None of others."""
+    orders = {signal.byte_order for signal in layout.signals}
+    if len(orders) != 1:
+        return None
+    is_little = orders == {LITTLE}
+    code, end = "<" if is_little else ">", 0
+    for signal in layout.signals:
+        first, bit = divmod(signal.start, 8)
+        if signal.length not in _UNSIGNED_CODES or bit != (0 if is_little else 7) or first < end:
+            return None
+        kinds = _SIGNED_CODES if signal.kind == SIGNED else _UNSIGNED_CODES
+        code += f"{first - end}x{kinds[signal.length]}"
+        end = first + signal.length // 8
+    return struct.Struct(f"{code}{layout.length - end}x")
 
 
 def _check(signal: SignalLayout, layout: FrameLayout) -> None:
@@ -139,5 +219,5 @@ def _raw_range(signal: SignalLayout) -> tuple[float, float]:
         largest = float(np.finfo(_FLOAT_TYPES[signal.length]).max)
         return -largest, largest
     if signal.kind == SIGNED:
-        return -(2.0 ** (signal.length - 1)), 2.0 ** (signal.length - 1) - 1.0
-    return 0.0, 2.0**signal.length - 1.0
+        return -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
+    return 0, (1 << signal.length) - 1

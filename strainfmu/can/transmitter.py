@@ -21,6 +21,7 @@ class Transmitter:
     def __init__(self, on_sent: Callable[[Frame], None] | None = None) -> None:
         self._on_sent = on_sent
         self._bus: Any = None
+        self._errors: tuple[type[Exception], ...] = ()
         self._in_a_row = 0
         self.sent = 0
         self.failures = 0
@@ -29,17 +30,17 @@ class Transmitter:
     def use(self, bus: Any) -> None:
         """Send on ``bus`` from now on; on none if None."""
         self._bus = bus
+        self._errors = (import_can().CanError, OSError, ValueError)
         self._in_a_row = 0
 
     def send(self, frames: Iterable[Frame]) -> bool:
         """Send ``frames``, each at most once; return False when the bus is to be taken for broken."""
         if self._bus is None:
             return True
-        can = import_can()
         for frame in frames:
             try:
                 self._bus.send(to_message(frame), timeout=SEND_TIMEOUT)
-            except (can.CanError, OSError, ValueError) as error:
+            except self._errors as error:
                 self.failures += 1
                 self._in_a_row += 1
                 self.last_failure = " ".join(str(error).split()) or type(error).__name__

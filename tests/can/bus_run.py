@@ -50,8 +50,12 @@ def live_run(
     record: Path | None = None,
     publish: str | None = None,
     profile: str = "fd64",
+    stall: tuple[int, float] = (-1, 0.0),
 ) -> LiveRun:
-    """Run a bridge on the virtual channel while the sender sends ``n_cycles``."""
+    """Run a bridge on the virtual channel while the sender sends ``n_cycles``.
+
+    ``stall`` is the number of a result behind which the bridge stands still, and for how long [s].
+    """
     options = BridgeOptions("virtual", channel, profile=profile, cycle_time=CYCLE)
     settings = BusSettings("virtual", channel)
     results: list[CycleResult] = []
@@ -61,6 +65,8 @@ def live_run(
 
         def keep(result: CycleResult) -> None:
             results.append(result)
+            if len(results) == stall[0]:
+                time.sleep(stall[1])
             if inner is not None:
                 inner(result)
 

@@ -10,7 +10,8 @@ from functools import lru_cache
 import numpy as np
 
 from strainfmu.can.core import BridgeCore
-from strainfmu.can.dbc_mapping import database_of, mapped_layout
+from strainfmu.can.dbc_files import database_of
+from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.profiles import PROFILES, profile_layout

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, layout_of
 
-from strainfmu.can.bridge import Bridge, BridgeSummary
+from strainfmu.can.bridge import QUEUED_CYCLES, Bridge, BridgeSummary
 from strainfmu.can.bus import BusSettings, kernel_drops, open_bus
 from strainfmu.can.core import BridgeCore
 from strainfmu.can.frame import Frame, to_message
@@ -28,7 +28,7 @@ from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
 from strainfmu.can.reconnect import BackOffSettings
-from strainfmu.can.result import CycleResult
+from strainfmu.can.result import CycleResult, StepResult
 from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.strain_encoder import StrainEncoder
@@ -38,13 +38,26 @@ N = 30
 GROUP = "239.74.163.78"
 
 
+class Slow(Projection):
+    """An estimator that takes ``pause`` [s] for a step."""
+
+    pause = 0.0
+
+    def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+        time.sleep(self.pause)
+        return super().__call__(strain, dynamic_pressure, step_size)
+
+
 class Running:
     """A bridge in a thread of its own, and a sender's bus beside it."""
 
-    def __init__(self, open_one: Callable[[], can.BusABC], sender: can.BusABC, **options: object) -> None:
+    def __init__(
+        self, open_one: Callable[[], can.BusABC], sender: can.BusABC, queued_cycles: int = QUEUED_CYCLES
+    ) -> None:
         layout = layout_of("fd64", N)
         results = result_layouts("fd", Identifiers(), CYCLE)
-        core = BridgeCore(layout, Projection(N), BridgeSettings(), time.monotonic(), [r.key for r in results])
+        self.step = Slow(N)
+        core = BridgeCore(layout, self.step, BridgeSettings(), time.monotonic(), [r.key for r in results])
         self.results: list[CycleResult] = []
         self.buses: list[can.BusABC] = []
         self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0
@@ -62,7 +75,7 @@ class Running:
             1,
             back_off,
             on_result=self.results.append,
-            **options,  # type: ignore[arg-type]
+            queued_cycles=queued_cycles,
         )
         self.summary: BridgeSummary | None = None
         self.error: Exception | None = None
@@ -256,16 +269,18 @@ def test_many_failed_receptions_in_a_second_are_a_broken_bus(failures: int, reco
 
 
 def test_a_full_queue_drops_the_oldest_cycle() -> None:
-    queue = FrameQueue(capacity=6, block=3)
+    queue = FrameQueue(capacity=6, cycle=3)
     frames = [Frame(0x300 + k % 3, bytes(8), float(k)) for k in range(10)]
-    dropped = [queue.put(frame) for frame in frames]
+    dropped = [queue.put([frame]) for frame in frames]
     assert dropped == [0] * 6 + [3, 0, 0, 3]
-    items, _ = queue.take_all(0.0, time.monotonic)
-    assert [item.time for item in items if isinstance(item, Frame)] == [6.0, 7.0, 8.0, 9.0]
+    # A cycle's worth at once, and no later item is before the time that comes with it.
+    items, known = queue.take(0.0, lambda: 20.0)
+    assert ([item.time for item in items], known) == ([6.0, 7.0, 8.0], 9.0)
+    items, known = queue.take(0.0, lambda: 20.0)
+    assert ([item.time for item in items], known) == ([9.0], 20.0)
     assert queue.highest == 6
-    for _ in range(6):
-        queue.put(BusFault("x", 0.0))
-    assert queue.put(frames[0]) == 0, "only frames are counted as dropped"
+    queue.put([BusFault("x", 0.0)] * 6)
+    assert queue.put([frames[0]]) == 0, "only frames are counted as dropped"
 
 
 def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
@@ -273,14 +288,8 @@ def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
     channel = f"slow-{time.monotonic_ns()}"
     with can.Bus(interface="virtual", channel=channel) as sender:
         running = Running(lambda: open_bus(BusSettings("virtual", channel)), sender, queued_cycles=3)
-        step = Projection(N)
-
-        def slow(strain: np.ndarray, q: float, dt: float) -> object:
-            time.sleep(4 * CYCLE)
-            return step(strain, q, dt)
-
         running.send_until(Quality.VALID)
-        running.bridge._core._step = slow  # type: ignore[assignment]
+        running.step.pause = 4 * CYCLE
         running.send(60)
         summary = running.end()
     assert summary.account.classes[FrameClass.OVERRUN] > 0

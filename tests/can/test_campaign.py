@@ -87,6 +87,12 @@ def test_without_faults_all_cycles_are_answered_and_valid() -> None:
     assert run.core.account.received == 900
 
 
+@pytest.mark.parametrize("profile", PROFILES)
+def test_results_name_the_cycle_that_they_answer(profile: str) -> None:
+    run = run_campaign(layout_of(profile, SIZES[profile]), [], 300)
+    assert [result.counter for result in run.results] == [number % 256 for number in range(300)]
+
+
 class SickStep(Projection):
     """An estimator that is not content, or whose answer is no number."""
 

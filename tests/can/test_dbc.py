@@ -15,7 +15,8 @@ import pytest
 from can_case import CYCLE, Projection, Truth, gauge_names, layout_of
 
 from strainfmu.can.core import BridgeCore
-from strainfmu.can.dbc_mapping import database_of, load_mapping, mapped_layout
+from strainfmu.can.dbc_files import database_of, load_mapping
+from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.frame import Frame, from_message
 from strainfmu.can.frame_account import FrameClass

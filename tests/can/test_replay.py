@@ -13,6 +13,7 @@ from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.fault_injection import Fault, FaultKind
 from strainfmu.can.fmu_step import FmuStep
+from strainfmu.can.frame_account import FrameClass
 from strainfmu.can.recording import LOG_SUFFIXES, sidecar
 from strainfmu.can.replay import ReplaySummary, replay_log
 from strainfmu.can.result import CycleResult
@@ -49,6 +50,16 @@ def check_equal(run: LiveRun, results: list[CycleResult]) -> None:
             np.testing.assert_array_equal(again.coefficients, live.coefficients)
             np.testing.assert_array_equal(again.coefficients_std, live.coefficients_std)
             assert again.chi_square == live.chi_square
+
+
+def test_cycles_that_a_live_bridge_skipped_are_skipped_again(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """Behind result 30 it stands still for 12 cycles: those that waited for more than 2.5 are not answered."""
+    log = tmp_path / "run.blf"
+    run = live_run(synthetic.estimator_1, "replay-skips", 80, record=log, stall=(30, 12 * CYCLE))
+    assert run.summary.account.classes[FrameClass.SKIPPED] >= 10
+    results, summary = replayed(log, synthetic.estimator_1)
+    check_equal(run, results)
+    assert summary.account.classes[FrameClass.SKIPPED] == run.summary.account.classes[FrameClass.SKIPPED]
 
 
 @pytest.mark.parametrize("suffix", LOG_SUFFIXES)

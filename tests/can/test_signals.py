@@ -13,7 +13,7 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strainfmu.can.dbc_mapping import signal_layout
+from strainfmu.can.dbc_signals import signal_layout
 from strainfmu.can.decoded_cycle import StrainDecoder
 from strainfmu.can.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.can.guards import ALL_GUARDS

@@ -108,12 +108,14 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
     cycles = np.rint(run.column("SampleTime")[answers] * 1e-6 / cycle_time).astype(int)
     assert len(set(cycles.tolist())) == len(cycles), "one answer for a cycle"
     missing = sorted(set(range(n_cycles)) - set(cycles.tolist()))
-    overrun = run.number("frames: dropped: queue full")
+    overrun = run.number("frames: dropped: queue full") + run.number("frames: skipped: newer cycles waited")
     dropped = run.number("dropped by the system")
     if lossless:
         # Every cycle is answered, but for those whose frames a host that stood still dropped, each accounted for.
         assert len(missing) <= overrun + dropped, missing
-    print(f"{len(missing)} cycles not answered; {overrun} frames overrun, {dropped} dropped by the system")
+    print(
+        f"{len(missing)} cycles not answered; {overrun} frames overrun or skipped, {dropped} dropped by the host"
+    )
     quality = run.column("Quality")[answers].astype(int)
     valid = quality == Quality.VALID
     if lossless:
