@@ -200,14 +200,17 @@ def test_chromium_shows_live_data_and_goes_on_after_a_restart(
         counted = []
         for number in (1, 2):  # the second bridge is a new one: the page is not touched meanwhile
             running = threading.Thread(
-                target=live_run, args=(synthetic.estimator_1, f"monitor{number}", 200), kwargs={"publish": address}
+                target=live_run, args=(synthetic.estimator_1, f"monitor{number}", 400), kwargs={"publish": address}
             )
             running.start()
             browser.wait("document.getElementById('quality').textContent", lambda found: found == "VALID")
             received = "[...document.querySelectorAll('#account td')].map(cell => cell.textContent).join()"
             counted.append(browser.wait(received, lambda found: "received," in found and "used," in found))
             assert browser.value("document.querySelectorAll('rect.gauge').length") == N_GAUGES
-            browser.wait("document.querySelectorAll('polygon.band').length", lambda found: found == 5)
+            # One for each coefficient, in pieces where a busy machine left gaps.
+            browser.wait(
+                "document.querySelectorAll('polygon.band').length", lambda found: found and found % 5 == 0
+            )
             shown = browser.value("document.getElementById('now_C_N').textContent")
             live = json.loads(monitor.state.snapshot(time.monotonic(), False))["latest"]
             assert " ± " in shown
