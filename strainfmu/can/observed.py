@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,9 +41,16 @@ class ObservedBridge:
 
 @contextmanager
 def observed_bridge(
-    fmu: Path, options: BridgeOptions, record: Path | None, publish: str | None, publish_rate: float
+    fmu: Path,
+    options: BridgeOptions,
+    record: Path | None,
+    publish: str | None,
+    publish_rate: float,
+    also: Callable[[CycleResult], None] | None = None,
 ) -> Iterator[ObservedBridge]:
     """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
+
+    ``also`` is told every result before the publisher.
 
     Raises
     ------
@@ -54,11 +61,12 @@ def observed_bridge(
         raise InputError(f"--publish-rate: {publish_rate:g} Hz found, more than 0 to 10,000 Hz allowed")
     address = None if publish is None else parsed_address(publish, "--publish")
     places = () if address is None else gauge_places(fmu)
-    watchers: list[Publisher] = []
+    watchers = [] if also is None else [also]
+    publisher = None
 
     def on_result(result: CycleResult) -> None:
         for watcher in watchers:
-            watcher.result(result)
+            watcher(result)
 
     with ExitStack() as stack:
         recorder = None
@@ -76,6 +84,7 @@ def observed_bridge(
             recorder.describe(fmu, options, ready.start)
         if address is not None:
             bridge = ready.bridge
-            watchers.append(Publisher(address, places, publish_rate, bridge.account, lambda: bridge.bus_state))
-            stack.callback(watchers[0].close)
-        yield ObservedBridge(ready, recorder, watchers[0] if watchers else None)
+            publisher = Publisher(address, places, publish_rate, bridge.account, lambda: bridge.bus_state)
+            watchers.append(publisher.result)
+            stack.callback(publisher.close)
+        yield ObservedBridge(ready, recorder, publisher)

@@ -59,18 +59,14 @@ def live_run(
     options = BridgeOptions("virtual", channel, profile=profile, cycle_time=CYCLE)
     settings = BusSettings("virtual", channel)
     results: list[CycleResult] = []
-    with observed_bridge(fmu, options, record, publish, 1000.0) as observed:
+
+    def keep(result: CycleResult) -> None:
+        results.append(result)
+        if len(results) == stall[0]:
+            time.sleep(stall[1])
+
+    with observed_bridge(fmu, options, record, publish, 1000.0, keep) as observed:
         bridge = observed.ready.bridge
-        inner = bridge._on_result
-
-        def keep(result: CycleResult) -> None:
-            results.append(result)
-            if len(results) == stall[0]:
-                time.sleep(stall[1])
-            if inner is not None:
-                inner(result)
-
-        bridge._on_result = keep
         found: list[BridgeSummary] = []
         thread = threading.Thread(target=lambda: found.append(bridge.run()))
         thread.start()

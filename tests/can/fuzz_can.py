@@ -1,5 +1,7 @@
 """Coverage-guided fuzzing with atheris, which is not among the project's requirements: pip install atheris.
 
+From the root of the repository, in an environment that holds the project:
+
     python tests/can/fuzz_can.py frames tests/can/corpus/frames -max_total_time=600
     python tests/can/fuzz_can.py database tests/can/corpus/database -max_total_time=600
 
