@@ -53,6 +53,7 @@ def fly(
     from strainfmu.cosim.recording import save_csv, save_hdf5
     from strainfmu.cosim.scenario import load_scenario
     from strainfmu.cosim.ssp import check_ssp_path, write_ssp
+    from strainfmu.errors import StrainfmuError
 
     if ssp is not None:
         check_ssp_path(ssp)
@@ -63,12 +64,17 @@ def fly(
     with reporter.stage("FMUs"):
         fmus = export_flight(loaded, output)
     written = [*fmus.values()]
-    results = {}
+    results: dict[str, FlightResult] = {}
     for feedback in loaded.feedback:
         with reporter.stage(f"Flight: feedback of {feedback}") as progress:
-            recording = run_flight(
-                loaded, fmus, feedback, lambda time: progress(round(100 * time / loaded.stop_time), 100)
-            )
+            try:
+                recording = run_flight(
+                    loaded, fmus, feedback, lambda time: progress(round(100 * time / loaded.stop_time), 100)
+                )
+            except StrainfmuError:
+                if results:  # what was flown before stays worth reading
+                    _print_results(console, loaded, results)
+                raise
         results[feedback] = flight_result(loaded, recording, model)
         stem = output / f"flight_{feedback}"
         save_hdf5(recording, stem.with_suffix(".h5"))
@@ -100,10 +106,12 @@ def plant(
     trajectory: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="With --motion trajectory: the table to fly.")
     ] = None,
-    mach_number: Annotated[float, typer.Option(help="Start value.")] = 6.0,
-    altitude: Annotated[float, typer.Option(metavar="KM", help="Start value.")] = 20.0,
-    angle_of_attack: Annotated[float, typer.Option(metavar="DEG", help="Start value.")] = 0.0,
-    sideslip: Annotated[float, typer.Option(metavar="DEG", help="Start value.")] = 0.0,
+    mach_number: Annotated[float | None, typer.Option(help="Start value; 6 if not given.")] = None,
+    altitude: Annotated[float | None, typer.Option(metavar="KM", help="Start value; 20 if not given.")] = None,
+    angle_of_attack: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Start value; 0 if not given.")
+    ] = None,
+    sideslip: Annotated[float | None, typer.Option(metavar="DEG", help="Start value; 0 if not given.")] = None,
 ) -> None:
     """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
 
@@ -120,7 +128,20 @@ def plant(
     names = [item.name.lower() for item in Motion]
     if motion not in names:
         raise InputError(f"motion: '{motion}' found, must be one of {', '.join(names)}")
-    start = FlightStart(mach_number, 1e3 * altitude, radians(angle_of_attack), radians(sideslip))
+    given = {
+        "--mach-number": mach_number,
+        "--altitude": altitude,
+        "--angle-of-attack": angle_of_attack,
+        "--sideslip": sideslip,
+    }
+    named = [name for name, value in given.items() if value is not None]
+    if named and motion == Motion.TRAJECTORY.name.lower():
+        raise InputError(f"{named[0]}: not with --motion trajectory, whose table says it")
+    mach, km, incidence, slip = (
+        default if value is None else value
+        for value, default in zip(given.values(), (6.0, 20.0, 0.0, 0.0), strict=True)
+    )
+    start = FlightStart(mach, 1e3 * km, radians(incidence), radians(slip))
     export_native_plant(flight_model, output, Motion[motion.upper()], start, trajectory)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 

@@ -174,7 +174,7 @@ def fly(
 
 @dataclass(frozen=True)
 class FaultReport:
-    """What came of one fault: seconds until health was not OK, and until the gauge was out of use; or None."""
+    """What came of one fault: seconds until health told of it, and until the gauge was out of use; or None."""
 
     event: FaultEvent
     reported_after: float | None
@@ -215,7 +215,8 @@ def flight_result(scenario: Scenario, recording: Recording, model: FlightModel) 
     ends = [*(command.time for command in scenario.commands[1:]), scenario.stop_time + 1e-9]
     settled = np.zeros(len(time), dtype=bool)
     for end in ends:
-        settled |= (time > end - 1.0) & (time < end - 0.5 * scenario.step_size)
+        window = max(1.0, 1.5 * scenario.step_size)  # one sample at least
+        settled |= (time > end - window) & (time < end - 0.5 * scenario.step_size)
     states = recording["estimator.health.state"]
     return FlightResult(
         tracking_error=_rms(error),
@@ -236,13 +237,18 @@ def _rms(values: FloatArray) -> float:
 
 
 def _fault_report(event: FaultEvent, recording: Recording, model: FlightModel) -> FaultReport:
-    """Say when a fault was seen; health is reported when it changes from what it was before, to any but OK."""
+    """Say when a fault was seen: health is not OK and says something else than just before it.
+
+    Something else is another state, another number of gauges in use, or another suspect.
+    """
     time = recording.time
     after = time >= event.time - 1e-9
     if event.kind is GaugeFault.NONE:
         return FaultReport(event, None, None)
-    states = recording["estimator.health.state"]
-    reported = after & (states != HealthState.OK)
+    told = np.stack([recording[f"estimator.health.{name}"] for name in ("state", "valid_gauges", "suspect_gauge")])
+    before = told[:, np.flatnonzero(~after)[-1]] if not after.all() else [HealthState.OK, model.n_gauges, 0.0]
+    changed = np.any(told != np.reshape(before, (-1, 1)), axis=0)
+    reported = after & (told[0] != HealthState.OK) & changed
     isolated = after & (recording[f"autopilot.valid[{gauge_number(event.gauge, model)}]"] == 0.0)
     first = [float(time[found][0]) - event.time if found.any() else None for found in (reported, isolated)]
     return FaultReport(event, first[0], first[1])
@@ -250,6 +256,8 @@ def _fault_report(event: FaultEvent, recording: Recording, model: FlightModel) -
 
 def fault_text(event: FaultEvent) -> str:
     """Say a fault in a few words."""
+    if event.kind is GaugeFault.NONE:
+        return f"gauge {event.gauge} healed at {event.time:g} s"
     value = {GaugeFault.DRIFT: f" {1e6 * event.value:g} um/m per s"}.get(
         event.kind, f" {1e6 * event.value:g} um/m"
     )

@@ -100,7 +100,10 @@ def generation_time() -> str:
     """
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     try:
-        time = _NO_TIME if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
+        seconds = None if epoch is None else int(epoch)
+        if seconds is not None and seconds < 0:
+            raise ValueError("before 1970")
+        time = _NO_TIME if seconds is None else datetime.fromtimestamp(seconds, UTC)
     except (ValueError, OverflowError, OSError) as error:
         raise InputError(f"SOURCE_DATE_EPOCH: '{epoch}' found, whole seconds since 1970 wanted") from error
     return time.strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -90,7 +90,7 @@ def _gauge_table(inverse_map: InverseMap) -> str:
             name,
             f"{position[0]:.4g}",
             f"{degrees(atan2(position[1], position[2])) % 360.0:.4g}",
-            ", ".join(f"{part:.3g}" for part in direction + 0.0),
+            ", ".join(f"{part:.3g}" for part in direction.round(9) + 0.0),
             f"{1e6 * sigma:.3g}",
         )
         for number, (name, position, direction, sigma) in enumerate(

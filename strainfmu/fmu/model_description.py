@@ -79,7 +79,10 @@ def _add_types(root: Element, interface: Sequence[Variable]) -> None:
     simple_type = SubElement(
         SubElement(root, "TypeDefinitions"),
         "SimpleType",
-        {"name": HEALTH_TYPE, "description": "How far an estimate may be believed, worst last"},
+        {
+            "name": HEALTH_TYPE,
+            "description": "How far an estimate may be believed; the numbers are no ranks",
+        },
     )
     enumeration = SubElement(simple_type, "Enumeration")
     for state, text in HEALTH_ITEMS:

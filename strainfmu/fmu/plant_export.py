@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from strainfmu import __version__
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
-from strainfmu.cosim.flight_model import check_envelope, load_flight_model
+from strainfmu.cosim.flight_model import FlightModel, check_envelope, evaluate, load_flight_model
 from strainfmu.cosim.plant_law import Plant
 from strainfmu.cosim.schedule import ScheduledSignal, schedule_data, schedule_interface
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of
+from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.documentation import Section, documentation_files
@@ -66,7 +67,7 @@ def export_native_plant(
     Raises
     ------
     InputError
-        A file is missing, damaged or wrong, or the trajectory leaves the flight model's envelope.
+        A file is missing, damaged or wrong, or start or trajectory is outside the flight model's envelope.
     StrainfmuError
         The FMU could not be written; ``fmu_path`` keeps its old content.
     """
@@ -74,6 +75,8 @@ def export_native_plant(
     model = load_flight_model(flight_model_path)
     if (trajectory_path is None) == (motion is Motion.TRAJECTORY):
         raise InputError("plant: a trajectory is needed for the motion on a trajectory, and only for that")
+    if trajectory_path is None:
+        check_start(model, start)
     trajectory = None if trajectory_path is None else load_trajectory(trajectory_path)
     if trajectory is not None and trajectory_path is not None:
         check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
@@ -91,6 +94,26 @@ def export_native_plant(
         trajectory.stop_time if trajectory is not None else STOP_TIME,
     )
     write_fmu(fmu_path, entries)
+
+
+def check_start(model: FlightModel, start: FlightStart) -> None:
+    """Refuse a start that is no number or outside the flight model's envelope.
+
+    Raises
+    ------
+    InputError
+        It is; the message names the quantity.
+    """
+    for name, value in asdict(start).items():
+        if not np.isfinite(value):
+            raise InputError(f"start: {name} {value} found, must be finite")
+    try:
+        evaluate(
+            model,
+            FlightCondition(start.mach_number, start.angle_of_attack, start.sideslip_angle, start.altitude),
+        )
+    except InputError as error:
+        raise InputError(f"start: {error}") from error
 
 
 def export_autopilot(

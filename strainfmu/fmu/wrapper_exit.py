@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import os
 import sys
 from functools import cache
 from pathlib import Path
@@ -23,9 +24,17 @@ def let_go_at_exit(resources: Path, model_identifier: str) -> None:
 
 @cache  # once for each library, however many instances it has
 def _register(library: Path) -> None:
-    """Have Python call the wrapper's own release when it ends; do nothing for a wrapper that has none."""
-    if not library.exists():  # while the FMU is packed
+    """Remember the library for the end of Python, without a hold on it: hosts may unload it before."""
+    if library.exists():  # not while the FMU is packed
+        atexit.register(_let_go, library)
+
+
+def _let_go(library: Path) -> None:
+    """Call the wrapper's own release, if the library is still loaded and has one."""
+    try:
+        wrapper = ctypes.CDLL(str(library), os.RTLD_NOLOAD | os.RTLD_LAZY)
+    except OSError:  # unloaded: it has let go itself, in the right order
         return
-    let_go = getattr(ctypes.CDLL(str(library)), "finalizePythonInterpreter", None)
+    let_go = getattr(wrapper, "finalizePythonInterpreter", None)
     if let_go is not None:
-        atexit.register(let_go)
+        let_go()

@@ -27,6 +27,7 @@ from strainfmu.cosim.flight import (
     INSTANCES,
     FlightResult,
     export_flight,
+    fault_text,
     flight_result,
     flight_system,
     fly,
@@ -135,6 +136,23 @@ def test_a_failing_gauge_is_reported_and_the_loop_holds(
     assert result.holds
     # The estimator leaves it out, whoever found it, and says so for the rest of the flight.
     np.testing.assert_array_equal(recording["estimator.health.valid_gauges"][-100:], MODEL.n_gauges - 1)
+
+
+def test_a_fault_that_nobody_can_see_is_not_reported(scenario: Scenario, tmp_path: Path) -> None:
+    # Health has told of the first for good when the second, which changes nothing, begins.
+    faults = (FaultEvent(1.0, 1, GaugeFault.DROPOUT), FaultEvent(2.0, 2, GaugeFault.DRIFT, 0.0))
+    _, result = flown(replace(scenario, faults=faults, noise_seed=3), tmp_path)
+    assert result.faults[0].reported_after is not None
+    assert result.faults[1].isolated_after is None
+    assert result.faults[1].reported_after is None
+    healed = FaultEvent(2.0, 1, GaugeFault.NONE)
+    assert fault_text(healed) == "gauge 1 healed at 2 s"
+
+
+def test_steps_longer_than_a_second_are_scored(scenario: Scenario, tmp_path: Path) -> None:
+    still = replace(scenario, step_size=2.5, commands=scenario.commands[:1])
+    _, result = flown(still, tmp_path)
+    assert np.isfinite(result.settled_error)
 
 
 def test_a_frozen_gauge_is_found_when_the_load_moves(scenario: Scenario, tmp_path: Path) -> None:
@@ -371,6 +389,12 @@ def test_the_plant_alone(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
         (["--motion", "loop"], "motion: 'loop' found, must be one of inputs, trajectory, short_period"),
         (["--motion", "trajectory"], "a trajectory is needed"),
         (["--trajectory", "none.csv"], "only for that"),
+        (["--motion", "trajectory", "--trajectory", "t.csv", "--altitude", 3], "--altitude: not with --motion"),
+        (["--angle-of-attack", "nan"], "start: angle_of_attack nan found, must be finite"),
+        (["--altitude", "inf"], "start: altitude inf found"),
+        (["--mach-number", 60], "start: mach_number: 60 found"),
+        (["--motion", "short_period", "--angle-of-attack", 50], "start: total incidence: 50 deg found"),
+        (["--altitude", 1000], "start: altitude"),
     ):
         code, _, err = run("plant", model, "-o", tmp_path / "q.fmu", *arguments)
         assert code == 2

@@ -165,9 +165,10 @@ def test_the_time_stamp_ends_in_z_and_honours_the_epoch(monkeypatch: pytest.Monk
         root = describe(FmuDescription("M", "d", (), "hash", 1.0, 0.1))
         assert root.get("generationDateAndTime") == "2023-11-14T22:13:20Z"
         assert root.get("variableNamingConvention") == "structured"
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "today")
-    with pytest.raises(InputError, match="SOURCE_DATE_EPOCH: 'today' found"):
-        generation_time()
+    for wrong in ("today", "-5"):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
+        with pytest.raises(InputError, match=f"SOURCE_DATE_EPOCH: '{wrong}' found"):
+            generation_time()
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
     assert generation_time() == "1980-01-01T00:00:00Z"
 

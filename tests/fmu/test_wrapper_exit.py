@@ -37,6 +37,21 @@ def interpreter() -> Path:
     return library
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_a_host_may_unload_the_wrapper(fmus: dict[str, Path]) -> None:
+    # FMPy unzips into a new folder each time: a hold on each library would add up.
+    before = loaded_libraries()
+    for _ in range(3):
+        fmpy.simulate_fmu(str(fmus["python"]), stop_time=0.02)
+    assert len(loaded_libraries() - before) <= 1
+
+
+def loaded_libraries() -> set[str]:
+    """Return the libraries of unzipped FMUs in this process; source: Linux, proc(5)."""
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    return {line.split()[5] for line in lines if "binaries/linux64" in line}
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="loads the FMU's library for Linux")
 @pytest.mark.parametrize("unload", [False, True])
 @pytest.mark.parametrize("kind", ["python", "plant"])
