@@ -11,6 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from strainfmu.commands.bus_options import (
+    check_bus_options,
+    check_dynamic_pressure,
+    check_run,
+    cycle_time_of,
+)
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,11 +81,13 @@ def bridge(
         strainfmu bridge estimator.fmu --interface pcan --channel PCAN_USBBUS1 --dbc rack.dbc --mapping rack.toml
     """
     from strainfmu.can.observed import observed_bridge
-    from strainfmu.can.setup import BridgeOptions
+    from strainfmu.can.setup import BridgeOptions, bus_settings
     from strainfmu.can.summary import summary_table
 
     if (dbc is None) != (mapping is None):
         raise InputError("--dbc and --mapping: one found without the other, both wanted")
+    check_run(duration, stuck_cycles, max_age)
+    check_dynamic_pressure(dynamic_pressure)
     options = BridgeOptions(
         interface,
         channel,
@@ -87,19 +95,21 @@ def bridge(
         profile,
         dbc,
         mapping,
-        cycle_time / 1e3,
+        cycle_time_of(cycle_time),
         identifiers_of(id_base, result_base, extended),
         dynamic_pressure,
         result,
         stuck_cycles,
         max_age,
     )
+    check_bus_options(interface, bus_settings(options).options)
     console = Console()
     with observed_bridge(fmu, options, record, publish, publish_rate) as observed:
         running = observed.ready
         console.print(
             f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {interface}:{channel}; stop with Ctrl-C",
             highlight=False,
+            markup=False,
             soft_wrap=True,
         )
         with _stopped_by_signals(running.bridge):
@@ -129,8 +139,8 @@ def dbc(
     from strainfmu.can.setup import write_dbc
 
     identifiers = identifiers_of(id_base, result_base, extended)
-    n_frames = write_dbc(source, output, profile, cycle_time / 1e3, identifiers)
-    Console().print(f"{output}: written, {n_frames} frames", highlight=False, soft_wrap=True)
+    n_frames = write_dbc(source, output, profile, cycle_time_of(cycle_time), identifiers)
+    Console().print(f"{output}: written, {n_frames} frames", highlight=False, markup=False, soft_wrap=True)
 
 
 def identifiers_of(base: str, result_base: str, extended: bool) -> Identifiers:

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from strainfmu.commands.bus_options import check_dynamic_pressure, cycle_time_of
 from strainfmu.commands.can_bus import identifiers_of
 from strainfmu.commands.can_send import stop_request
 from strainfmu.console import ConsoleReporter
@@ -57,8 +58,8 @@ def estimate(
 ) -> None:
     """Estimate loads from recorded strains.
 
-    Columns are named by the gauges or strain[1] .., the unit in brackets: 'strain[1] [um/m]'; without one they are
-    in m/m, Pa and s. HDF5: data sets strain (n, n_d), time, dynamic_pressure with the attribute unit.
+    Columns are named by the gauges or strain[1] .., the unit in brackets: 'strain[1] \\[um/m]'; without one they
+    are in m/m, Pa and s. HDF5: data sets strain (n, n_d), time, dynamic_pressure with the attribute unit.
 
     Examples:
 
@@ -71,13 +72,12 @@ def estimate(
     from strainfmu.can.recording import LOG_SUFFIXES
     from strainfmu.estimation.run import estimate_file
 
+    check_dynamic_pressure(dynamic_pressure)
     console = Console()
     if data.suffix.lower() in LOG_SUFFIXES:
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
         _replay(console, data, source, output, given)
         return
-    if dynamic_pressure is not None and not 0.0 < dynamic_pressure < float("inf"):
-        raise InputError(f"--dynamic-pressure: {dynamic_pressure:g} Pa found, a positive number wanted")
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
         summary = estimate_file(source, data, output, dynamic_pressure, progress)
     for line in _estimate_lines(summary, data):
@@ -116,11 +116,12 @@ def _given_options(
     """Return the bridge's options that were stated."""
     if (dbc is None) != (mapping is None):
         raise InputError("--dbc and --mapping: one found without the other, both wanted")
+    check_dynamic_pressure(dynamic_pressure)
     given: dict[str, Any] = {
         "profile": profile,
         "dbc": dbc,
         "mapping": mapping,
-        "cycle_time": None if cycle_time is None else 1e-3 * cycle_time,
+        "cycle_time": None if cycle_time is None else cycle_time_of(cycle_time),
         "dynamic_pressure": dynamic_pressure,
     }
     if id_base is not None or result_base is not None or extended is not None:
@@ -179,18 +180,20 @@ def monitor(
     from time import sleep
 
     from strainfmu.can.publisher import parsed_address
-    from strainfmu.monitor.server import Monitor
+    from strainfmu.monitor.server import Monitor, shown_address
 
     console = Console()
     with stop_request() as stopped:
         running = Monitor(parsed_address(listen, "--listen"), parsed_address(http, "--http"))
         try:
-            host, port = running.listens_at
-            line = f"{running.url}: open it in a browser; datagrams wanted at {host}:{port}; stop with Ctrl-C"
+            wanted = shown_address(running.listens_at)
+            line = f"{running.url}: open it in a browser; datagrams wanted at {wanted}; stop with Ctrl-C"
             console.print(line, highlight=False, markup=False, soft_wrap=True)
             while not stopped():
                 sleep(0.1)
         finally:
             running.close()
     state = running.state
-    console.print(f"{state.datagrams} datagrams, {state.refused} refused", highlight=False, soft_wrap=True)
+    console.print(
+        f"{state.datagrams} datagrams, {state.refused} refused", highlight=False, markup=False, soft_wrap=True
+    )

@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from strainfmu.commands.bus_options import check_bus_options, check_dynamic_pressure, cycle_time_of
 from strainfmu.commands.can_bus import (
     BaseOption,
     CycleTimeOption,
@@ -79,18 +80,19 @@ def send(
 
         strainfmu send map.h5 --data flight.h5 --faults 20 --seed 7 --interface socketcan --channel vcan0
     """
-    from strainfmu.can.setup import BridgeOptions, input_layout, map_gauge_names
+    from strainfmu.can.setup import BridgeOptions, bus_settings, input_layout, map_gauge_names
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
         raise InputError("--plant, --scenario, --data: one of them wanted")
-    if not 0.0 < cycle_time <= 10_000.0 or not cycle_time <= 1e3 * duration < float("inf"):
+    check_dynamic_pressure(dynamic_pressure)
+    period = cycle_time_of(cycle_time)
+    if not cycle_time <= 1e3 * duration < float("inf"):
         raise InputError(
             f"--cycle-time {cycle_time:g} ms, --duration {duration:g} s: a cycle in a duration wanted"
         )
     identifiers = identifiers_of(id_base, result_base, extended)
-    options = BridgeOptions(
-        interface, channel, tuple(option or ()), profile, None, None, 1e-3 * cycle_time, identifiers
-    )
+    options = BridgeOptions(interface, channel, tuple(option or ()), profile, None, None, period, identifiers)
+    check_bus_options(interface, bus_settings(options).options)
     names = map_gauge_names(source)
     layout, _ = input_layout(options, names)
     from strainfmu.can.sender import planned_faults

@@ -76,7 +76,9 @@ def snapshots(
     for note in campaign_notes(result):
         reporter.note(note)
     state = "up to date, not written again" if result.up_to_date else "written"
-    console.print(f"{output}: {state}, {perf_counter() - start:.1f} s in all", highlight=False, soft_wrap=True)
+    console.print(
+        f"{output}: {state}, {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
+    )
 
 
 def surface(
@@ -100,7 +102,7 @@ def surface(
     # Imported results need this surface before they exist, so it is never theirs that is asked for.
     engine = "euler" if loaded.aerodynamics.surface is None else "newtonian"
     write_surface(output, make_engine(loaded, engine, loaded.resolution.map).surface, closed)
-    Console().print(f"{output}: written", highlight=False, soft_wrap=True)
+    Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 
 def convert(

@@ -19,7 +19,7 @@ LARGEST_STRAIN = 0.1
 """Strain [m/m] above which a whole column is taken for one in another unit: no gauge bears it."""
 
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
-_INDEX = re.compile(r"strain\[(\d+)\]")
+_INDEX = re.compile(r"strain\[([0-9]+)\]")
 _TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
 
@@ -72,8 +72,10 @@ class ColumnPlan:
         Raises
         ------
         InputError
-            A time is no number or not later than the one before, or strains are in another unit than stated.
+            A number is infinite, a time is no number or not later than the one before, or strains are in another
+            unit than stated.
         """
+        self._check_finite(table, first_row)
         n_d = len(self.strain)
         time = table[:, 0] * self.time_factor
         strain = table[:, 1 : 1 + n_d] * self.strain_factor
@@ -91,6 +93,16 @@ class ColumnPlan:
             )
         # What is beyond any gauge is no value.
         return StrainBlock(time, np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan), pressure)
+
+    def _check_finite(self, table: FloatArray, first_row: int) -> None:
+        """Refuse infinity: NaN is how a file says that there is no value, an overflow says something else."""
+        infinite = np.argwhere(np.isinf(table))
+        if len(infinite):
+            row, place = (int(index) for index in infinite[0])
+            raise InputError(
+                f"{self.path}: column '{self.names[self.columns[place]]}', row {first_row + row}: "
+                f"{table[row, place]:g} found, a finite number or NaN wanted"
+            )
 
     def _check_time(self, time: FloatArray, first_row: int) -> None:
         wrong = np.flatnonzero(~np.isfinite(time))
@@ -132,13 +144,13 @@ def plan_columns(
     Raises
     ------
     InputError
-        A column is missing, is there twice, or has a unit that is not known.
+        A column is missing, is there twice, by whichever names, or has a unit that is not known.
     """
     parts = [_split(heading) for heading in headings]
     given = [unit if units is None else (units[i] or unit) for i, (_, unit) in enumerate(parts)]
     names = [name for name, _ in parts]
     time = _only(path, [i for i, name in enumerate(names) if name.lower() in _TIME_NAMES], "time", names)
-    places = tuple(_gauge_column(path, names, gauge, i) for i, gauge in enumerate(gauge_names, start=1))
+    places = _gauge_columns(path, names, gauge_names)
     factors = [_factor(path, headings[i], given[i], STRAIN_UNITS, "1") for i in places]
     pressure = None
     if fixed_pressure is None:
@@ -199,23 +211,32 @@ def _last(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def _gauge_column(path: Path, names: Sequence[str], gauge: str, number: int) -> int:
-    """Return the column of one gauge."""
-    found = [i for i, name in enumerate(names) if name == gauge]
-    if not found:
-        found = [i for i, name in enumerate(names) if (m := _INDEX.fullmatch(_last(name))) and int(m[1]) == number]
-    if not found:
-        raise InputError(
-            f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {_some(names)}"
-        )
-    return _only(path, found, gauge, names)
+def _gauge_columns(path: Path, names: Sequence[str], gauge_names: Sequence[str]) -> tuple[int, ...]:
+    """Return the column of each gauge, by its name or its number; both at once are two columns for one gauge."""
+    own: dict[str, list[int]] = {gauge: [] for gauge in gauge_names}
+    by_number: dict[int, list[int]] = {}
+    for column, name in enumerate(names):
+        if name in own:
+            own[name].append(column)
+        elif match := _INDEX.fullmatch(_last(name)):
+            by_number.setdefault(int(match[1]), []).append(column)
+    places = []
+    for number, gauge in enumerate(gauge_names, start=1):
+        found = [*own[gauge], *by_number.get(number, ())]
+        if not found:
+            raise InputError(
+                f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {_some(names)}"
+            )
+        places.append(_only(path, found, gauge, names))
+    return tuple(places)
 
 
 def _only(path: Path, found: Sequence[int], what: str, names: Sequence[str]) -> int:
     if not found:
         raise InputError(f"{path}: no column '{what}' found, it holds {_some(names)}")
     if len(found) > 1:
-        raise InputError(f"{path}: {len(found)} columns '{names[found[1]]}' found for {what}, one wanted")
+        same = " and ".join(f"'{name}'" for name in dict.fromkeys(names[column] for column in found))
+        raise InputError(f"{path}: {len(found)} columns {same} found for {what}, one wanted")
     return found[0]
 
 

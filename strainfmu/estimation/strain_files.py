@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ BLOCK_ROWS = 2000
 
 TABLE_SUFFIXES = (".csv", ".h5", ".hdf5", ".mf4", ".tdms")
 _SLASH = "%2F"
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?nan", re.IGNORECASE)
+"""What a cell may hold: digits of ASCII and a decimal point, or NaN. float() takes more, as 1_0 for 10."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ def open_strains(
     Raises
     ------
     InputError
-        The file is missing, damaged or of another kind, or a column, a unit, a shape or a number is wrong.
+        The file is missing, damaged or of another kind, holds no sample, or a column, a unit, a shape or a number
+        is wrong.
     StrainfmuError
         The reader of its kind is not installed.
     """
@@ -63,7 +67,16 @@ def open_strains(
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     with reader(path, tuple(gauge_names), dynamic_pressure) as opened:
-        yield opened
+        yield StrainFile(opened.length, _not_empty(path, opened.blocks))
+
+
+def _not_empty(path: Path, blocks: Iterator[tuple[StrainBlock, int]]) -> Iterator[tuple[StrainBlock, int]]:
+    """Give ``blocks`` on; refuse a file without any, which is most often an export that failed."""
+    first = next(blocks, None)
+    if first is None:
+        raise InputError(f"{path}: no samples found")
+    yield first
+    yield from blocks
 
 
 # --- CSV -------------------------------------------------------------------------------------------------------
@@ -95,7 +108,7 @@ def _csv_blocks(
 
     # One row of the block before goes on into the next, so that times are compared across blocks.
     last = -np.inf
-    for cells in csv.reader(counted(), delimiter=delimiter):
+    for cells in _rows(path, counted(), delimiter):
         line += 1
         if not cells:
             continue
@@ -108,18 +121,27 @@ def _csv_blocks(
         yield _checked(plan, np.array(rows), first, last)[0], done
 
 
+def _rows(path: Path, lines: Iterator[str], delimiter: str) -> Iterator[list[str]]:
+    reader = csv.reader(lines, delimiter=delimiter)
+    try:
+        yield from reader
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num + 1}: {error}") from error
+
+
 def _numbers(path: Path, cells: Sequence[str], plan: ColumnPlan, line: int) -> list[float]:
     """Return the cells in use as numbers; an empty cell is no value."""
+    # A cell too many shifts all behind it, as a decimal comma between commas does.
+    if max(plan.columns) >= len(cells) or any(cell.strip() for cell in cells[len(plan.names) :]):
+        raise InputError(f"{path}: line {line}: {len(cells)} cells found, {len(plan.names)} wanted")
     numbers = []
     for column in plan.columns:
-        if column >= len(cells):
-            raise InputError(f"{path}: line {line}: {len(cells)} cells found, {len(plan.names)} wanted")
         text = cells[column].strip()
-        try:
-            numbers.append(float(text) if text else float("nan"))
-        except ValueError as error:
-            name = plan.names[column]
-            raise InputError(f"{path}: line {line}, column '{name}': '{text}' found, a number wanted") from error
+        if text and _NUMBER.fullmatch(text) is None:
+            raise InputError(
+                f"{path}: line {line}, column '{plan.names[column]}': '{text[:40]}' found, a number wanted"
+            )
+        numbers.append(float(text) if text else float("nan"))
     return numbers
 
 
@@ -145,15 +167,23 @@ def _hdf5(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iter
         raise InputError(f"{path}: damaged, or not an HDF5 file") from error
     with file:
         if "signals" in file:
-            yield _from_columns(path, *_recorded_columns(file), gauge_names, fixed)
+            yield _from_columns(path, *_recorded_columns(path, file), gauge_names, fixed)
             return
         yield _hdf5_arrays(path, file, gauge_names, fixed)
 
 
-def _recorded_columns(file: h5py.File) -> tuple[dict[str, Any], dict[str, str | None]]:
+def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict[str, str | None]]:
     """Return data sets and units of a recorded system simulation."""
-    columns = {"time": file["time"], **{name.replace(_SLASH, "/"): item for name, item in file["signals"].items()}}
-    return columns, {name: _unit(item) for name, item in columns.items()}
+    signals = file["signals"]
+    if not isinstance(signals, h5py.Group):
+        raise InputError(f"{path}: 'signals': a data set found, a group of them wanted")
+    found = {"time": file.get("time"), **{name.replace(_SLASH, "/"): item for name, item in signals.items()}}
+    columns = {name: item for name, item in found.items() if _is_column(item)}
+    return columns, {name: _unit(path, name, item) for name, item in columns.items()}
+
+
+def _is_column(item: Any) -> bool:
+    return isinstance(item, h5py.Dataset) and item.ndim == 1 and item.dtype.kind in "fiub"
 
 
 def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixed: float | None) -> StrainFile:
@@ -179,11 +209,11 @@ def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixe
         path,
         ("time", *(f"strain, {gauge}" for gauge in gauge_names), "dynamic_pressure"),
         0,
-        time_factor(path, "time", _unit(time)),
+        time_factor(path, "time", _unit(path, "time", time)),
         tuple(range(1, n_d + 1)),
-        np.full(n_d, strain_factor(path, "strain", _unit(strain))),
+        np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
         None if held is None else n_d + 1,
-        1.0 if held is None else pressure_factor(path, "dynamic_pressure", _unit(held)),
+        1.0 if held is None else pressure_factor(path, "dynamic_pressure", _unit(path, "dynamic_pressure", held)),
         float("nan") if fixed is None else fixed,
     )
     return StrainFile(len(time), _hdf5_blocks(plan, time, strain, held))
@@ -205,7 +235,10 @@ def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]
     """Where the file names its gauges, hold them against the map's."""
     if "gauge_names" not in file:
         return
-    found = [name.decode() if isinstance(name, bytes) else str(name) for name in file["gauge_names"][()]]
+    held = file["gauge_names"]
+    if not isinstance(held, h5py.Dataset) or held.ndim != 1:
+        raise InputError(f"{path}: 'gauge_names': a data set of {len(gauge_names)} names wanted")
+    found = [name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in held[()]]
     if tuple(found) != gauge_names:
         wrong = next((i for i, (a, b) in enumerate(zip(found, gauge_names, strict=False)) if a != b), len(found))
         raise InputError(
@@ -214,9 +247,14 @@ def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]
         )
 
 
-def _unit(item: Any) -> str | None:
+def _unit(path: Path, name: str, item: Any) -> str | None:
+    """Return the attribute ``unit`` of a data set, None if it has none."""
     unit = item.attrs.get("unit")
-    return unit.decode() if isinstance(unit, bytes) else unit
+    if unit is None or isinstance(unit, str):
+        return unit
+    if isinstance(unit, bytes):
+        return unit.decode("utf-8", "replace")
+    raise InputError(f"{path}: '{name}': attribute unit: {str(unit)[:40]} found, a text wanted")
 
 
 # --- measurement files of other makers -------------------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ipaddress
+import re
 import socket
 import threading
 import time
@@ -14,13 +16,12 @@ from typing import Any
 from strainfmu.errors import StrainfmuError
 from strainfmu.monitor.state import MonitorState
 
-LOOPBACK = "127.0.0.1"
 PUSH_PERIOD = 0.1
 """Time between two events to a page [s]: more than an eye sees."""
 
 LARGEST_DATAGRAM = 1 << 16
 _HEARTBEAT = 1.0
-_LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")
+_HOST = re.compile(r"(\[[^\[\]]*\]|[^:\[\]]*)(?::\d*)?")
 
 
 class Monitor:
@@ -45,7 +46,7 @@ class Monitor:
             self._server = _Server(http, _Handler)
         except OSError as error:
             self._socket.close()
-            raise StrainfmuError(f"page at {http[0]}:{http[1]}: {error.strerror or error}") from error
+            raise StrainfmuError(f"page at {shown_address(http)}: {error.strerror or error}") from error
         self._server.state, self._server.stopped = self.state, self._stop.is_set
         self._threads = [
             threading.Thread(target=self._receive, name="monitor datagrams", daemon=True),
@@ -64,7 +65,7 @@ class Monitor:
     def url(self) -> str:
         """Address of the page."""
         host, port = self._server.server_address[:2]
-        return f"http://{host!s}:{port}/"
+        return f"http://{shown_address((str(host), int(port)))}/"
 
     def close(self) -> None:
         """End all threads and free both addresses."""
@@ -86,6 +87,24 @@ class Monitor:
             self.state.take(datagram, time.monotonic())
 
 
+def shown_address(address: tuple[str, int]) -> str:
+    """Return "host:port", an IPv6 host in brackets."""
+    host, port = address
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether ``host``, a name or an address, is this host to itself: all of 127.0.0.0/8, ::1, localhost."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    mapped = getattr(address, "ipv4_mapped", None)
+    return (mapped or address).is_loopback
+
+
 def _bound(address: tuple[str, int]) -> socket.socket:
     """Return a socket that receives datagrams at ``address``."""
     try:
@@ -93,7 +112,7 @@ def _bound(address: tuple[str, int]) -> socket.socket:
         opened = socket.socket(family, kind, protocol)
         opened.bind(target)
     except OSError as error:
-        raise StrainfmuError(f"datagrams at {address[0]}:{address[1]}: {error.strerror or error}") from error
+        raise StrainfmuError(f"datagrams at {shown_address(address)}: {error.strerror or error}") from error
     opened.settimeout(0.1)
     return opened
 
@@ -109,6 +128,12 @@ class _Server(ThreadingHTTPServer):
     state: MonitorState
     stopped: Callable[[], bool]
 
+    def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
+        family, _, _, _, target = socket.getaddrinfo(*address, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        self.address_family = family
+        super().__init__((str(target[0]), int(target[1])), handler)
+        self.is_local = is_loopback(str(self.server_address[0]))
+
 
 class _Handler(BaseHTTPRequestHandler):
     """Answers / with the page, /events with the stream, /state with one snapshot."""
@@ -117,8 +142,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         # A page elsewhere that has its own name point here must not read what this host measures.
-        host = self.headers.get("Host", "").rpartition(":")[0] or self.headers.get("Host", "")
-        if self.server.server_address[0] == LOOPBACK and host not in _LOCAL_NAMES:
+        host = _HOST.fullmatch(self.headers.get("Host", ""))
+        if self.server.is_local and (host is None or not is_loopback(host[1].strip("[]"))):
             self.send_error(403)
             return
         if self.path == "/":

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import threading
 from collections import deque
-from typing import Any
+from collections.abc import Iterable
+from math import isfinite
+from typing import Any, NoReturn
 
 from strainfmu.inverse_map import COEFFICIENT_NAMES
 
@@ -19,6 +21,8 @@ SILENT_AFTER = 1.5
 """Seconds without a datagram after which the page says that the bridge is silent."""
 
 _LARGEST = 1 << 16
+_NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
+_TEXTS = ("quality_name", "health_name", "bus_state")
 
 
 class MonitorState:
@@ -36,29 +40,34 @@ class MonitorState:
     def take(self, datagram: bytes, now: float) -> None:
         """Take a datagram that came at ``now`` [s, monotonic]; what is no result of a bridge is counted only."""
         try:
-            content = json.loads(datagram[:_LARGEST])
-            self._take(content, now)
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            content = json.loads(datagram[:_LARGEST], parse_constant=_refused)
+            if "layout" in content:
+                self._take_layout([_gauge(gauge) for gauge in content["layout"]["gauges"]])
+            else:
+                self._take_result(_result(content), now)
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             with self._changed:
                 self.refused += 1
 
-    def _take(self, content: dict[str, Any], now: float) -> None:
-        layout = content.get("layout")
+    def _take_layout(self, gauges: list[dict[str, Any]]) -> None:
         with self._changed:
-            if layout is not None:
-                self._gauges = [
-                    {"name": str(g["name"]), "x": _number(g["x"]), "roll_angle": _number(g["roll_angle"])}
-                    for g in layout["gauges"]
-                ]
-            else:
-                point = _point(content)
-                self._latest, self._last_time = content, now
-                if now - self._last_point >= HISTORY_PERIOD:
-                    self._history.append(point)
-                    self._last_point = now
-            self.datagrams += 1
-            self.version += 1
-            self._changed.notify_all()
+            self._gauges = gauges
+            self._count()
+
+    def _take_result(self, result: dict[str, Any], now: float) -> None:
+        with self._changed:
+            self._latest, self._last_time = result, now
+            if now - self._last_point >= HISTORY_PERIOD:
+                values = [result[kind][name] for kind in ("coefficients", "sigma") for name in COEFFICIENT_NAMES]
+                self._history.append([result["timestamp"], *values])
+                self._last_point = now
+            self._count()
+
+    def _count(self) -> None:
+        """Count a datagram and wake who waits for it; with the lock held."""
+        self.datagrams += 1
+        self.version += 1
+        self._changed.notify_all()
 
     def wait(self, version: int, timeout: float) -> int:
         """Wait up to ``timeout`` [s] for something newer than ``version``; return the version there is."""
@@ -79,17 +88,56 @@ class MonitorState:
             }
             if with_history:
                 content["history"] = list(self._history)
-        return json.dumps(content, separators=(",", ":"))
+        return json.dumps(content, separators=(",", ":"), allow_nan=False)
+
+
+def _result(content: dict[str, Any]) -> dict[str, Any]:
+    """Return what the page shows of a result, flat and of known types; raise if it is none.
+
+    What a page cannot parse must not come to it: a number that JSON does not have, or a depth without end.
+    """
+    timestamp = _number(content["timestamp"])
+    if timestamp is None:
+        raise ValueError("a result without a time")
+    return {
+        "timestamp": timestamp,
+        **{name: _number(content[name]) for name in _NUMBERS},
+        **{name: _text(content[name]) for name in _TEXTS},
+        "causes": [_text(cause) for cause in content["causes"]],
+        "coefficients": _numbers(content["coefficients"], COEFFICIENT_NAMES),
+        "sigma": _numbers(content["sigma"], COEFFICIENT_NAMES),
+        "strain_um_per_m": _numbers(content["strain_um_per_m"], content["strain_um_per_m"]),
+        "account": _numbers(content["account"], content["account"]),
+    }
+
+
+def _gauge(content: dict[str, Any]) -> dict[str, Any]:
+    """Return name and place of a gauge; raise if it is none."""
+    return {
+        "name": str(content["name"]),
+        "x": _number(content["x"]),
+        "roll_angle": _number(content["roll_angle"]),
+    }
+
+
+def _numbers(content: dict[str, Any], names: Iterable[str]) -> dict[str, float | None]:
+    return {name: _number(content[name]) for name in names}
 
 
 def _number(value: Any) -> float | None:
-    """Return a number or None; refuse anything else."""
-    return None if value is None else float(value)
+    """Return a finite number or None; refuse anything else."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise ValueError(f"{type(value).__name__} found, a finite number wanted")
+    return value
 
 
-def _point(content: dict[str, Any]) -> list[Any]:
-    """Return time, coefficients and sigmas of a result; raise if it is none."""
-    values = [_number(content[kind][name]) for kind in ("coefficients", "sigma") for name in COEFFICIENT_NAMES]
-    for value in content["strain_um_per_m"].values():
-        _number(value)
-    return [float(content["timestamp"]), *values]
+def _text(value: Any) -> str | None:
+    if value is not None and not isinstance(value, str):
+        raise TypeError(f"{type(value).__name__} found, a text wanted")
+    return value
+
+
+def _refused(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is no JSON")

@@ -125,14 +125,23 @@ WRONG = {
     "time,G0,G1,G2,dynamic_pressure\n1,0,0,0,9e4\n1,0,0,0,9e4\n": "row 3: 1 s after 1 s found",
     "time,G0,G1,G2,dynamic_pressure\nnan,0,0,0,9e4\n": "column 'time', row 2: no number found",
     "time,G0,G1,G2,dynamic_pressure\n0,0,0\n": "line 2: 3 cells found, 5 wanted",
+    # Decimal commas between commas, which would shift all that is behind them.
+    "time,G0,G1,G2,dynamic_pressure\n0,1,5e-6,2,5e-6,9,0e4\n": "line 2: 7 cells found, 5 wanted",
+    "time,G0,strain[1],G1,G2,dynamic_pressure\n0,0,0,0,0,9e4\n": "2 columns 'G0' and 'strain[1]' found for G0",
+    "time,G0,G1,G2,dynamic_pressure\n0,1_0e-5,0,0,9e4\n": "line 2, column 'G0': '1_0e-5' found, a number wanted",
+    "time,G0,G1,G2,dynamic_pressure\n0,0,\u0661\u0662,0,9e4\n": "'\u0661\u0662' found, a number wanted",
+    "time,G0,G1,G2,dynamic_pressure\n0,0,0,0,inf\n": "column 'dynamic_pressure': 'inf' found, a number wanted",
+    "time,G0,G1,G2,dynamic_pressure\n0,0,1e400,0,9e4\n": "column 'G1', row 2: inf found, a finite number",
+    "time,G0,G1,G2,dynamic_pressure\n": "no samples found",
+    "time,G0,G1,G2,dynamic_pressure\n" + "0" * 200_000 + "\n": "line 2: field larger than field limit",
     "": "no headings found",
 }
 
 
-@pytest.mark.parametrize("text", WRONG)
+@pytest.mark.parametrize("text", WRONG, ids=range(len(WRONG)))
 def test_wrong_tables_get_one_line(tmp_path: Path, text: str) -> None:
     path = tmp_path / "d.csv"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as error, open_strains(path, ["G0", "G1", "G2"]) as opened:
         list(opened.blocks)
     assert WRONG[text] in str(error.value)
@@ -150,6 +159,9 @@ def test_wrong_hdf5_gets_one_line(tmp_path: Path) -> None:
         ("strain", None, "no data set 'strain' found"),
         ("strain", np.full((4, 3), b"x"), "numbers wanted"),
         ("gauge_names", np.array([b"G0", b"G2", b"G1"]), "entry 2 is not the map's gauge 2"),
+        ("gauge_names", b"G0", "'gauge_names': a data set of 3 names wanted"),
+        ("dynamic_pressure", np.float64(np.inf), "column 'dynamic_pressure', row 1: inf found"),
+        ("signals", 1.0, "'signals': a data set found, a group of them wanted"),
     ):
         with h5py.File(path, "w") as file:
             for key, held in {**good, name: value}.items():
@@ -157,6 +169,29 @@ def test_wrong_hdf5_gets_one_line(tmp_path: Path) -> None:
                     file[key] = held
         with pytest.raises(InputError, match=line), open_strains(path, ["G0", "G1", "G2"]) as opened:
             list(opened.blocks)
+
+
+def test_hdf5_without_samples_or_with_a_unit_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "d.h5"
+    for n, unit, line in (
+        (0, "um/m", "no samples found"),
+        (4, 5, "'strain': attribute unit: 5 found, a text wanted"),
+    ):
+        with h5py.File(path, "w") as file:
+            file["time"], file["strain"], file["dynamic_pressure"] = np.arange(float(n)), np.zeros((n, 3)), 9e4
+            file["strain"].attrs["unit"] = unit
+        with pytest.raises(InputError, match=line), open_strains(path, ["G0", "G1", "G2"]) as opened:
+            list(opened.blocks)
+
+
+def test_what_spreadsheets_leave_in_cells_is_taken(tmp_path: Path) -> None:
+    """Empty cells behind the last column, blanks, signs, NaN and nothing: numbers, or no value, as documented."""
+    path = tmp_path / "d.csv"
+    path.write_text("time,G0,G1,G2,dynamic_pressure\n 0 ,+1.e-6,.5E-6,NaN,9e4,, \n1,-1e-6,,0,90000\n")
+    with open_strains(path, ["G0", "G1", "G2"]) as opened:
+        ((block, _),) = opened.blocks
+    np.testing.assert_array_equal(block.strain, [[1e-6, 0.5e-6, np.nan], [-1e-6, np.nan, 0.0]])
+    np.testing.assert_array_equal(block.dynamic_pressure, [9e4, 9e4])
 
 
 def test_units_behind_an_index() -> None:
@@ -184,3 +219,11 @@ def test_a_failure_leaves_the_old_output(synthetic: SyntheticFiles, tmp_path: Pa
     code, _, errors = run("estimate", synthetic.map_1, tmp_path / "d.csv", "-o", tmp_path / "o.xls")
     assert code == 2
     assert "'.xls' found, one of .csv, .h5, .hdf5 wanted" in errors
+
+
+def test_nothing_is_written_of_a_file_without_samples(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+    data = tmp_path / "d.csv"
+    data.write_text(",".join(["time", *NAMES, "dynamic_pressure"]) + "\n")
+    code, _, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.h5")
+    assert (code, errors) == (2, f"strainfmu: {data}: no samples found\n")
+    assert [item.name for item in tmp_path.iterdir()] == ["d.csv"]

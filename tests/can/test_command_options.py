@@ -1,0 +1,87 @@
+"""Options of the commands of the bus: what cannot be is refused with one line, before anything is opened."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.commands import app
+from strainfmu.commands.bus_options import check_bus_options, cycle_time_of, known_bus_options
+from strainfmu.errors import InputError
+
+WRONG = {
+    ("--stuck-cycles", "-5"): "--stuck-cycles: -5 found, 0 for never or a positive number wanted",
+    ("--duration", "nan"): "--duration: nan s found, a positive number wanted",
+    ("--duration", "-3"): "--duration: -3 s found, a positive number wanted",
+    ("--duration", "inf"): "--duration: inf s found, a positive number wanted",
+    ("--max-age", "nan"): "--max-age: nan cycles found, a positive number wanted",
+    ("--dynamic-pressure", "nan"): "--dynamic-pressure: nan Pa found, a positive number wanted",
+    ("--cycle-time", "1e-12"): "--cycle-time: 1e-12 ms found, 0.1 to 10,000 ms allowed",
+    ("--cycle-time", "10001"): "--cycle-time: 10001 ms found, 0.1 to 10,000 ms allowed",
+    ("--bus-option", "foo=1"): "--bus-option: virtual knows no 'foo'; it takes can_filters, preserve_timestamps,",
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=" ".join)
+def test_wrong_options_of_the_bridge_get_one_line(run, wrong: tuple[str, str]) -> None:  # type: ignore[no-untyped-def]
+    code, _, errors = run("bridge", "none.fmu", "--interface", "virtual", "--channel", "x", *wrong)
+    assert code == 2
+    assert WRONG[wrong] in errors
+    assert errors.count("\n") == 1
+
+
+def test_the_other_commands_hold_the_same_limits(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    bus = ("--interface", "virtual", "--channel", "x", "--data", "none.csv")
+    commands: tuple[tuple[str, ...], ...] = (
+        ("dbc", "none.h5", "-o", str(tmp_path / "x.dbc")),
+        ("send", "none.h5", *bus),
+        ("replay", "none.blf", "none.fmu", "-o", str(tmp_path / "x.csv")),
+    )
+    for command in commands:
+        code, _, errors = run(*command, "--cycle-time", "0.09")
+        assert (code, "--cycle-time: 0.09 ms found" in errors) == (2, True), command
+    code, _, errors = run("send", "none.h5", *bus, "--bus-option", "prot=1")
+    assert (code, "virtual knows no 'prot'" in errors) == (2, True)
+    code, _, errors = run(*commands[2], "--dynamic-pressure", "inf")
+    assert (code, "--dynamic-pressure: inf Pa found" in errors) == (2, True)
+
+
+def test_a_described_run_holds_them_too() -> None:
+    with pytest.raises(InputError, match="stuck_cycles: -5 found"):
+        BridgeSettings(stuck_cycles=-5)
+
+
+def test_the_limits_of_the_cycle_time_are_allowed() -> None:
+    assert cycle_time_of(0.1) == 0.1e-3
+    assert cycle_time_of(10_000.0) == 10.0
+    with pytest.raises(InputError, match="nan ms found"):
+        cycle_time_of(float("nan"))
+
+
+def test_options_that_an_interface_reads_are_allowed() -> None:
+    """Named by its constructor, read from its keyword arguments by name; or of a bit timing."""
+    check_bus_options("udp_multicast", ["port", "hop_limit", "fd", "receive_own_messages"])
+    check_bus_options("pcan", ["bitrate", "device_id", "fd", "auto_reset", "f_clock_mhz", "nom_brp", "data_sjw"])
+    check_bus_options("kvaser", ["bitrate", "data_bitrate", "single_handle"])  # all of them unnamed
+    with pytest.raises(InputError, match="udp_multicast knows no 'prot'"):
+        check_bus_options("udp_multicast", ["port", "prot"])
+    assert known_bus_options("of_somebody_else") is None
+
+
+def test_no_help_loses_what_is_in_brackets(run, monkeypatch: pytest.MonkeyPatch) -> None:  # type: ignore[no-untyped-def]
+    """Markup takes [um/m] for a tag. Every bracket of every help text is held against what is shown."""
+    monkeypatch.setenv("COLUMNS", "400")
+    seen = 0
+    for name, command in get_command(app).commands.items():  # type: ignore[attr-defined]
+        texts = [command.help or "", *(getattr(entry, "help", None) or "" for entry in command.params)]
+        wanted = [found for text in texts for found in re.findall(r"\[[^\[\]\n]+\]", text)]
+        seen += len(wanted)
+        if wanted:
+            _, out, _ = run(name, "--help")
+            assert [found for found in wanted if found not in out] == [], name
+    assert seen >= 2
+    assert "'strain[1] [um/m]'" in run("estimate", "--help")[1]

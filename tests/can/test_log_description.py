@@ -1,0 +1,105 @@
+"""The description beside a log: what the recorder writes comes back, anything else gets one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from strainfmu.can.profiles import Identifiers
+from strainfmu.can.recording import MicrosecondClock, Recorder, load_description, sidecar
+from strainfmu.can.setup import BridgeOptions
+from strainfmu.errors import InputError
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Return a log without a frame, its description beside it."""
+    path, fmu = tmp_path / "run.log", tmp_path / "x.fmu"
+    fmu.write_bytes(b"an FMU")
+    recorder = Recorder(path, MicrosecondClock())
+    options = BridgeOptions(
+        "virtual",
+        "x",
+        ("a=1",),
+        "classic-be",
+        tmp_path / "a.dbc",
+        None,
+        0.02,
+        Identifiers(1, 2, True),
+        9e4,
+        "fd",
+        0,
+        4,
+    )
+    recorder.describe(fmu, options, 12.5)
+    recorder.close(20.0, [(1.0, 2.0)], [(3.0, 4.0)])
+    return path
+
+
+def test_a_description_comes_back(log: Path) -> None:
+    found = load_description(log)
+    assert found is not None
+    assert found["options"] == BridgeOptions(
+        *("virtual", "x", ("a=1",), "classic-be", log.parent / "a.dbc", None, 0.02, Identifiers(1, 2, True)),
+        *(9e4, "fd", 0, 4.0),
+    )
+    assert (found["start"], found["end"], found["lost"]) == (12.5, 20.0, 0)
+    assert (found["skips"], found["unanswered"]) == ([(1.0, 2.0)], [(3.0, 4.0)])
+
+
+WRONG: tuple[tuple[str, Any, str], ...] = (
+    ("options.cycle_time", "x", "entry 'cycle_time': 'x' found, float wanted"),
+    ("options.cycle_time", float("nan"), "entry 'cycle_time': 'nan' found, float wanted"),
+    ("options.cycle_time", True, "entry 'cycle_time': 'True' found, float wanted"),
+    ("options.cycle_time", 10**400, "int too large to convert to float"),
+    ("options.stuck_cycles", 2.5, "entry 'stuck_cycles': '2.5' found, int wanted"),
+    ("options.dynamic_pressure", "9e4", "entry 'dynamic_pressure': '9e4' found, float or null wanted"),
+    ("options.identifiers.base", "0x300", "entry 'base': '0x300' found, int wanted"),
+    ("options.identifiers", [1], "entry 'identifiers': '[1]' found, dict wanted"),
+    ("options.bus_options", [1], "entry 'bus_options': '1' found, str wanted"),
+    ("options.dbc", 5, "entry 'dbc': '5' found, str or null wanted"),
+    ("options", 5, "damaged"),
+    ("start", "x", "entry 'start': 'x' found, float wanted"),
+    ("log_start", None, "entry 'log_start': 'None' found, float wanted"),
+    ("end", [], "entry 'end': '[]' found, float or null wanted"),
+    ("skips", [[1.0]], "damaged"),
+    ("skips", [[1.0, "x"]], "entry 'skips': 'x' found, float wanted"),
+    ("unanswered", 3, "damaged"),
+    ("fmu_sha256", 1, "entry 'fmu_sha256': '1' found, str wanted"),
+    ("lost", "none", "entry 'lost': 'none' found, int wanted"),
+)
+
+
+@pytest.mark.parametrize(("entry", "value", "line"), WRONG, ids=[f"{e}={str(v)[:8]}" for e, v, _ in WRONG])
+def test_wrong_entries_get_one_line(log: Path, entry: str, value: Any, line: str) -> None:
+    held = json.loads(sidecar(log).read_text())
+    *above, last = entry.split(".")
+    place = held
+    for name in above:
+        place = place[name]
+    place[last] = value
+    sidecar(log).write_text(json.dumps(held))
+    with pytest.raises(InputError) as error:
+        load_description(log)
+    assert str(error.value).startswith(f"{sidecar(log)}: damaged: ")
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("entry", ["start", "log_start", "fmu", "fmu_sha256", "options"])
+def test_missing_entries_get_one_line(log: Path, entry: str) -> None:
+    held = json.loads(sidecar(log).read_text())
+    del held[entry]
+    sidecar(log).write_text(json.dumps(held))
+    with pytest.raises(InputError, match=f"damaged: no entry '{entry}'"):
+        load_description(log)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", "", "5"], ids=["deep", "list", "empty", "number"])
+def test_other_files_get_one_line(log: Path, text: str) -> None:
+    sidecar(log).write_text(text)
+    with pytest.raises(InputError, match="damaged"):
+        load_description(log)
