@@ -141,8 +141,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, si
         || !fmi2_given(s, "fmi2SerializedFMUstateSize", size)) {
         return fmi2Error;
     }
-    *size = state_size(s);
-    return fmi2OK;
+    return (fmi2Status)state_serialized_size(s, FMUstate, size);
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[], size_t size) {

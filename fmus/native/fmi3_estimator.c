@@ -188,8 +188,7 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUSta
     if (instance == NULL || !fmi3_given(instance, NAME, FMUState) || !fmi3_given(instance, NAME, size)) {
         return fmi3Error;
     }
-    *size = state_size(instance);
-    return fmi3OK;
+    return (fmi3Status)state_serialized_size(instance, FMUState, size);
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[],

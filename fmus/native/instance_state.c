@@ -6,16 +6,19 @@
 #include <string.h>
 
 #define STATE_VERSION 1u
-#define STATE_MARK 0x53464D55u
+#define STATE_MARK 0x53464D45u
 #define CHECKED_FROM 16 /* the checksum is over all bytes from here on */
 
 static const char MAGIC[8] = "SFMUSTA";
+static const char ANOTHER_MAP[] = "is that of an FMU with another map";
 
 /* Some importers hand the state itself, not its address, to fmi2FreeFMUstate: what that then takes for the state is
-   the first word, and freeing NULL does no harm. */
+   the first word, and freeing NULL does no harm. One library serves every map, so the head says how many bytes follow
+   and of which map they are: nothing behind it is read or written before both fit the instance. */
 typedef struct {
     void *always_null;
-    uint64_t mark;
+    uint32_t mark, map_checksum;
+    uint64_t size;
 } StateHead;
 
 /* Serialised: this header, time and inputs as float64, a byte per gauge for valid. */
@@ -94,14 +97,16 @@ static const char *state_fault(const Instance *instance, const unsigned char *by
     if (header.version != STATE_VERSION) {
         return "has another format version";
     }
+    /* The checksum first: of an undamaged state the wrong length is not what is to be told, but the wrong map. */
+    const int damaged = header.checksum != crc32(bytes + CHECKED_FROM, size - CHECKED_FROM);
+    if (!damaged && (header.map_checksum != map->checksum || header.n_gauges != map->n_gauges)) {
+        return ANOTHER_MAP;
+    }
     if (size != state_size(instance)) {
         return "has the wrong length";
     }
-    if (header.checksum != crc32(bytes + CHECKED_FROM, size - CHECKED_FROM)) {
+    if (damaged) {
         return "is damaged: its checksum is wrong";
-    }
-    if (header.map_checksum != map->checksum || header.n_gauges != map->n_gauges) {
-        return "is that of an FMU with another map";
     }
     if (header.kind != (uint32_t)instance->kind || !mode_exists(header.mode)) {
         return "is that of another kind of instance";
@@ -123,11 +128,16 @@ static void read_state(Instance *instance, const unsigned char *bytes) {
     e->outdated = 1;
 }
 
-/* The serialised state within an FMU state; NULL, after a message, if it is none. */
+/* The serialised state within an FMU state of the instance's map, state_size long; NULL, after a message, if it is
+   none. */
 static unsigned char *serialised(const Instance *instance, const void *state) {
     const StateHead *head = state;
     if (head == NULL || head->mark != STATE_MARK) {
         instance_error(instance, "the FMU state is none of this FMU");
+        return NULL;
+    }
+    if (head->map_checksum != instance->estimator->map.checksum || head->size != state_size(instance)) {
+        instance_error(instance, "the FMU state %s", ANOTHER_MAP);
         return NULL;
     }
     return (unsigned char *)(uintptr_t)(head + 1);
@@ -140,6 +150,8 @@ static void *new_state(const Instance *instance) {
         return NULL;
     }
     head->mark = STATE_MARK;
+    head->map_checksum = instance->estimator->map.checksum;
+    head->size = state_size(instance);
     return head;
 }
 
@@ -173,6 +185,14 @@ void state_free(void **state) {
         free(*state);
         *state = NULL;
     }
+}
+
+int state_serialized_size(const Instance *instance, const void *state, size_t *size) {
+    if (serialised(instance, state) == NULL) {
+        return STATUS_ERROR;
+    }
+    *size = state_size(instance);
+    return STATUS_OK;
 }
 
 int state_serialize(Instance *instance, const void *state, void *bytes, size_t size) {

@@ -1,7 +1,7 @@
 /* The state of an instance: its mode, time, inputs and settings; outputs follow from them.
 
-   An FMU state is the serialised state with two words before it, so that what comes from outside and what comes from
-   memory pass the same checks. */
+   An FMU state is the serialised state behind a head that says its size and map, so that what comes from outside and
+   what comes from memory pass the same checks. */
 
 #ifndef INSTANCE_STATE_H
 #define INSTANCE_STATE_H
@@ -11,7 +11,7 @@
 /* Number of bytes of a serialised state. */
 size_t state_size(const Instance *instance);
 
-/* Write the state of an instance to *state: into the FMU state that is there, or a new one. A status. */
+/* Write the state of an instance to *state: into the FMU state of its map that is there, or a new one. A status. */
 int state_get(Instance *instance, void **state);
 
 /* Return to a state of this or another instance of the same FMU. A status. */
@@ -20,6 +20,8 @@ int state_set(Instance *instance, const void *state);
 /* Free *state and set it to NULL. */
 void state_free(void **state);
 
+/* The number of bytes of an FMU state, to them and from them. Statuses. */
+int state_serialized_size(const Instance *instance, const void *state, size_t *size);
 int state_serialize(Instance *instance, const void *state, void *bytes, size_t size);
 int state_deserialize(Instance *instance, const void *bytes, size_t size, void **state);
 

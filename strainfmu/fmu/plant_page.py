@@ -50,18 +50,23 @@ def native_plant_sections(model: FlightModel, motion: Motion, content_hash: str)
                 f"Vehicle: {escape(model.vehicle)}. Flight model: <code>{content_hash}</code>.",
             ],
         ),
-        _limits(model),
+        _limits(
+            model,
+            "Outside, outputs are NaN and <code>fmi2DoStep</code> returns <code>fmi2Discard</code>; the importer "
+            "is told to end the simulation (<code>fmi2Terminated</code>), and the condition is logged once.",
+        ),
     ]
 
 
-def _limits(model: FlightModel) -> Section:
-    """Say where the flight model ends."""
+def _limits(model: FlightModel, *outside: str) -> Section:
+    """Say where the flight model ends, and what happens ``outside``."""
     return (
         "Limits",
         [
             f"Mach number {model.mach_knots[0]:g} to {model.mach_knots[-1]:g}, total incidence 0 to "
             f"{_degrees(model.incidence_knots[-1]):g} deg, geopotential altitude 0 to 71 km, US Standard "
             "Atmosphere 1976. Steady aerodynamics and a quasi-static structure: no dynamics of either.",
+            *outside,
         ],
     )
 

@@ -90,7 +90,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         return NULL;
     }
     char unnamed[] = "";
-    Instance wanted = {NULL, unnamed, functions->logger, functions->componentEnvironment};
+    Instance wanted = {NULL, unnamed, functions->logger, functions->componentEnvironment, 0, 0.0};
     if (name == NULL || name[0] == '\0' || type != fmi2CoSimulation) {
         fmi2_tell(&wanted, fmi2Error, "fmi2Instantiate: %s",
              type != fmi2CoSimulation ? "this FMU is for co-simulation" : "the instance name is missing");
@@ -174,6 +174,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
         return fmi2Error;
     }
     model_reset(s->model);
+    s->terminated = 0;
     return fmi2OK;
 }
 
@@ -191,5 +192,40 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real from, fmi2Real size, fmi2Boolean
     s->model->time = from;
     const int status = s->model->behaviour->step(s->model, from + size, text);
     s->model->outdated = 1;
-    return status == STATUS_OK ? fmi2OK : fmi2_tell(s, (fmi2Status)status, "%s", text);
+    if (status == STATUS_OK) {
+        s->terminated = 0;
+        return fmi2OK;
+    }
+    /* Importers that go on all the same would get the message in every step. */
+    if (!s->terminated) {
+        s->terminated = 1;
+        s->last_successful_time = from;
+        fmi2_tell(s, (fmi2Status)status, "%s", text);
+    }
+    return (fmi2Status)status;
+}
+
+/* Of FMI 2.0.5, 4.2.2: what an importer asks for after fmi2Discard. */
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
+    const Instance *s = c;
+    if (s == NULL || value == NULL) {
+        return fmi2Error;
+    }
+    if (kind != fmi2LastSuccessfulTime) {
+        return fmi2Discard;
+    }
+    *value = s->terminated ? s->last_successful_time : s->model->time;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
+    const Instance *s = c;
+    if (s == NULL || value == NULL) {
+        return fmi2Error;
+    }
+    if (kind != fmi2Terminated) {
+        return fmi2Discard;
+    }
+    *value = s->terminated ? fmi2True : fmi2False;
+    return fmi2OK;
 }

@@ -15,6 +15,8 @@ typedef struct {
     char *name;
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
+    int terminated;              /* whether the last step was discarded: the model wants to end */
+    double last_successful_time; /* then the end of the last step that was not [s] */
 } Instance;
 
 /* Log a message as printf does; return the status. */

@@ -5,20 +5,26 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STATE_MARK 0x53464D56u
+#define STATE_MARK 0x53464D50u
 
 /* Some importers hand the state itself, not its address, to fmi2FreeFMUstate: what that then takes for the state is
-   the first word, and freeing NULL does no harm. The serialised state follows. */
+   the first word, and freeing NULL does no harm. One library serves every model, so the head says how many bytes of a
+   serialised state follow and of which model they are: nothing behind it is touched before both fit the instance. */
 typedef struct {
     void *always_null;
-    uint64_t mark;
+    uint32_t mark, model_checksum;
+    uint64_t size;
 } StateHead;
 
-/* The serialised state within an FMU state; NULL, after a message, if it is none. */
+/* The serialised state within an FMU state of the instance's model; NULL, after a message, if it is none. */
 static unsigned char *serialised(const Instance *s, fmi2FMUstate state) {
     StateHead *head = state;
     if (head == NULL || head->mark != STATE_MARK) {
         fmi2_tell(s, fmi2Error, "the FMU state is none of this FMU");
+        return NULL;
+    }
+    if (head->model_checksum != s->model->checksum || head->size != model_state_size(s->model)) {
+        fmi2_tell(s, fmi2Error, "the FMU state " STATE_OF_ANOTHER_MODEL);
         return NULL;
     }
     return (unsigned char *)(head + 1);
@@ -33,6 +39,8 @@ static unsigned char *place_of(const Instance *s, fmi2FMUstate *state) {
             return NULL;
         }
         head->mark = STATE_MARK;
+        head->model_checksum = s->model->checksum;
+        head->size = model_state_size(s->model);
         *state = head;
     }
     return serialised(s, *state);
@@ -63,6 +71,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
         return fmi2Error;
     }
     model_read_state(s->model, bytes);
+    s->terminated = 0;
     return fmi2OK;
 }
 
@@ -79,7 +88,7 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
     Instance *s = c;
-    if (!fmi2_allowed(s, "fmi2SerializedFMUstateSize", READABLE, 1, state, size)) {
+    if (!fmi2_allowed(s, "fmi2SerializedFMUstateSize", READABLE, 1, state, size) || serialised(s, state) == NULL) {
         return fmi2Error;
     }
     *size = model_state_size(s->model);
@@ -88,14 +97,16 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
     Instance *s = c;
-    if (!fmi2_allowed(s, "fmi2SerializeFMUstate", READABLE, 1, state, bytes) || serialised(s, state) == NULL) {
+    const unsigned char *content = fmi2_allowed(s, "fmi2SerializeFMUstate", READABLE, 1, state, bytes)
+                                 ? serialised(s, state) : NULL;
+    if (content == NULL) {
         return fmi2Error;
     }
     if (size < model_state_size(s->model)) {
         return fmi2_tell(s, fmi2Error, "a serialised state takes %lu bytes, %lu found",
                     (unsigned long)model_state_size(s->model), (unsigned long)size);
     }
-    memcpy(bytes, serialised(s, state), model_state_size(s->model));
+    memcpy(bytes, content, model_state_size(s->model));
     return fmi2OK;
 }
 

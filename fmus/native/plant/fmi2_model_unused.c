@@ -45,30 +45,10 @@ fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status 
     return c == NULL ? fmi2Error : fmi2Discard;
 }
 
-fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
-    const Instance *s = c;
-    if (s == NULL || value == NULL) {
-        return fmi2Error;
-    }
-    if (kind != fmi2LastSuccessfulTime) {
-        return fmi2Discard;
-    }
-    *value = s->model->time;
-    return fmi2OK;
-}
-
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value) {
     (void)kind;
     (void)value;
     return c == NULL ? fmi2Error : fmi2Discard;
-}
-
-fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
-    if (c == NULL || value == NULL) {
-        return fmi2Error;
-    }
-    *value = fmi2False;
-    return kind == fmi2Terminated ? fmi2OK : fmi2Discard;
 }
 
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value) {

@@ -184,18 +184,25 @@ void model_write_state(const Model *model, unsigned char *bytes) {
 
 int model_check_state(const Model *model, const unsigned char *bytes, size_t size, char text[MODEL_TEXT_SIZE]) {
     StateHeader header;
-    if (size != model_state_size(model) || memcmp(bytes, STATE_MAGIC, sizeof STATE_MAGIC) != 0) {
-        snprintf(text, MODEL_TEXT_SIZE, "is no state of this FMU (%lu bytes)", (unsigned long)size);
+    if (size < sizeof header || memcmp(bytes, STATE_MAGIC, sizeof STATE_MAGIC) != 0) {
+        snprintf(text, MODEL_TEXT_SIZE, "is no state of such an FMU");
         return STATUS_ERROR;
     }
     memcpy(&header, bytes, sizeof header);
-    if (header.version != STATE_VERSION || header.model_checksum != model->checksum) {
-        snprintf(text, MODEL_TEXT_SIZE, "is that of another FMU, or of another version of it");
+    /* The checksum first: of an undamaged state the wrong length is not what is to be told, but the wrong model. */
+    const int damaged = header.checksum != crc32(bytes + STATE_CHECKED_FROM, size - STATE_CHECKED_FROM);
+    if (header.version != STATE_VERSION || (!damaged && header.model_checksum != model->checksum)) {
+        snprintf(text, MODEL_TEXT_SIZE, STATE_OF_ANOTHER_MODEL);
+        return STATUS_ERROR;
+    }
+    if (size != model_state_size(model)) {
+        snprintf(text, MODEL_TEXT_SIZE, "takes %lu bytes, %lu found", (unsigned long)model_state_size(model),
+                 (unsigned long)size);
         return STATUS_ERROR;
     }
     const int mode_exists = header.mode == INSTANTIATED || header.mode == INITIALIZATION || header.mode == STEP
                          || header.mode == TERMINATED;
-    if (header.checksum != crc32(bytes + STATE_CHECKED_FROM, size - STATE_CHECKED_FROM) || !mode_exists) {
+    if (damaged || !mode_exists) {
         snprintf(text, MODEL_TEXT_SIZE, "is damaged: its checksum is wrong");
         return STATUS_ERROR;
     }

@@ -17,6 +17,8 @@
 #define STATUS_DISCARD 2
 #define STATUS_ERROR 3
 
+#define STATE_OF_ANOTHER_MODEL "is that of another FMU, or of another version of it"
+
 typedef enum { REAL, INTEGER, BOOLEAN } Type;
 typedef enum { OUTPUT, INPUT, FIXED_PARAMETER, TUNABLE_PARAMETER } Causality;
 

@@ -189,13 +189,15 @@ static int motion_rates(const Plant *plant, const double angle_and_rate[2], doub
     return 1;
 }
 
-/* One step of the classical Runge-Kutta method of fourth order. */
+/* One step of the classical Runge-Kutta method of fourth order. Where it leaves the envelope the state becomes the
+   first one outside, so that the outputs tell. */
 static int integrate(const Plant *plant, double *state, double h) {
     static const double PART[] = {0.0, 0.5, 0.5, 1.0}, WEIGHT[] = {1.0, 2.0, 2.0, 1.0};
     double rates[2] = {0.0, 0.0}, sum[2] = {0.0, 0.0};
     for (int k = 0; k < 4; k++) {
         const double at[2] = {state[0] + PART[k] * h * rates[0], state[1] + PART[k] * h * rates[1]};
         if (!motion_rates(plant, at, rates)) {
+            memcpy(state, at, sizeof at);
             return 0;
         }
         sum[0] += WEIGHT[k] * rates[0];

@@ -4,6 +4,7 @@
      host GUID LOCATION GAUGES replay STEPS FILE   the same of STEPS inputs in a file: strains, valid and two pressures
      host GUID LOCATION GAUGES time STEPS          nanoseconds per step, and per instantiation
      host GUID LOCATION GAUGES many STEPS          200 instances, interleaved, states, freed out of order
+     host GUID LOCATION GAUGES foreign 0 OTHER     states of the map in LOCATION and of that in OTHER, with one GUID
      host GUID LOCATION GAUGES endure STEPS        memory of one instance over many steps
      host GUID LOCATION GAUGES threads STEPS       8 threads, each with instances of its own
 
@@ -267,6 +268,36 @@ static void many(const Setup *setup, long steps) {
     puts("many: same");
 }
 
+/* Neither of two instances of different maps may touch the state of the other: every such call is refused. */
+static void foreign(const Setup *setup, const char *other) {
+    const Setup there = {setup->guid, other, setup->gauges};
+    fmi2Component c[2] = {started(setup), started(&there)};
+    fmi2FMUstate state[2] = {NULL, NULL};
+    char *bytes[2];
+    size_t size[2];
+    for (int k = 0; k < 2; k++) {
+        check(fmi2GetFMUstate(c[k], &state[k]) == fmi2OK, "fmi2GetFMUstate");
+        check(fmi2SerializedFMUstateSize(c[k], state[k], &size[k]) == fmi2OK, "fmi2SerializedFMUstateSize");
+        bytes[k] = malloc(size[k]);
+        check(bytes[k] != NULL && fmi2SerializeFMUstate(c[k], state[k], bytes[k], size[k]) == fmi2OK, "serialising");
+    }
+    for (int k = 0; k < 2; k++) {
+        const int o = 1 - k;
+        check(fmi2GetFMUstate(c[k], &state[o]) == fmi2Error, "refusing fmi2GetFMUstate");
+        check(fmi2SetFMUstate(c[k], state[o]) == fmi2Error, "refusing fmi2SetFMUstate");
+        check(fmi2SerializeFMUstate(c[k], state[o], bytes[k], size[k]) == fmi2Error, "refusing fmi2SerializeFMUstate");
+        check(fmi2DeSerializeFMUstate(c[k], bytes[k], size[k], &state[o]) == fmi2Error, "refusing a foreign state");
+        check(fmi2DeSerializeFMUstate(c[k], bytes[o], size[o], &state[k]) == fmi2Error, "refusing foreign bytes");
+    }
+    for (int k = 0; k < 2; k++) {
+        check(fmi2SetFMUstate(c[k], state[k]) == fmi2OK, "fmi2SetFMUstate");
+        fmi2FreeFMUstate(c[k], &state[k]);
+        fmi2FreeInstance(c[k]);
+        free(bytes[k]);
+    }
+    puts("foreign: refused");
+}
+
 /* Resident memory in pages; 0 where the system does not tell. */
 static long resident_pages(void) {
     long total = 0, resident = 0;
@@ -361,6 +392,8 @@ int main(int argc, char **argv) {
         replay(&setup, steps, argv[6]);
     } else if (strcmp(task, "many") == 0) {
         many(&setup, steps);
+    } else if (strcmp(task, "foreign") == 0 && argc > 6) {
+        foreign(&setup, argv[6]);
     } else if (strcmp(task, "endure") == 0) {
         endure(&setup, steps);
 #ifndef _WIN32

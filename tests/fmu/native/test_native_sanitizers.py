@@ -28,6 +28,12 @@ def test_two_hundred_instances(case: NativeCase, checked: list[str]) -> None:
     assert run_host(checked, case, "many", 10).startswith(b"many: same")
 
 
+@pytest.mark.parametrize("names", [("few gauges", "case 1"), ("case 1", "case 2")])
+def test_states_of_another_map(cases: dict[str, NativeCase], checked: list[str], names: tuple[str, str]) -> None:
+    one, other = (cases[name] for name in names)
+    assert run_host(checked, one, "foreign", 0, other.uri).startswith(b"foreign: refused")
+
+
 def test_million_steps(small: NativeCase, checked: list[str]) -> None:
     assert run_host(checked, small, "endure", 1_000_000).startswith(b"endure")
 

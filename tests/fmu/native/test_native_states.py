@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from agreement import random_samples
 from conftest import NativeCase
-from raw_fmu import ERROR, OK, Fmu2
+from raw_fmu import ERROR, OK, Fmu2, Fmu3
 
 
 def run(fmu: Fmu2, case: NativeCase, seed: int) -> list[bytes]:
@@ -90,6 +90,52 @@ def test_state_of_another_fmu(cases: dict[str, NativeCase]) -> None:
     assert exchange.call("SetFMUstate", state) == ERROR
     assert exchange.messages[-1][2] == "the FMU state is that of another kind of instance"
     for fmu in (first, second, exchange):
+        fmu.free()
+
+
+NAMES = {
+    Fmu2: ("GetFMUstate", "SetFMUstate", "SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate"),
+    Fmu3: ("GetFMUState", "SetFMUState", "SerializedFMUStateSize", "SerializeFMUState", "DeserializeFMUState"),
+}
+
+
+@pytest.mark.parametrize("version", NAMES, ids=["FMI 2", "FMI 3"])
+@pytest.mark.parametrize("names", [("few gauges", "case 1"), ("case 1", "few gauges"), ("case 1", "case 2")])
+def test_every_call_refuses_a_state_of_another_map(
+    cases: dict[str, NativeCase], names: tuple[str, str], version: type[Fmu2] | type[Fmu3]
+) -> None:
+    # A state of few gauges is shorter: what is written for many leaves its block. Case 1 and 2 have equal lengths.
+    get, put, size_of, serialise, deserialise = NAMES[version]
+    own, foreign = (version(cases[name].uri, cases[name].n).start() for name in names)
+    here, there, size = c_void_p(None), c_void_p(None), c_size_t(0)
+    assert own.call(get, byref(here)) == foreign.call(get, byref(there)) == OK
+    assert foreign.call(size_of, there, byref(size)) == OK
+    foreign_bytes = ctypes.create_string_buffer(size.value)
+    assert foreign.call(serialise, there, foreign_bytes, size) == OK
+    assert own.call(size_of, here, byref(size)) == OK
+    room, own_bytes = ctypes.create_string_buffer(1 << 16), ctypes.create_string_buffer(size.value)
+    assert own.call(serialise, here, own_bytes, size) == OK
+    outputs, address = own.outputs().tobytes(), there.value
+    refused = {
+        "into a foreign state": (get, byref(there)),
+        "to a foreign state": (put, there),
+        "size of a foreign state": (size_of, there, byref(c_size_t(0))),
+        "bytes of a foreign state": (serialise, there, room, c_size_t(len(room))),
+        "own bytes into a foreign state": (deserialise, own_bytes, c_size_t(len(own_bytes)), byref(there)),
+        "foreign bytes into an own state": (deserialise, foreign_bytes, c_size_t(len(foreign_bytes)), byref(here)),
+    }
+    for name, call in refused.items():
+        assert own.call(*call) == ERROR, name
+        assert own.messages[-1][2].endswith("state is that of an FMU with another map"), name
+    assert len(own.messages) == len(refused)
+    assert not any(room.raw)
+    assert own.outputs().tobytes() == outputs
+    # The foreign state is what it was.
+    again = ctypes.create_string_buffer(len(foreign_bytes))
+    assert there.value == address
+    assert foreign.call(serialise, there, again, c_size_t(len(again))) == OK
+    assert again.raw == foreign_bytes.raw
+    for fmu in (own, foreign):
         fmu.free()
 
 

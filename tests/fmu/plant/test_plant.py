@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from ctypes import byref, c_size_t, create_string_buffer
 from pathlib import Path
 
 import numpy as np
@@ -253,3 +254,38 @@ def test_states(flying: Host) -> None:
     fmu.reset()
     flying.initialize()
     np.testing.assert_array_equal(flying.get(["angle_of_attack", "pitch_rate"]), [START.angle_of_attack, 0.0])
+
+
+def test_states_of_another_plant(
+    fmus: dict[Motion, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The state of one motion is shorter than that of another: a write would leave its block.
+    with (
+        loaded(fmus[Motion.INPUTS], tmp_path / "one") as one,
+        loaded(fmus[Motion.SHORT_PERIOD], tmp_path / "other") as other,
+    ):
+        one.initialize()
+        other.initialize()
+        for own, foreign in ((one.fmu, other.fmu), (other.fmu, one.fmu)):
+            here, there, size = own.getFMUState(), foreign.getFMUState(), c_size_t(0)
+            own_bytes, foreign_bytes = own.serializeFMUState(here), foreign.serializeFMUState(there)
+            room = create_string_buffer(1 << 16)
+            refused = {
+                "fmi2GetFMUstate": (byref(there),),
+                "fmi2SetFMUstate": (there,),
+                "fmi2SerializedFMUstateSize": (there, byref(size)),
+                "fmi2SerializeFMUstate": (there, room, len(room)),
+                "fmi2DeSerializeFMUstate": (own_bytes, len(own_bytes), byref(there)),
+            }
+            capsys.readouterr()
+            for name, arguments in refused.items():
+                with pytest.raises(Exception, match="error"):
+                    getattr(own, name)(own.component, *arguments)
+                assert capsys.readouterr().out.count("the FMU state is that of another FMU") == 1
+            with pytest.raises(Exception, match="error"):
+                own.deSerializeFMUstate(foreign_bytes)
+            assert capsys.readouterr().out.count("the FMU state is that of another FMU") == 1
+            assert not any(room.raw)
+            assert foreign.serializeFMUState(there) == foreign_bytes
+            own.freeFMUState(here)
+            foreign.freeFMUState(there)
