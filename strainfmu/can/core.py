@@ -196,6 +196,7 @@ class BridgeCore:
         results = []
         for cycle in cycles:
             self._last_cycle = now
+            self._judge.keep_pace(cycle)
             self._next_status = now + self.settings.timeout * self.layout.cycle_time
             if not is_answered:
                 self._skip(cycle)
@@ -204,7 +205,8 @@ class BridgeCore:
             if result.quality.has_coefficients or self._may_refuse(now):
                 results.append(result)
             else:
-                self.note(result.causes)
+                # Why this cycle was refused is not said of the next one; what degrades that one too is.
+                self.note(result.causes & (Cause.OVERLOAD | Cause.BUS))
         return results
 
     def _may_refuse(self, now: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from strainfmu.can.arrival_pace import ArrivalPace
 from strainfmu.can.cycle_assembler import Arrival, Cycle
 from strainfmu.can.decoded_cycle import DecodedCycle, StrainDecoder
 from strainfmu.can.dynamic_pressure import HeldPressure
@@ -46,6 +47,9 @@ class CycleJudge:
         self._layout, self._settings, self._guards = layout, settings, guards
         self._step, self._reception = step, reception
         self._clock = _clock(layout, settings)
+        period = layout.cycle_time
+        self._pace = ArrivalPace(settings.max_age * period, settings.rate / period)
+        self._may_be_held_back = False
         self._decoder = StrainDecoder(layout, guards)
         self._gauges = GaugeChecks(layout.n_gauges, layout.cycle_time, settings, guards)
         self._pressure = HeldPressure(layout.pressure_frame, dynamic_pressure, layout.cycle_time, settings, guards)
@@ -73,6 +77,10 @@ class CycleJudge:
             return FrameClass.NOT_TRUSTED
         usable = self._pressure.take(arrival.raw, arrival.frame.time)
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
+
+    def keep_pace(self, cycle: Cycle) -> None:
+        """Note when a closed cycle came, before it is judged, or skipped."""
+        self._may_be_held_back = self._pace.take(cycle.first_time)
 
     def judge(self, cycle: Cycle, now: float, causes: Cause) -> tuple[CycleResult, list[FrameClass]]:
         """Step the estimator with what is valid of a closed cycle.
@@ -134,6 +142,8 @@ class CycleJudge:
                 # Its clock may be short enough for a restart to look like a delay.
                 self._pressure.reset()
         if age > limit and self._guards.age:
+            causes |= Cause.OLD
+        if self._clock is None and self._may_be_held_back and self._guards.pace:
             causes |= Cause.OLD
         if self._guards.frozen and self._settings.stuck_cycles:
             # Strains that the sender repeats are as old as when they were new.

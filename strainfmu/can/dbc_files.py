@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -37,12 +38,19 @@ def load_database(path: Path) -> Any:
         cantools is not installed.
     """
     try:
-        # As DBC tools write them: Windows-1252; every byte means something.
-        return database_of(path.read_text("cp1252", errors="replace"), str(path))
+        return database_of(_text(path.read_bytes()), str(path))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _text(content: bytes) -> str:
+    """Return a DBC file's text: UTF-8, or else Windows-1252, whose letters beyond ASCII are hardly ever UTF-8."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
 
 
 def database_of(text: str, name: str) -> Any:
@@ -59,6 +67,10 @@ def database_of(text: str, name: str) -> Any:
         import cantools
     except ImportError as error:
         raise StrainfmuError("cantools is not installed: pip install 'strainfmu[can]'") from error
+    # Where nobody listens, logging writes to standard error, which has room for one line of ours.
+    logger = logging.getLogger("cantools")
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
     try:
         return cantools.database.load_string(text, database_format="dbc")
     except Exception as error:  # its parser raises what it meets

@@ -5,18 +5,23 @@ The mapping is TOML; docs/can.md describes it. Frames are decoded by our plan, w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from strainfmu.can.crc import Protection
 from strainfmu.can.dbc_signals import period, selector_value, signal_layout
 from strainfmu.can.frame import FD_LENGTHS
 from strainfmu.can.frame_layout import FrameLayout, InputFrame, InputLayout
+from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
 """Message attributes of a DBC file that state the end-to-end protection; 0: none."""
+
+START_VALUE = "GenSigStartValue"
+"""Signal attribute of a DBC file: the raw number that a sender starts with."""
 
 STRAIN_UNITS = {
     **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
@@ -62,6 +67,8 @@ class _Mapper:
         self._gauges = {gauge: place for place, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{place + 1}]": place for place in range(len(gauge_names))}
         self._names = tuple(gauge_names)
+        self._frames_in_use: set[str] = set()
+        self._signals_with_unit: set[str] = set()
         unknown = sorted(set(mapping) - _TABLES)
         if unknown:
             raise InputError(f"{name}: entry '{unknown[0]}' found, one of {', '.join(sorted(_TABLES))} wanted")
@@ -92,7 +99,17 @@ class _Mapper:
                 f"{self._name}: dynamic_pressure: found in '{pressure.layout.name}', which holds strains; "
                 "a frame of its own wanted"
             )
+        for table in ("sample_time", "status", "configuration", "end_to_end"):
+            self._check_keys(table, "frame", self._frames_in_use)
+        self._check_keys("units", "signal", self._signals_with_unit)
         return InputLayout(self._name, len(self._names), frames, pressure, cycle_time=self._cycle_time(frames))
+
+    def _check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
+        """Refuse an entry for what is not in use: a word that was meant for something else would go unheard."""
+        unknown = sorted(set(self._table(table, optional=True)) - set(in_use))
+        if unknown:
+            known = ", ".join(sorted(in_use))[:200]
+            raise InputError(f"{self._name}: {table}: {kind} '{unknown[0]}' found, one in use wanted: {known}")
 
     def _strain_frame(self, message_name: str, selector: int | None, items: list[tuple[int, Any]]) -> InputFrame:
         """Return one frame of strains."""
@@ -102,8 +119,8 @@ class _Mapper:
         if len({signal.name for signal in used}) < len(used):
             twice = next(s.name for s in used if [t.name for t in used].count(s.name) > 1)
             raise InputError(f"{self._name}: strain: signal '{message_name}.{twice}' found for two gauges")
-        extra, places = self._extras(message, len(used))
-        layout = self._frame_layout(message, [*used, *extra], selector, used)
+        extra, places = self._extras(message, selector, len(used))
+        layout = self._frame_layout(message, [*used, *extra], selector, used, places)
         return InputFrame(
             layout,
             tuple(range(len(used))),
@@ -124,8 +141,9 @@ class _Mapper:
             raise InputError(f"{self._name}: dynamic_pressure: {', '.join(table)} found, 'signal' wanted")
         message, signal = self._signal(table["signal"], "dynamic_pressure")
         factor = self._factor(message, signal, PRESSURE_UNITS, "a unit of pressure")
-        extra, places = self._extras(message, 1)
-        layout = self._frame_layout(message, [signal, *extra], selector_value(signal, self._name), [])
+        selector = selector_value(signal, self._name)
+        extra, places = self._extras(message, selector, 1)
+        layout = self._frame_layout(message, [signal, *extra], selector, [signal], places)
         return InputFrame(
             layout,
             dynamic_pressure=0,
@@ -137,24 +155,31 @@ class _Mapper:
         )
 
     def _frame_layout(
-        self, message: Any, signals: list[Any], selector: int | None, strains: list[Any]
+        self,
+        message: Any,
+        signals: list[Any],
+        selector: int | None,
+        measured: list[Any],
+        places: Mapping[str, int],
     ) -> FrameLayout:
-        """Return our description of ``message`` with ``signals``."""
+        """Return our description of ``message`` with ``signals``, those ``measured`` with their value names."""
         where = f"{self._name}: frame '{message.name}'"
         allowed = FD_LENGTHS if message.is_fd else FD_LENGTHS[:9]
         if message.length not in allowed:
             raise InputError(f"{where}: {message.length} bytes found, {', '.join(map(str, allowed))} allowed")
         multiplexer = None
         if selector is not None:
-            chosen = next(s for s in signals if s.multiplexer_ids)
-            switch = message.get_signal_by_name(chosen.multiplexer_signal)
+            switch = self._switch(message, signals, where)
             multiplexer = signal_layout(switch), selector
             signals = [*signals, *([] if switch in signals else [switch])]
+        layouts = [signal_layout(signal, with_names=signal in measured) for signal in signals]
+        if (place := places.get("configuration")) is not None:
+            layouts[place] = replace(layouts[place], initial=self._start_value(message, signals[place]))
         layout = FrameLayout(
             message.name if selector is None else f"{message.name}[{selector}]",
             message.frame_id,
             message.length,
-            tuple(signal_layout(signal, with_ends=signal in strains) for signal in signals),
+            tuple(layouts),
             message.is_extended_frame,
             bool(message.is_fd),
             self._protection(message),
@@ -164,6 +189,29 @@ class _Mapper:
         )
         SignalPlan(layout)  # refuses what cannot be decoded
         return layout
+
+    def _switch(self, message: Any, signals: list[Any], where: str) -> Any:
+        """Return the multiplexer of ``signals``."""
+        names = sorted({signal.multiplexer_signal for signal in signals if signal.multiplexer_ids})
+        switch = message.get_signal_by_name(names[0])
+        if len(names) > 1 or switch.multiplexer_ids:
+            found = ", ".join(names if len(names) > 1 else [str(switch.multiplexer_signal), switch.name])
+            raise InputError(f"{where}: multiplexers {found} found, one allowed")
+        return switch
+
+    def _start_value(self, message: Any, signal: Any) -> int:
+        """Return the number that a configuration must be: the signal's start value, or else the file's default."""
+        value = signal.raw_initial
+        if value is None:
+            definition = self._database.dbc.attribute_definitions.get(START_VALUE)
+            value = None if definition is None else definition.default_value
+        largest = (1 << signal.length) - 1
+        if not isinstance(value, int | float) or not 0 <= value <= largest or value != int(value):
+            raise InputError(
+                f"{self._name}: configuration.{message.name}: start value ({START_VALUE}) of '{signal.name}': "
+                f"{'none' if value is None else value} found, a whole number of 0 to {largest} wanted"
+            )
+        return int(value)
 
     def _protection(self, message: Any) -> Protection | None:
         """Return the end-to-end protection that the mapping states, or else the DBC file's attributes."""
@@ -189,8 +237,9 @@ class _Mapper:
             raise InputError(f"{where}: a frame of {message.length} bytes found, CRC and counter need {least}")
         return Protection(profile, data_id)
 
-    def _extras(self, message: Any, first: int) -> tuple[list[Any], dict[str, int]]:
+    def _extras(self, message: Any, selector: int | None, first: int) -> tuple[list[Any], dict[str, int]]:
         """Return the signals of ``message`` that are no strains, and their places from ``first`` on."""
+        self._frames_in_use.add(message.name)
         signals: list[Any] = []
         places: dict[str, int] = {}
         for role in ("sample_time", "status", "configuration"):
@@ -206,6 +255,12 @@ class _Mapper:
                 )
             if signal.is_float or signal.is_signed or (role == "sample_time" and signal.length < 8):
                 raise InputError(f"{self._name}: {role}.{message.name}: unsigned integer of 8 to 64 bits wanted")
+            if signal.multiplexer_ids and selector not in signal.multiplexer_ids:
+                own = "the frame itself" if selector is None else f"multiplexer value {selector}"
+                raise InputError(
+                    f"{self._name}: {role}.{message.name}: '{path}' found, which comes with multiplexer value "
+                    f"{', '.join(map(str, signal.multiplexer_ids))}; a signal of {own} wanted"
+                )
             places[role] = first + len(signals)
             signals.append(signal)
         return signals, places
@@ -223,6 +278,7 @@ class _Mapper:
     def _factor(self, message: Any, signal: Any, units: Mapping[str, float], what: str) -> float:
         """Return the factor to SI of a signal's unit; the mapping's word goes before the DBC file's."""
         path = f"{message.name}.{signal.name}"
+        self._signals_with_unit.add(path)
         unit = self._table("units", optional=True).get(path, signal.unit or "")
         if not isinstance(unit, str) or unit.strip() not in units:
             raise InputError(
@@ -236,17 +292,34 @@ class _Mapper:
         message_name, dot, signal_name = path.partition(".") if isinstance(path, str) else ("", "", "")
         if not dot:
             raise InputError(f"{self._name}: {where}: {path!r} found, 'Message.Signal' wanted")
-        try:
-            message = self._database.get_message_by_name(message_name)
-        except KeyError as error:
-            raise InputError(f"{self._name}: {where}: no frame '{message_name}' in the DBC file") from error
-        try:
-            return message, message.get_signal_by_name(signal_name)
-        except KeyError as error:
+        message = self._message(message_name, where)
+        signals = [signal for signal in message.signals if signal.name == signal_name]
+        if len(signals) > 1:
+            raise InputError(f"{self._name}: {where}: {len(signals)} signals '{path}' in the DBC file, one wanted")
+        if not signals:
             known = ", ".join(signal.name for signal in message.signals)[:200]
             raise InputError(
                 f"{self._name}: {where}: no signal '{signal_name}' in frame '{message_name}': {known or 'none'}"
-            ) from error
+            )
+        return message, signals[0]
+
+    def _message(self, name: str, where: str) -> Any:
+        """Return the one frame of that name; its identifier must be its own, too."""
+        known = self._database.messages
+        found = [message for message in known if message.name == name]
+        if not found:
+            raise InputError(f"{self._name}: {where}: no frame '{name}' in the DBC file")
+        message = found[0]
+        if len(found) > 1:
+            raise InputError(f"{self._name}: {where}: {len(found)} frames '{name}' in the DBC file, one wanted")
+        for other in known:
+            same = (other.frame_id, other.is_extended_frame) == (message.frame_id, message.is_extended_frame)
+            if same and other is not message:
+                raise InputError(
+                    f"{self._name}: {where}: identifier 0x{message.frame_id:X} is that of both '{name}' and "
+                    f"'{other.name}' in the DBC file"
+                )
+        return message
 
     def _gauge(self, gauge: str) -> int:
         if gauge not in self._gauges:
@@ -265,10 +338,10 @@ class _Mapper:
                 raise InputError(
                     f"{self._name}: cycle_time_ms wanted: the DBC file gives the frames of strains no common one"
                 )
-            return float(periods.pop() or 0.0)
-        if isinstance(stated, bool) or not isinstance(stated, int | float) or not 0.0 < stated < 1e6:
-            raise InputError(f"{self._name}: cycle_time_ms: {stated!r} found, a positive number wanted")
-        return float(stated) / 1e3
+            return checked_cycle_time(periods.pop() or 0.0, f"{self._name}: cycle time of the DBC file")
+        if isinstance(stated, bool) or not isinstance(stated, int | float) or not abs(stated) < 1e9:
+            raise InputError(f"{self._name}: cycle_time_ms: {str(stated)[:40]} found, a number of ms wanted")
+        return checked_cycle_time(stated / 1e3, f"{self._name}: cycle_time_ms")
 
     def _table(self, name: str, optional: bool = False) -> Mapping[str, Any]:
         table = self._mapping.get(name, {} if optional else None)

@@ -9,10 +9,10 @@ from math import isfinite
 import numpy as np
 
 from strainfmu.can.cycle_assembler import Arrival
-from strainfmu.can.frame_layout import FLOAT, SIGNED, UNSIGNED, InputFrame, InputLayout
+from strainfmu.can.frame_layout import FLOAT, SIGNED, UNSIGNED, InputFrame, InputLayout, SignalLayout
 from strainfmu.can.guards import Guards
 from strainfmu.can.plausibility import BoolArray
-from strainfmu.can.signal_plan import FloatArray, IntArray, SignalPlan
+from strainfmu.can.signal_plan import FloatArray, IntArray, SignalPlan, unsigned
 
 STATUS_DEGRADED = 1
 """The sender's status: 0 good, 1 degraded, above: do not use."""
@@ -65,12 +65,14 @@ class StrainDecoder:
         self._to_strain = np.array([factor for _, _, factor in by_gauge])
         self._low = np.array([-np.inf if s.minimum is None else s.minimum for s in signals])
         self._high = np.array([np.inf if s.maximum is None else s.maximum for s in signals])
-        ends = [_ends(s.kind, s.length) for s in signals]
-        self._first = np.array([first for first, _ in ends])
-        self._last = np.array([last for _, last in ends])
-        self._has_ends = np.array([s.kind != FLOAT and s.length < 64 for s in signals])
-        self._none = np.array([s.not_available is not None for s in signals])
-        self._not_available = np.array([s.not_available or 0 for s in signals], dtype=np.int64)
+        ends = [converter_ends(signal) for signal in signals]
+        self._has_ends = np.array([end is not None for end in ends])
+        self._first, self._last = np.array([end or (0, 0) for end in ends], dtype=np.int64).T
+        # (m, n_d) codes for "no value"; a gauge with fewer than m of them has its last one again.
+        codes = [signal.no_value_codes for signal in signals]
+        self._none = np.array([bool(own) for own in codes])
+        rows = [[(own or (0,))[min(row, len(own) - 1)] for own in codes] for row in range(max(map(len, codes)))]
+        self._no_value = np.array(rows, dtype=np.int64).reshape(-1, len(signals))
 
     def empty(self) -> DecodedCycle:
         """Return a cycle without frames."""
@@ -85,7 +87,7 @@ class StrainDecoder:
             raws[arrival.slot] = arrival.raw
             place = self._status[arrival.slot]
             if place is not None:
-                status = max(status, int(arrival.raw[place]))
+                status = max(status, unsigned(arrival.raw, place))
         raw = np.concatenate(raws)[self._column]
         value = self._values(raws, raw)
         refused = self._refused(raw, value)
@@ -112,7 +114,7 @@ class StrainDecoder:
         """Return (n_d,) gauges without a value, or outside their signal's limits."""
         refused = np.zeros(self._n_gauges, dtype=bool)
         if self._guards.not_available:
-            refused |= self._none & (raw == self._not_available)
+            refused |= self._none & (raw == self._no_value).any(axis=0)
         if self._guards.range:
             refused |= ~((value >= self._low) & (value <= self._high))
             # Both ends of a converter's range mean that it is overdriven, or its wire is broken.
@@ -127,8 +129,10 @@ def _is_linear(frame: InputFrame) -> bool:
     return whole and all(isfinite(abs(s.scale) * 2.0**s.length + abs(s.offset)) for s in signals)
 
 
-def _ends(kind: str, length: int) -> tuple[int, int]:
-    """Return the first and the last raw number of a signal."""
-    if kind == SIGNED:
-        return -(1 << (length - 1)), (1 << (length - 1)) - 1
-    return (0, (1 << length) - 1) if kind == UNSIGNED and length < 64 else (0, 0)
+def converter_ends(signal: SignalLayout) -> tuple[int, int] | None:
+    """Return the first and the last raw number of an integer; None of a float, or of 64 bits, which none fills."""
+    if signal.kind == FLOAT or signal.length >= 64:
+        return None
+    if signal.kind == SIGNED:
+        return -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
+    return 0, (1 << signal.length) - 1

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from math import isfinite, nan
 
-from strainfmu.can.decoded_cycle import STATUS_DEGRADED
+from strainfmu.can.decoded_cycle import STATUS_DEGRADED, converter_ends
 from strainfmu.can.frame_layout import InputFrame
 from strainfmu.can.guards import Guards
 from strainfmu.can.sample_clock import SampleClock
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.signal_plan import IntArray, SignalPlan
+from strainfmu.can.signal_plan import IntArray, SignalPlan, unsigned
 
 
 class HeldPressure:
@@ -61,6 +61,7 @@ class HeldPressure:
         assert frame is not None
         assert frame.dynamic_pressure is not None
         signal = frame.layout.signals[frame.dynamic_pressure]
+        code = int(raw[frame.dynamic_pressure])
         value = self._plan.value(raw, frame.dynamic_pressure)
         delay = 0.0
         if self._clock is not None and frame.sample_time is not None:
@@ -68,16 +69,14 @@ class HeldPressure:
             if reading.jumped and self._guards.clock_jump:
                 return False  # an old frame played again, or a restart: the next ones will tell
             delay = reading.age if self._guards.age else 0.0
-        bad = not isfinite(value) or (
-            self._guards.not_available
-            and signal.not_available is not None
-            and int(raw[frame.dynamic_pressure]) == signal.not_available
-        )
+        bad = not isfinite(value) or (self._guards.not_available and code in signal.no_value_codes)
         if self._guards.range:
             low = 0.0 if signal.minimum is None else signal.minimum
             bad |= value < low or (signal.maximum is not None and value > signal.maximum)
-        if self._guards.sender_status and frame.status is not None and int(raw[frame.status]) > STATUS_DEGRADED:
-            bad = True
+            # As of strains: a converter at either end is overdriven, or its wire is broken.
+            bad |= code in (converter_ends(signal) or ())
+        if self._guards.sender_status and frame.status is not None:
+            bad |= unsigned(raw, frame.status) > STATUS_DEGRADED
         self._value, self._sampled = (nan, nan) if bad else (value * frame.to_pascal, time - delay)
         return not bad
 

@@ -5,11 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from strainfmu.errors import StrainfmuError
+
 EXTENDED_FLAG = 1 << 31
 """Set in a key for 29 bit identifiers, as in SocketCAN's can_id and in DBC files."""
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Numbers of data bytes that a CAN FD frame can have (ISO 11898-1)."""
+
+_LARGEST_IDENTIFIER = (1 << 29) - 1
+
+
+class MalformedFrame(StrainfmuError, ValueError):
+    """What an interface handed over is no frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,17 +58,31 @@ def from_message(message: Any, time: float) -> Frame:
     """Return python-can's ``message``, received at ``time`` on the local monotonic clock [s].
 
     The message's own time stamp is not used: its epoch differs between interfaces.
+
+    Raises
+    ------
+    MalformedFrame
+        A field is not of its type, or no frame can hold it; python-can does not look at the types of what comes
+        in a datagram.
     """
-    return Frame(
-        message.arbitration_id,
-        bytes(message.data),
-        time,
+    identifier, data = message.arbitration_id, message.data
+    if not isinstance(identifier, int) or not 0 <= identifier <= _LARGEST_IDENTIFIER:
+        raise MalformedFrame(f"identifier {identifier!r} found, 0 to 0x{_LARGEST_IDENTIFIER:X} allowed")
+    if not isinstance(data, bytes | bytearray) or len(data) > FD_LENGTHS[-1]:
+        raise MalformedFrame(
+            f"frame 0x{identifier:X}: {str(data)[:40]} found, up to {FD_LENGTHS[-1]} bytes wanted"
+        )
+    flags = (
         message.is_extended_id,
         message.is_fd,
         message.bitrate_switch,
         message.is_error_frame,
         message.is_remote_frame,
     )
+    for flag in flags:
+        if not isinstance(flag, int):  # a bool is one
+            raise MalformedFrame(f"frame 0x{identifier:X}: flag {str(flag)[:40]} found, true or false wanted")
+    return Frame(int(identifier), bytes(data), time, *map(bool, flags))
 
 
 def to_message(frame: Frame) -> Any:

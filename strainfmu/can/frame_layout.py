@@ -22,7 +22,8 @@ class SignalLayout:
     length : bits, 1 to 64; 16, 32 or 64 of a float.
     kind : UNSIGNED, SIGNED (two's complement) or FLOAT (IEEE 754).
     minimum, maximum : physical values outside are invalid; None for no limit.
-    not_available : raw value that stands for "no value"; a float says it by NaN.
+    not_available : raw value that stands for "no value", and is sent for it; a float says it by NaN.
+    other_no_value : further raw values that stand for "no value".
     initial : raw value that a sender starts with and, of a configuration, must keep.
     """
 
@@ -40,6 +41,12 @@ class SignalLayout:
     initial: int | None = None
     comment: str = ""
     choices: tuple[tuple[int, str], ...] = ()
+    other_no_value: tuple[int, ...] = ()
+
+    @property
+    def no_value_codes(self) -> tuple[int, ...]:
+        """All raw values that stand for "no value"."""
+        return (*(() if self.not_available is None else (self.not_available,)), *self.other_no_value)
 
     @property
     def bits(self) -> tuple[int, ...]:

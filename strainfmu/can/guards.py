@@ -22,6 +22,7 @@ class Guards:
     completeness : gauges of missing frames are left out, not held.
     silence : a status goes out when nothing comes in.
     age : strains older than allowed are not used.
+    pace : after a pause cycles without a sample time must come at a sender's pace.
     clock_jump : a jump of the sender's clock starts everything anew.
     frozen : cycles that repeat themselves grow old.
     stuck : a single gauge that does not change is left out.
@@ -46,6 +47,7 @@ class Guards:
     completeness: bool = True
     silence: bool = True
     age: bool = True
+    pace: bool = True
     clock_jump: bool = True
     frozen: bool = True
     stuck: bool = True

@@ -11,6 +11,9 @@ from strainfmu.can.signal_plan import FloatArray, IntArray
 
 BoolArray = NDArray[np.bool_]
 
+_ROUND_OFF = 1e-15
+"""Largest |strain| [m/m] that scale and offset may leave of exactly zero."""
+
 _PACE = 3.0
 """Changes of one cycle that a strain may fall to exactly zero by."""
 
@@ -60,7 +63,7 @@ class GaugeChecks:
         if guards.rate:
             bad |= np.abs(strain - self._last_strain) > settings.rate_limit  # false against NaN
         bad |= self._stuck(raw, present, now)
-        bad |= self._dropped_to_zero(raw, present)
+        bad |= self._dropped_to_zero(strain, raw, present)
         good = present & ~bad
         self._good += good
         self._good[present & bad] = 0
@@ -100,14 +103,17 @@ class GaugeChecks:
             return np.zeros_like(present)
         return same & (self._unchanged(now) >= self._longest_unchanged)
 
-    def _dropped_to_zero(self, raw: IntArray, present: BoolArray) -> BoolArray:
-        """Find gauges at exactly zero, which amplifiers send on an error (HBK QuantumX: default for integers)."""
-        zero = present & (raw == 0)
+    def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
+        """Find gauges at exactly zero, which amplifiers send on an error (HBK QuantumX: default for integers).
+
+        With an offset that is another number than the strain zero; both are taken for it.
+        """
+        zero = present & ((raw == 0) | (np.abs(strain) <= _ROUND_OFF))
         self._zeros += zero
         self._zeros[present & ~zero] = 0
         if not (self._guards.zero and self._settings.zero_cycles and zero.any()):
             return np.zeros_like(present)
         # A strain that moves through zero may well meet it: only a fall out of its own pace is one at once.
         usual = self._settings.zero_jump + _PACE * self._pace
-        fell = np.abs(self._last_good) > usual
+        fell = np.abs(strain - self._last_good) > usual
         return zero & (fell | (self._zeros >= self._settings.zero_cycles))

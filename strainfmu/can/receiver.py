@@ -12,7 +12,7 @@ from typing import Any
 from strainfmu.can.acceptance import Acceptance
 from strainfmu.can.bus import import_can
 from strainfmu.can.clock import Clock
-from strainfmu.can.frame import Frame, from_message
+from strainfmu.can.frame import Frame, MalformedFrame, from_message
 from strainfmu.can.frame_account import FrameAccount, FrameClass
 
 RECEIVE_TIMEOUT = 0.1
@@ -118,14 +118,17 @@ class Receiver:
     def _run(self) -> None:
         while not self._stop.is_set():
             messages: list[Any] = []
+            failures: list[Exception] = []
             try:
                 self._receive(messages)
             except Exception as error:  # whatever a backend raises, the bridge must know of it
-                self._take(messages)
-                if self._is_broken(error):
-                    return
-            else:
-                self._take(messages)
+                failures.append(error)
+            try:
+                failures += self._take(messages)
+            except Exception as error:  # a thread that ended unseen would be silence for ever
+                failures.append(error)
+            if any(self._is_broken(failure) for failure in failures):
+                return
 
     def _receive(self, messages: list[Any]) -> None:
         """Wait for a message, and put it and what waits behind it into ``messages``."""
@@ -137,17 +140,27 @@ class Receiver:
             messages.append(message)
             message = self._bus.recv(0.0) if len(messages) < AT_ONCE else None
 
-    def _take(self, messages: Sequence[Any]) -> None:
-        """Queue the frames that are not refused here, all at once: to wake the stepping thread costs most."""
+    def _take(self, messages: Sequence[Any]) -> list[MalformedFrame]:
+        """Queue the frames that are not refused here, all at once: to wake the stepping thread costs most.
+
+        Messages that are no frames are passed over, and returned.
+        """
+        frames: list[Frame] = []
+        malformed: list[MalformedFrame] = []
         if not messages:
-            return
+            return malformed
         with self._queue.lock:
-            frames = [from_message(message, self._clock()) for message in messages]
+            for message in messages:
+                try:
+                    frames.append(from_message(message, self._clock()))
+                except MalformedFrame as error:
+                    malformed.append(error)
             dropped = self._queue.put([frame for frame in frames if self._is_let_in(frame)])
             if dropped:
                 # The core never sees them: so they are received, and settled, here.
                 self.account.received += dropped
                 self.account.settle(FrameClass.OVERRUN, frames[-1].time, dropped)
+        return malformed
 
     def _is_let_in(self, frame: Frame) -> bool:
         """Tell of a frame; refuse it here, or tell that it is to be queued."""
@@ -171,7 +184,8 @@ class Receiver:
         self._failure_times.append(now)
         full = len(self._failure_times) == ERRORS_PER_SECOND
         too_many = full and now - self._failure_times[0] < 1.0
-        if not too_many and isinstance(error, import_can().CanError) and self._is_open():
+        passed_over = isinstance(error, MalformedFrame | import_can().CanError)
+        if not too_many and passed_over and self._is_open():
             return False
         self._queue.put([BusFault(self.last_failure, now)])
         return True

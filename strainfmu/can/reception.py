@@ -18,7 +18,7 @@ from strainfmu.can.guards import Guards
 from strainfmu.can.plausibility import BoolArray
 from strainfmu.can.quality import Cause
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.signal_plan import IntArray, SignalPlan
+from strainfmu.can.signal_plan import IntArray, SignalPlan, unsigned
 
 _CLASS_OF_STATUS = {
     E2EStatus.ERROR: FrameClass.CORRUPT,
@@ -103,7 +103,7 @@ class Reception:
         covered = b"".join(arrivals[place].frame.data for place in range(self.n_strain))
         status = check.check(arrival.frame.data, covered)
         self._machines[slot].add(status)
-        said = 0 if trailer.status is None else int(arrival.raw[trailer.status])
+        said = 0 if trailer.status is None else unsigned(arrival.raw, trailer.status)
         if status not in USABLE:
             kind = FrameClass.UNVERIFIED if status is E2EStatus.ERROR else _CLASS_OF_STATUS[status]
             return TrailerVerdict(kind, Cause.CYCLE_CRC, said)
@@ -149,7 +149,7 @@ class Reception:
         item = self._layout.frames[slot]
         if item.configuration is None or not self._guards.configuration:
             return False
-        return bool(raw[item.configuration] != item.layout.signals[item.configuration].initial)
+        return unsigned(raw, item.configuration) != item.layout.signals[item.configuration].initial
 
 
 def _selector(frame: InputFrame) -> tuple[SignalPlan, int] | None:

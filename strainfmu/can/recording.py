@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import struct
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from strainfmu.can.bus import import_can
 from strainfmu.can.frame import Frame, to_message
@@ -152,8 +154,15 @@ class Recorder:
     def _drain(self) -> None:
         for _ in range(len(self._waiting)):
             frame, is_received = self._waiting.popleft()
-            self._log.write(frame, is_received)
-            self.recorded += 1
+            try:
+                self._log.write(frame, is_received)
+            except (struct.error, ValueError, TypeError, OverflowError):
+                # One frame that the format cannot hold, unless it is the file; a disk that fails raises OSError.
+                if self._log.is_closed:
+                    raise
+                self.lost += 1
+            else:
+                self.recorded += 1
         self._log.flush()
 
     def _write_sidecar(self) -> None:
@@ -187,6 +196,10 @@ class _LogFile:
         message = to_message(frame)
         message.timestamp, message.is_rx = frame.time, is_received
         self._writer.on_message_received(message)
+
+    @property
+    def is_closed(self) -> bool:
+        return bool(self._file.closed)
 
     def flush(self) -> None:
         """Bring everything to the operating system, which keeps it whatever becomes of this process.
@@ -252,9 +265,40 @@ def load_description(path: Path) -> dict[str, Any] | None:
         found = json.loads(beside.read_text())
         if found.get("version") != _SIDECAR_VERSION:
             raise InputError(f"{beside}: version {found.get('version')} found, {_SIDECAR_VERSION} wanted")
-        return {**found, "options": _options(found["options"]), "start": float(found["start"])}
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{beside}: damaged: {error}") from error
+        return {**found, **_run(found), "options": _options(found["options"])}
+    except KeyError as error:
+        raise InputError(f"{beside}: damaged: no entry {error}") from error
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise InputError(f"{beside}: damaged: {' '.join(str(error).split())[:200]}") from error
+
+
+def _run(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a description says of the run itself, times in s; raise if an entry is of another kind."""
+    run: dict[str, Any] = {name: _checked(name, found[name], str) for name in ("fmu", "fmu_sha256")}
+    run |= {name: _checked(name, found[name], float) for name in ("start", "log_start")}
+    run["end"] = _checked("end", found.get("end"), float | None)
+    run["lost"] = _checked("lost", found.get("lost", 0), int)
+    for name in ("skips", "unanswered"):
+        run[name] = [(_checked(name, a, float), _checked(name, b, float)) for a, b in found.get(name, ())]
+    return run
+
+
+def _checked(name: str, value: Any, kind: Any) -> Any:
+    """Return ``value`` if it is of ``kind``, a type or a union; a whole number is a float too.
+
+    Raises
+    ------
+    ValueError
+        It is of another kind, or no finite number.
+    """
+    kinds = get_args(kind) or (kind,)
+    if type(value) is int and float in kinds:
+        value = float(value)
+    is_bool = isinstance(value, bool) and bool not in kinds
+    if is_bool or not isinstance(value, kinds) or (isinstance(value, float) and not isfinite(value)):
+        wanted = " or ".join("null" if one is type(None) else one.__name__ for one in kinds)
+        raise ValueError(f"entry '{name}': {str(value)[:40]!r} found, {wanted} wanted")
+    return value
 
 
 def _plain_options(options: BridgeOptions) -> dict[str, Any]:
@@ -266,12 +310,24 @@ def _plain_options(options: BridgeOptions) -> dict[str, Any]:
 
 
 def _options(held: Mapping[str, Any]) -> BridgeOptions:
-    known = {entry.name for entry in fields(BridgeOptions)}
-    options = BridgeOptions(**{name: value for name, value in held.items() if name in known})
-    return replace(
-        options,
-        bus_options=tuple(held["bus_options"]),
-        identifiers=Identifiers(**held["identifiers"]),
-        dbc=None if held["dbc"] is None else Path(held["dbc"]),
-        mapping=None if held["mapping"] is None else Path(held["mapping"]),
-    )
+    """Return the options that :func:`_plain_options` gave; raise if one is missing or of another kind."""
+    numbers = _checked("identifiers", held["identifiers"], dict)
+    texts = _checked("bus_options", held["bus_options"], list)
+    options: dict[str, Any] = {
+        "identifiers": Identifiers(
+            **{name: _checked(name, numbers[name], kind) for name, kind in _kinds(Identifiers)}
+        ),
+        "bus_options": tuple(_checked("bus_options", text, str) for text in texts),
+    }
+    for name in ("dbc", "mapping"):
+        text = _checked(name, held[name], str | None)
+        options[name] = None if text is None else Path(text)
+    for name, kind in _kinds(BridgeOptions):
+        if name not in options and name in held:
+            options[name] = _checked(name, held[name], kind)
+    return BridgeOptions(**options)
+
+
+def _kinds(record: type) -> list[tuple[str, Any]]:
+    """Return the names and types of a dataclass's entries."""
+    return list(get_type_hints(record).items())

@@ -7,6 +7,22 @@ from dataclasses import dataclass, field
 from strainfmu.can.e2e_state_machine import StateMachineSettings
 from strainfmu.errors import InputError
 
+SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0
+"""Nominal periods of an input [s]: no bus carries shorter ones; of longer ones a status is no use."""
+
+
+def checked_cycle_time(cycle_time: float, where: str) -> float:
+    """Return ``cycle_time`` [s].
+
+    Raises
+    ------
+    InputError
+        It is not within SHORTEST_CYCLE and LONGEST_CYCLE; ``where`` says whose it is.
+    """
+    if not SHORTEST_CYCLE <= cycle_time <= LONGEST_CYCLE:
+        raise InputError(f"{where}: {1e3 * cycle_time:g} ms found, 0.1 to 10,000 ms allowed")
+    return cycle_time
+
 
 @dataclass(frozen=True)
 class BridgeSettings:
@@ -58,6 +74,8 @@ class BridgeSettings:
         for name in ("deadline", "max_age", "pressure_max_age", "timeout", "rate_limit", "sensor_range"):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise InputError(f"{name}: {getattr(self, name):g} found, a positive number wanted")
+        if self.stuck_cycles < 0:
+            raise InputError(f"stuck_cycles: {self.stuck_cycles} found, 0 for never or a positive number wanted")
         if self.deadline >= 1.0:
             raise InputError(f"deadline: {self.deadline:g} cycles found, less than 1 wanted")
 

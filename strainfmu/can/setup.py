@@ -16,7 +16,7 @@ from strainfmu.can.frame_layout import FrameLayout, InputLayout
 from strainfmu.can.profiles import Identifiers, configuration_of, profile_layout
 from strainfmu.can.result import CycleResult, Step
 from strainfmu.can.result_frames import result_layouts
-from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.settings import BridgeSettings, checked_cycle_time
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 
@@ -118,8 +118,7 @@ def make_core(
     InputError
         An option or a file is wrong.
     """
-    if not 0.0 < options.cycle_time <= 10.0:
-        raise InputError(f"cycle time: {1e3 * options.cycle_time:g} ms found, more than 0 to 10,000 ms allowed")
+    checked_cycle_time(options.cycle_time, "cycle time")
     settings = BridgeSettings(max_age=options.max_age, stuck_cycles=options.stuck_cycles)
     layout, configuration = input_layout(options, gauge_names)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
@@ -161,8 +160,7 @@ def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, ident
     """
     from strainfmu.can.dbc_writer import dbc_text
 
-    if not 0.0 < cycle_time <= 10.0:
-        raise InputError(f"cycle time: {1e3 * cycle_time:g} ms found, more than 0 to 10,000 ms allowed")
+    checked_cycle_time(cycle_time, "cycle time")
     layouts = all_layouts(profile, map_gauge_names(source), cycle_time, identifiers)
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))

@@ -156,6 +156,11 @@ class _Encoder:
         return signal.not_available
 
 
+def unsigned(raw: IntArray, place: int) -> int:
+    """Return the raw number of an unsigned signal; of 64 bits too, which :meth:`SignalPlan.raw` gives as int64."""
+    return int(raw[place]) % (1 << _WIDTH)
+
+
 def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
     """Return how ``signal`` goes into a frame of ``n_bytes``."""
     lowest = signal.bits[0]

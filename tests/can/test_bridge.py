@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import can
 import numpy as np
@@ -177,11 +176,13 @@ def test_a_malformed_datagram_is_counted_and_passed_over(multicast: Running) -> 
     multicast.send_until(Quality.VALID)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as raw:
         raw.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-        for data in (b"", b"\xc1", b"no frame", b"\x81\xa3abc\x01", os.urandom(500)):
+        # The last passes python-can's check, which takes the types for right.
+        float_identifier = b"\x82\xaearbitration_id" + b"\xcb" + struct.pack(">d", 5.5) + b"\xa4data\xc4\x00"
+        for data in (b"", b"\xc1", b"no frame", b"\x81\xa3abc\x01", os.urandom(500), float_identifier):
             raw.sendto(data, (GROUP, multicast.port))
     multicast.send_until(Quality.VALID)
     summary = multicast.end()
-    assert summary.malformed == 5
+    assert summary.malformed == 6
     assert summary.reconnects == 0
     # Own frames come back on this bus, and are known by their identifiers.
     assert summary.account.classes[FrameClass.OWN] == summary.sent
@@ -376,65 +377,3 @@ def test_frames_survive_the_way_through_python_can() -> None:
     frame = Frame(0x1ABCDEF0, bytes(range(12)), 3.5, True, True, True)
     assert from_message(to_message(frame), 3.5) == frame
     assert replace(frame, is_extended=False).key != frame.key
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path) -> None:
-    from synthetic_vehicle import synthetic_inverse_map
-
-    from strainfmu.fmu.export import export_estimator
-    from strainfmu.inverse_map import save_inverse_map
-
-    save_inverse_map(synthetic_inverse_map(), tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu")
-    command = [sys.executable, "-c", "from strainfmu.cli import main; main()", "bridge", str(tmp_path / "e.fmu")]
-    command += ["--interface", "virtual", "--channel", "x", "--profile", "classic-be", "--dynamic-pressure", "1e5"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
-        assert bridge.stdout is not None
-        assert "6 gauges, classic-be" in bridge.stdout.readline()
-        time.sleep(0.5)
-        bridge.send_signal(number)
-        printed, errors = bridge.communicate(timeout=20)
-    assert bridge.returncode == 0, errors
-    assert errors == ""
-    assert "results NO_DATA" in printed
-    assert "frames: not accounted for" in printed
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["bridge", "nowhere.fmu", "--interface", "virtual", "--channel", "x"], "nowhere.fmu: no such FMU"),
-        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
-        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "'z' found"),
-        (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
-    ],
-)
-def test_wrong_arguments_are_one_line_and_exit_code_2(
-    run: Callable[..., tuple[int, str, str]], arguments: list[str], text: str
-) -> None:
-    code, _, errors = run(*arguments)
-    assert code == 2
-    assert text in errors
-    assert errors.count("\n") == 1
-
-
-def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    import cantools
-    from synthetic_vehicle import synthetic_inverse_map
-
-    from strainfmu.inverse_map import save_inverse_map
-
-    save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
-    code, printed, _ = run(
-        "dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc", "--extended", "--id-base", "0x18FF0000"
-    )
-    assert (code, printed) == (0, f"{tmp_path / 'x.dbc'}: written, 5 frames\n")
-    database = cantools.database.load_file(tmp_path / "x.dbc")
-    assert database.get_message_by_name("Strain2").frame_id == 0x18FF0002
-    code, _, errors = run("dbc", tmp_path / "map.h5", "--profile", "fd65")
-    assert code == 2
-    assert "'fd65' found, one of fd64, classic-le, classic-be, float2 wanted" in errors
-    code, _, errors = run("dbc", tmp_path / "map.h5", "--result-base", "0x301")
-    assert code == 2
-    assert "result identifiers: 0x301" in errors

@@ -11,9 +11,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from can_case import N_GAUGES, Campaign, Projection, layout_of, run_campaign
+from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, run_campaign
 
 from strainfmu.can.fault_injection import Fault, FaultKind, random_faults
+from strainfmu.can.frame import Frame
 from strainfmu.can.frame_account import FrameClass
 from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.profiles import PROFILES
@@ -142,6 +143,7 @@ SCENARIOS: dict[str, tuple[Callable[[Guards], Campaign], Callable[[Campaign], bo
     "completeness": (of_kind(FaultKind.LOSS), has_false_valid),
     "silence": (of_kind(FaultKind.SILENCE), lambda run: run.qualities[Quality.STALE] == 0),
     "age": (of_kind(FaultKind.DELAY, cycles=30), has_false_valid),
+    "pace": (lambda guards: held_back(guards), has_false_valid),
     "clock_jump": (
         of_kind(FaultKind.CLOCK_JUMP),
         lambda run: not any(result.causes & Cause.CLOCK_JUMP for result in run.results),
@@ -184,6 +186,32 @@ def value_inside_the_range(guards: Guards) -> Campaign:
         for frame in layout.strain_frames
     )
     return run_campaign(replace(layout, strain_frames=frames), [Fault(FaultKind.NO_VALUE, 40, 12, 1)], 80, guards)
+
+
+def held_back(guards: Guards) -> Campaign:
+    """Frames without a sample time that a gateway keeps for half a second, then sends one behind the other."""
+    timed = layout_of("fd64")
+    frames = tuple(replace(frame, sample_time=None) for frame in timed.strain_frames)
+    kept: list[Frame] = []
+
+    def gateway(number: int, frames: list[Frame]) -> list[Frame]:
+        kept.extend(frames)
+        if 60 <= number < 110:
+            return []
+        sent = [replace(frame, time=number * CYCLE + 20e-6 * place) for place, frame in enumerate(kept)]
+        kept.clear()
+        return sent
+
+    return run_campaign(replace(timed, strain_frames=frames), [], 160, guards, change=gateway)
+
+
+def test_held_back_cycles_are_stale_and_live_ones_are_believed_at_once() -> None:
+    run = held_back(ALL_GUARDS)
+    at_once = [result.quality for result in run.results if result.arrival and 1.1 <= result.arrival < 1.105]
+    assert Quality.STALE in at_once
+    assert not any(quality.has_coefficients for quality in at_once)
+    # The first live cycle still comes close behind the others.
+    assert [r.quality for r in run.results if r.arrival and r.arrival > 1.115] == [Quality.VALID] * 48
 
 
 @pytest.mark.parametrize("guard", [field.name for field in fields(Guards)])

@@ -252,7 +252,7 @@ def change(path: str, value: object) -> Callable[[], dict]:
         (change("strian/x", "y"), "entry 'strian' found"),
         (change("strain", {}), r"table \[strain\] wanted"),
         (change("units/Amp1.ch1", "furlong"), "unit 'furlong' found"),
-        (change("cycle_time_ms", -1), "cycle_time_ms: -1 found"),
+        (change("cycle_time_ms", -1), "cycle_time_ms: -1 ms found"),
         (change("end_to_end/Amp1", {"profile": 4, "data_id": 1}), "profile 4 found, 1 or 5 allowed"),
         (change("end_to_end/Amp1", {"profile": 5, "data_id": 70000}), "data_id 70000 found"),
         (change("sample_time/Amp1", "Amp1.ch3"), r"none for 'Amp2' found|unit 'um/m' found, a unit of time"),

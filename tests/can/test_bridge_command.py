@@ -1,0 +1,75 @@
+"""The commands bridge and dbc: wrong arguments, a signal, a file."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path) -> None:
+    from synthetic_vehicle import synthetic_inverse_map
+
+    from strainfmu.fmu.export import export_estimator
+    from strainfmu.inverse_map import save_inverse_map
+
+    save_inverse_map(synthetic_inverse_map(), tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu")
+    command = [sys.executable, "-c", "from strainfmu.cli import main; main()", "bridge", str(tmp_path / "e.fmu")]
+    command += ["--interface", "virtual", "--channel", "x", "--profile", "classic-be", "--dynamic-pressure", "1e5"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
+        assert bridge.stdout is not None
+        assert "6 gauges, classic-be" in bridge.stdout.readline()
+        time.sleep(0.5)
+        bridge.send_signal(number)
+        printed, errors = bridge.communicate(timeout=20)
+    assert bridge.returncode == 0, errors
+    assert errors == ""
+    assert "results NO_DATA" in printed
+    assert "frames: not accounted for" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["bridge", "nowhere.fmu", "--interface", "virtual", "--channel", "x"], "nowhere.fmu: no such FMU"),
+        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
+        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "'z' found"),
+        (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
+        (["dbc", "x.h5", "--cycle-time", "0.09"], "0.09 ms found, 0.1 to 10,000 ms allowed"),
+    ],
+)
+def test_wrong_arguments_are_one_line_and_exit_code_2(
+    run: Callable[..., tuple[int, str, str]], arguments: list[str], text: str
+) -> None:
+    code, _, errors = run(*arguments)
+    assert code == 2
+    assert text in errors
+    assert errors.count("\n") == 1
+
+
+def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    import cantools
+    from synthetic_vehicle import synthetic_inverse_map
+
+    from strainfmu.inverse_map import save_inverse_map
+
+    save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
+    code, printed, _ = run(
+        "dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc", "--extended", "--id-base", "0x18FF0000"
+    )
+    assert (code, printed) == (0, f"{tmp_path / 'x.dbc'}: written, 5 frames\n")
+    database = cantools.database.load_file(tmp_path / "x.dbc")
+    assert database.get_message_by_name("Strain2").frame_id == 0x18FF0002
+    code, _, errors = run("dbc", tmp_path / "map.h5", "--profile", "fd65")
+    assert code == 2
+    assert "'fd65' found, one of fd64, classic-le, classic-be, float2 wanted" in errors
+    code, _, errors = run("dbc", tmp_path / "map.h5", "--result-base", "0x301")
+    assert code == 2
+    assert "result identifiers: 0x301" in errors
