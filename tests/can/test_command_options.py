@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.commands import app
 from strainfmu.commands.bus_options import check_bus_options, cycle_time_of, known_bus_options
 from strainfmu.errors import InputError
+
+Run = Callable[..., tuple[int, str, str]]
 
 WRONG = {
     ("--stuck-cycles", "-5"): "--stuck-cycles: -5 found, 0 for never or a positive number wanted",
@@ -27,14 +30,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=" ".join)
-def test_wrong_options_of_the_bridge_get_one_line(run, wrong: tuple[str, str]) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_options_of_the_bridge_get_one_line(run: Run, wrong: tuple[str, str]) -> None:
     code, _, errors = run("bridge", "none.fmu", "--interface", "virtual", "--channel", "x", *wrong)
     assert code == 2
     assert WRONG[wrong] in errors
     assert errors.count("\n") == 1
 
 
-def test_the_other_commands_hold_the_same_limits(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_other_commands_hold_the_same_limits(run: Run, tmp_path: Path) -> None:
     bus = ("--interface", "virtual", "--channel", "x", "--data", "none.csv")
     commands: tuple[tuple[str, ...], ...] = (
         ("dbc", "none.h5", "-o", str(tmp_path / "x.dbc")),
@@ -72,11 +75,11 @@ def test_options_that_an_interface_reads_are_allowed() -> None:
     assert known_bus_options("of_somebody_else") is None
 
 
-def test_no_help_loses_what_is_in_brackets(run, monkeypatch: pytest.MonkeyPatch) -> None:  # type: ignore[no-untyped-def]
+def test_no_help_loses_what_is_in_brackets(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Markup takes [um/m] for a tag. Every bracket of every help text is held against what is shown."""
     monkeypatch.setenv("COLUMNS", "400")
     seen = 0
-    for name, command in get_command(app).commands.items():  # type: ignore[attr-defined]
+    for name, command in get_command(app).commands.items():
         texts = [command.help or "", *(getattr(entry, "help", None) or "" for entry in command.params)]
         wanted = [found for text in texts for found in re.findall(r"\[[^\[\]\n]+\]", text)]
         seen += len(wanted)

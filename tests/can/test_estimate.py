@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -18,12 +19,15 @@ from strainfmu.estimation.strain_files import BLOCK_ROWS, open_strains
 from strainfmu.estimator import Estimator
 from strainfmu.inverse_map import COEFFICIENT_NAMES
 
+Run = Callable[..., tuple[int, str, str]]
+Truth = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
 N = 2 * BLOCK_ROWS + 17
 
 
 @pytest.fixture(scope="module")
-def truth() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def truth() -> Truth:
     """Return time (n,) [s], strains (n, n_d) [m/m], q_inf (n,) [Pa], and coefficients (n, 5) by the estimator."""
     samples = flight(N)
     strain = np.array([sample.strain for sample in samples])
@@ -51,7 +55,7 @@ def coefficients(path: Path) -> np.ndarray:
         return np.column_stack([file[name][()] for name in COEFFICIENT_NAMES])
 
 
-def test_csv_and_hdf5_give_the_estimators_numbers(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_csv_and_hdf5_give_the_estimators_numbers(truth: Truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     time, strain, pressure, expected = truth
     data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
     seen: list[tuple[int, int]] = []
@@ -71,7 +75,7 @@ def test_csv_and_hdf5_give_the_estimators_numbers(truth, synthetic: SyntheticFil
     np.testing.assert_allclose(found["time [s]"], time, rtol=1e-12, atol=1e-15)
 
 
-def test_fmu_and_map_agree(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_fmu_and_map_agree(truth: Truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     time, strain, pressure, expected = (part[:200] for part in truth)
     headings = ["Time", *(f"plant.strain[{i}] [um/m]" for i in range(1, N_GAUGES + 1)), "q.dynamic_pressure [hPa]"]
     data = write_csv(tmp_path / "d.csv", headings, time, 1e6 * strain, 1e-2 * pressure)
@@ -79,7 +83,7 @@ def test_fmu_and_map_agree(truth, synthetic: SyntheticFiles, tmp_path: Path) -> 
     np.testing.assert_allclose(coefficients(tmp_path / "o.h5"), expected, rtol=1e-9, atol=1e-12)
 
 
-def test_mf4_and_tdms(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_mf4_and_tdms(truth: Truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     asammdf, nptdms = pytest.importorskip("asammdf"), pytest.importorskip("nptdms")
     time, strain, pressure, expected = (part[:300] for part in truth)
     columns = {**dict(zip(NAMES, 1e6 * strain.T, strict=True)), "dynamic_pressure": pressure}
@@ -97,7 +101,9 @@ def test_mf4_and_tdms(truth, synthetic: SyntheticFiles, tmp_path: Path) -> None:
         np.testing.assert_allclose(coefficients(tmp_path / f"{kind}.h5"), expected, rtol=1e-9, atol=1e-12)
 
 
-def test_missing_strains_are_left_out_and_counted(truth, synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+def test_missing_strains_are_left_out_and_counted(
+    truth: Truth, synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
     time, strain, pressure, _ = (part[:20].copy() for part in truth)
     strain[3, 2] = np.nan
     pressure[5] = np.nan
@@ -203,7 +209,7 @@ def test_units_behind_an_index() -> None:
     assert plan.pressure_factor == pytest.approx(6894.757, rel=1e-6)  # 1 psi
 
 
-def test_a_failure_leaves_the_old_output(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+def test_a_failure_leaves_the_old_output(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     out = tmp_path / "o.csv"
     out.write_text("old")
     rows = "".join(
@@ -221,7 +227,7 @@ def test_a_failure_leaves_the_old_output(synthetic: SyntheticFiles, tmp_path: Pa
     assert "'.xls' found, one of .csv, .h5, .hdf5 wanted" in errors
 
 
-def test_nothing_is_written_of_a_file_without_samples(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+def test_nothing_is_written_of_a_file_without_samples(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     data = tmp_path / "d.csv"
     data.write_text(",".join(["time", *NAMES, "dynamic_pressure"]) + "\n")
     code, _, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.h5")

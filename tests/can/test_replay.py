@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -19,6 +20,8 @@ from strainfmu.can.replay import ReplaySummary, replay_log
 from strainfmu.can.result import CycleResult
 from strainfmu.can.setup import BridgeOptions
 from strainfmu.errors import InputError
+
+Run = Callable[..., tuple[int, str, str]]
 
 FAULTS = (
     Fault(FaultKind.LOSS, 15, 4, 1),
@@ -87,8 +90,8 @@ def test_replay_of_a_classic_profile(synthetic: SyntheticFiles, tmp_path: Path) 
 
 
 def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(
-    synthetic: SyntheticFiles, tmp_path: Path, run
-) -> None:  # type: ignore[no-untyped-def]
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
     log = tmp_path / "run.blf"
     live = live_run(synthetic.estimator_1, "replay_foreign", 40, record=log)
     sidecar(log).unlink()
@@ -109,7 +112,7 @@ def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(
     assert compared > 20
 
 
-def test_estimate_takes_a_log_and_a_map(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+def test_estimate_takes_a_log_and_a_map(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     """The map in numpy and the native FMU of it agree to round-off, 1e-9 of sigma and more."""
     log = tmp_path / "run.asc"
     live = live_run(synthetic.estimator_1, "replay_map", 30, record=log)
@@ -126,7 +129,7 @@ def test_estimate_takes_a_log_and_a_map(synthetic: SyntheticFiles, tmp_path: Pat
     np.testing.assert_allclose(found[both], expected[both], rtol=1e-9)
 
 
-def test_bad_logs_get_one_line(synthetic: SyntheticFiles, tmp_path: Path, run) -> None:  # type: ignore[no-untyped-def]
+def test_bad_logs_get_one_line(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     (tmp_path / "x.blf").write_bytes(b"this is no log at all" * 20)
     (tmp_path / "x.db").write_bytes(b"")
     for name, line in (("x.blf", "damaged"), ("x.db", "loses rows"), ("none.log", "no such file")):

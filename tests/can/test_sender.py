@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -24,6 +25,8 @@ from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_sa
 from strainfmu.cosim.master import simulate
 from strainfmu.cosim.system import System
 from strainfmu.errors import InputError, StrainfmuError
+
+Run = Callable[..., tuple[int, str, str]]
 
 CYCLE = 0.01
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
@@ -192,12 +195,12 @@ def test_score_by_hand() -> None:
     assert score.qualities == {"VALID": 2, "DEGRADED": 1}
 
 
-def test_send_needs_exactly_one_source(run, synthetic: SyntheticFiles) -> None:  # type: ignore[no-untyped-def]
+def test_send_needs_exactly_one_source(run: Run, synthetic: SyntheticFiles) -> None:
     code, _, errors = run("send", synthetic.map_1, "--interface", "virtual", "--channel", "s1")
     assert (code, errors) == (2, "strainfmu: --plant, --scenario, --data: one of them wanted\n")
 
 
-def test_send_over_a_virtual_bus(run, synthetic: SyntheticFiles) -> None:  # type: ignore[no-untyped-def]
+def test_send_over_a_virtual_bus(run: Run, synthetic: SyntheticFiles) -> None:
     ears = open_bus(BusSettings("virtual", "s2"))
     code, out, errors = run(
         *("send", synthetic.map_1, "--plant", synthetic.plant, "--interface", "virtual", "--channel", "s2"),
