@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from strainfmu.cli import main
+from strainfmu.cli.main import main
 
 # Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -49,7 +49,7 @@ def _demo(folder: Path, *arguments: str) -> str:
     command = [
         sys.executable,
         "-c",
-        "from strainfmu.cli import main; main()",
+        "from strainfmu.cli.main import main; main()",
         "demo",
         "-o",
         str(folder),

@@ -17,10 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from builder.aero.surface_mesh import SurfaceMesh
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 LEAST_FIT = 0.5
 """Cosine between normals below which a triangle is another side of the body (60 deg)."""

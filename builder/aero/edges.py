@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 SAME_PLACE = 1e-7
 """Nodes closer than this share of the surface's extent are one: coordinates in single precision."""

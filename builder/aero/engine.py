@@ -12,13 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
-FloatArray = NDArray[np.float64]
 ENGINE_NAMES = ("euler", "newtonian", "table")
 """Names at the user's edge; :data:`builder.aero.engines.ENGINES` makes them."""
 

@@ -11,8 +11,8 @@ from strainfmu.errors import InputError
 if TYPE_CHECKING:
     from builder.aero.engine import Engine
     from builder.aero.euler.marching_grid import MarchingGrid
-    from builder.geometry import SurfaceGrid
-    from builder.vehicle import Resolution, Vehicle
+    from builder.vehicle.file import Resolution, Vehicle
+    from builder.vehicle.geometry import SurfaceGrid
 
 Note = Callable[[str], None]
 
@@ -33,7 +33,7 @@ class EngineKind:
 
 def own_surface(vehicle: Vehicle, resolution: Resolution) -> SurfaceGrid:
     """Return the pressure nodes on the body of the vehicle file."""
-    from builder.geometry import surface_grid
+    from builder.vehicle.geometry import surface_grid
 
     return surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
 

@@ -8,18 +8,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.flight_conditions import flow_key
-from builder.geometry import BodyOfRevolution, SurfaceGrid
+from builder.vehicle.flight_conditions import flow_key
+from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 METHOD_VERSION = 3
 """Raised whenever the solver's results change, so that stored flows of an older one are solved again."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import SurfaceGrid
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 # Gauss-Legendre on 0..1: exact for the cubic integrands of linear pressure on a linear meridian.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)

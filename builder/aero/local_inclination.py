@@ -25,13 +25,11 @@ from dataclasses import dataclass
 from math import asin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from builder.aero.euler.gas import GAMMA
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
-
-FloatArray = NDArray[np.float64]
 
 STAGNATION = ("rayleigh_pitot", "classical")
 """C_p,max: behind a normal shock, or Newton's 2."""

@@ -18,16 +18,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from builder.aero.closest_points import ClosestPoints, closest_points
 from builder.aero.loads import load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
-from builder.geometry import SurfaceGrid
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 _RANK_CUT = 1e-10
 _LOST_LOAD = 1e-8

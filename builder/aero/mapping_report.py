@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.mapping import PressureMap
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 LEAST_LOAD = 0.01
 """Share of the integral of |p| dS below which a force is a difference of large numbers, not a measure."""

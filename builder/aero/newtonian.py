@@ -23,16 +23,14 @@ from math import cos, degrees, radians, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.edges import prepare_surface
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.local_inclination import LEEWARD, STAGNATION, inclination_pressure_ratio, matching_point
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 METHOD_VERSION = 1
 """Raised whenever results change, so that stored flows of an older version are solved again."""

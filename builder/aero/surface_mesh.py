@@ -10,13 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import SurfaceGrid
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

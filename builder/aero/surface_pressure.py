@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from builder.geometry import SurfaceGrid
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 
 def pressure_at_stations(pieces: Sequence[tuple[FloatArray, FloatArray]], grid: SurfaceGrid) -> FloatArray:

@@ -9,8 +9,8 @@ import numpy as np
 from builder.aero.engine import Engine
 from builder.aero.engines import own_surface
 from builder.campaign.run import Campaign
-from builder.flight_conditions import ConditionSet
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu import __version__
 
 

@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from builder.inverse.state_map import StateMap
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.innovation import innovation_whitening, inverse_cholesky
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
 
 LARGEST_CONDITION_NUMBER = 1e10
 

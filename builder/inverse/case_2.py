@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.state_map import StateMap
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.innovation import innovation_whitening, inverse_cholesky
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
 
 
 @dataclass(frozen=True)

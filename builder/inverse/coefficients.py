@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.loads import ReferenceQuantities, coefficient_scale
 from builder.inverse.noise_model import NoiseModel
 from builder.inverse.state_map import StateMap
-from strainfmu.load_errors import load_gain, residual_load_gain
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.load_errors import load_gain, residual_load_gain
 
 
 def load_error_covariance(
@@ -31,8 +29,8 @@ def load_error_covariance(
     solved : the state map.
     load_per_state : (5, n_q) M [N, N m per state].
     noise : the terms that happen; need not be those that the gain was weighted with.
-    strain_load_covariance : (n_d, 5) X that the gain G goes by (:func:`~strainfmu.load_errors.load_gain`); None
-        for G = M T.
+    strain_load_covariance : (n_d, 5) X that the gain G goes by
+        (:func:`~strainfmu.estimator.load_errors.load_gain`); None for G = M T.
     """
     of_state = load_per_state
     gain = load_gain(

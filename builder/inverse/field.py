@@ -6,13 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.case_2 import GaussianMap, WhitenedSpectrum
 from builder.inverse.prior import LowRankPrior
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 NODES_AT_ONCE = 4096
 """Nodes treated together: memory beyond prior and result stays of this many rows."""

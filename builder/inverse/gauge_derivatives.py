@@ -5,20 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.noise_model import central_difference
-from builder.structural_model import StructuralModel, wall_of
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
+from builder.structure.model import StructuralModel, wall_of
 from builder.structure.solid import displaced_gauges as displaced
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 STEP = 1e-3
 """Step of the differences: 1 mm along the surface, 1 mrad of direction."""

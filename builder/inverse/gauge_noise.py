@@ -7,14 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.gauge_derivatives import GaugeDerivatives
 from builder.inverse.noise_model import NoiseTerm, gauge_errors, nuisance_modes
-from builder.map_options import Noise
+from builder.vehicle.map_options import Noise
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 MICRO = 1e-6
 

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.pod import PressureModes
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.innovation import inverse_cholesky
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.innovation import inverse_cholesky
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from builder.inverse.case_2 import WhitenedSpectrum
 from builder.inverse.gamma_rules import RULES, Rule
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 SMALLEST, LARGEST = 1e-12, 1e12
 """Range of gamma that is searched."""

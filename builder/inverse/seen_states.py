@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from builder.inverse.case_2 import whitened_spectrum
-from strainfmu.inverse_map import InverseMap
+from strainfmu.estimator.inverse_map import InverseMap
 
 
 def on_seen_states(inverse_map: InverseMap) -> InverseMap:

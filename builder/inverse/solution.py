@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.case_1 import least_squares_map, relative_condition
 from builder.inverse.case_2 import gaussian_map, whitened_spectrum
@@ -16,10 +15,9 @@ from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_d
 from builder.inverse.prior import prior_of_modes, prior_of_snapshots
 from builder.inverse.regularisation import expected_data, select_gamma
 from builder.inverse.state_map import StateMap
-from builder.map_options import MapEntry
+from builder.vehicle.map_options import MapEntry
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.figures import COLOUR_MAP, blank_figure
+from builder.figures.pressure import COLOUR_MAP, blank_figure
 from builder.reports.build_report import BuildReport
 from builder.reports.gamma_choice import GammaChoice
 from builder.reports.gauge_value import GaugeValue
 from builder.structure.observability import SYMMETRIES, angle_from_meridian
-from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 MODES_DRAWN = 20
 MOST_LABELS = 30

@@ -12,8 +12,8 @@ from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import first_rows, report_tables
 from builder.reports.html import Block, Files, Items, Page, Paragraph, Section, picture, write_page
 from builder.reports.tables import Table, tables_json, write_csv
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
-from strainfmu.inverse_map import COEFFICIENT_NAMES
 
 CSV_FOLDER = "report_tables"
 JSON_NAME = "report.json"

@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.build import AnyStructure, inverse_problem
-from builder.geometry import SurfaceGrid
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise_model import NoiseShare, NoiseTerm
 from builder.inverse.solution import Solution, solve
+from builder.pipeline.build import AnyStructure, inverse_problem
 from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.exclusions import exclusions
 from builder.reports.gamma_choice import GammaChoice, gamma_choice
 from builder.reports.gauge_value import GaugeValue, gauge_value
 from builder.reports.prior_sight import PriorSight, prior_sight
-from builder.snapshots import Snapshots
 from builder.structure.observability import (
     CLASS_DEGREE,
     HIGHEST_DEGREE,
@@ -28,11 +26,11 @@ from builder.structure.observability import (
     smooth_response,
     symmetry_responses,
 )
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.inverse_map import InverseMap
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.inverse_map import InverseMap
 
 
 @dataclass(frozen=True)
@@ -90,8 +88,8 @@ def build_report(
     Raises
     ------
     InputError
-        As :func:`builder.build.build_inverse_map`; the map was built from something else, or the surface has too
-        few nodes to tell its symmetries apart.
+        As :func:`builder.pipeline.build.build_inverse_map`; the map was built from something else, or the surface
+        has too few nodes to tell its symmetries apart.
     """
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
     solution = solve(problem)

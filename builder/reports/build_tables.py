@@ -7,16 +7,14 @@ from dataclasses import replace
 from math import degrees
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.reports.build_report import BuildReport
 from builder.reports.coefficient_sources import coefficient_scales
 from builder.reports.tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES, direction_names
-from strainfmu.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
-from strainfmu.validity import valid_ranges
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.validity import valid_ranges
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9

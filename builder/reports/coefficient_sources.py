@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.solution import Problem, Solution
-from strainfmu.inverse_map import InverseMap
-from strainfmu.load_errors import residual_load_gain
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.load_errors import residual_load_gain
 
 OF_STATES = "prior and gamma"
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from builder.map_options import Noise
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import Noise
 
 OPTIONAL_ERRORS = (
     ("apparent_strain_um_per_m", "apparent strain, as of an uncompensated temperature"),

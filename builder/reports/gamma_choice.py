@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.geometry import SurfaceGrid
 from builder.inverse.case_2 import GaussianMap, gaussian_map
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.gamma_rules import RULES
@@ -16,10 +14,10 @@ from builder.inverse.regularisation import LCurve, expected_data, l_curve, selec
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
 from builder.reports.symmetry_classes import class_shares, mirror_operators
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.inverse_map import InverseMap
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.inverse_map import InverseMap
 
 CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241

@@ -1,8 +1,9 @@
 """What each gauge is worth: what its loss costs, what bias of it goes unnoticed, and what that does to the loads.
 
 With P the precision of d - m and R the gauges lost, the gain without them is G - K P_R, K = G_R P_RR^-1
-(:mod:`strainfmu.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear in G; so with
-Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small products.
+(:mod:`strainfmu.estimator.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear in G;
+so with Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small
+products.
 """
 
 from __future__ import annotations
@@ -11,17 +12,18 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from strainfmu.detectability import detectable_noncentrality, minimal_detectable_bias, minimal_isolable_bias
-from strainfmu.health import FALSE_ALARM_PROBABILITY
-from strainfmu.inverse_map import InverseMap
-from strainfmu.isolation import ambiguous_groups, correlations, outlier_threshold
-from strainfmu.map_parts import map_parts
-from strainfmu.masks import LEAST_INFORMATION
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.detectability import (
+    detectable_noncentrality,
+    minimal_detectable_bias,
+    minimal_isolable_bias,
+)
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.isolation import ambiguous_groups, correlations, outlier_threshold
+from strainfmu.estimator.map_parts import map_parts
+from strainfmu.estimator.masks import LEAST_INFORMATION
 
 MISS_PROBABILITY = 0.01
 """Of a bias as large as those called detectable and isolable."""

@@ -12,18 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.geometry import SurfaceGrid
 from builder.inverse.case_2 import gaussian_map
 from builder.inverse.noise_model import NoiseModel
 from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.solution import Problem, Solution
 from builder.reports.symmetry_classes import class_shares, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 LEAST_SHARE = 1e-6
 """Of the variance, below which a class counts as empty."""

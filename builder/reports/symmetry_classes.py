@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from builder.aero.closest_points import closest_points
 from builder.aero.mapping import interpolation_at
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.geometry import SurfaceGrid
 from builder.structure.observability import SYMMETRIES
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 LARGEST_GAP = 2e-3
 """Of the body's length, between a surface and its mirror image, above which it has no such symmetry."""

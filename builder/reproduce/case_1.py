@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
 from builder.inverse.pod import PressureModes, proper_orthogonal_decomposition
 from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDITION, MODES, P1, SEED
 from builder.reproduce.setups import Pressures, SetUp
+from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 PUBLISHED_STRAIN = 1e-4
 """Strain per gauge [m/m] in the source's |d| = 100 sqrt(n_d), taken as um/m."""

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.loads import load_operator
-from builder.geometry import SurfaceGrid
 from builder.inverse.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 from builder.inverse.field import data_informed_modes, project_on_modes
 from builder.inverse.gamma_rules import RULES, Rule
@@ -18,9 +16,9 @@ from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
 from builder.reproduce.setups import SetUp
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 

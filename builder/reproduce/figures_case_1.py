@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures import blank_figure
-from builder.geometry import SurfaceGrid
+from builder.figures.pressure import blank_figure
 from builder.reproduce.case_2 import COEFFICIENTS
 from builder.reproduce.protocol import EXAMPLES
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import TITLES
 from builder.reproduce.studies import Studies
 from builder.reproduce.views import SIDES, field_figure, pressure_rows
+from builder.vehicle.geometry import SurfaceGrid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

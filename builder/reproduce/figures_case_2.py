@@ -5,20 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.figures import blank_figure
-from builder.geometry import SurfaceGrid
+from builder.figures.pressure import blank_figure
 from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import TITLES
 from builder.reproduce.studies import FIELDS, Studies
 from builder.reproduce.views import FRONT, SIDES, FieldRow, field_figure, pressure_rows
+from builder.vehicle.geometry import SurfaceGrid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-FloatArray = NDArray[np.float64]
 
 
 def eigenvalue_decay(studies: Studies) -> Figure:

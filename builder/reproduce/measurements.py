@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import SurfaceGrid
 from builder.inverse.case_1 import relative_condition
 from builder.inverse.pod import PressureModes
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
@@ -20,8 +18,8 @@ from builder.reproduce.readings import READINGS, SHIPPED, Reading
 from builder.reproduce.setups import INDEPENDENT, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel
 from builder.structure.observability import SYMMETRIES, smooth_response, symmetry_responses
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 SMOOTH_DEGREE = 6
 """Of the pressures in x by which symmetry classes are told apart."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.reproduce.case_2 import COEFFICIENTS
 from builder.reproduce.published import PUBLISHED, Published
 from builder.reproduce.reasons import REASONS
 from builder.reproduce.setups import TITLES
 from builder.reproduce.studies import Studies
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 LITERAL_READING = 0
 """Of the loads: that of the source's words comes first."""

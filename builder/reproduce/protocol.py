@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from math import radians
 
 from builder.campaign.scheduling import Scheduling
-from builder.flight_conditions import PUBLISHED_ALTITUDE, ConditionSet, condition_grid, condition_set
 from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
-from builder.vehicle import Resolution, Vehicle
+from builder.vehicle.file import Resolution, Vehicle
+from builder.vehicle.flight_conditions import PUBLISHED_ALTITUDE, ConditionSet, condition_grid, condition_set
 from strainfmu.flight_condition import FlightCondition
 
 MODES = 5

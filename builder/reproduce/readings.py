@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from builder.vehicle import GaugeLayoutEntry, GaugeRow, Vehicle
+from builder.vehicle.file import GaugeLayoutEntry, GaugeRow, Vehicle
 
 GAUGES_PER_ROW = 9
 ALL = "all"

@@ -8,8 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from builder.figures import save
-from builder.geometry import SurfaceGrid
+from builder.figures.pressure import save
 from builder.reports.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import figures_case_1, figures_case_2, tables
@@ -18,6 +17,7 @@ from builder.reproduce.parity import parity_rows
 from builder.reproduce.protocol import Sizes
 from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH
 from builder.reproduce.studies import Studies
+from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:

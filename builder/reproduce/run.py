@@ -12,9 +12,9 @@ from typing import Any
 from builder.aero.engines import make_engine
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.run import run_campaign
+from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.flight_conditions import ConditionSet
-from builder.geometry import SurfaceGrid
 from builder.reporting import Progress, Reporter
 from builder.reproduce.acceptance import Verdict, verdicts
 from builder.reproduce.parity import ParityRow, parity_rows
@@ -44,9 +44,9 @@ from builder.reproduce.studies import (
     run_case_2,
     run_measurements,
 )
-from builder.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
-from builder.snapshots import Snapshots, load_snapshots
-from builder.vehicle import IC3X, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet
+from builder.vehicle.geometry import SurfaceGrid
 from builder.workspace import Workspace
 
 Solve = Callable[[Progress], StrainModel]

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.flight_conditions import flow_key
-from builder.geometry import SurfaceGrid
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
 from builder.reproduce.case_1 import (
     Case1Map,
@@ -51,10 +49,12 @@ from builder.reproduce.readings import READINGS, SHIPPED, SPANS, Reading
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp
 from builder.reproduce.store import load_studies, save_studies
 from builder.reproduce.strain_models import FOURIER, HEXAHEDRA, RECOVERED, TETRAHEDRA, StrainModel
+from builder.vehicle.flight_conditions import flow_key
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 SCATTERS = [0.0, 1e-4, 1e-3, 1e-2]

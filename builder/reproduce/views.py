@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.figures import COLOUR_MAP, blank_figure
-from builder.geometry import SurfaceGrid
+from builder.figures.pressure import COLOUR_MAP, blank_figure
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 MOST_STATIONS = 160
 """Drawn along the body."""

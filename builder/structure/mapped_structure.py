@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.mapping import pressure_map
 from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.gauge_layout import GaugeLayout
-from builder.geometry import SurfaceGrid
-from builder.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots
 from builder.structure.structure_file import Structure
+from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 ROLL_REFINEMENT = 4
 CUT_FRONT = 1e-4  # of the length: how far from the foremost node the front of a cut tip may reach

@@ -14,19 +14,16 @@ from functools import partial
 from io import StringIO
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
 from builder.aero.loads import load_operator
-from builder.build import build_inverse_map, internal_pressure, snapshot_coefficients
-from builder.gauge_layout import GaugeLayout
-from builder.geometry import BodyOfRevolution
+from builder.campaign.snapshots import Snapshots
+from builder.pipeline.build import build_inverse_map, internal_pressure, snapshot_coefficients
 from builder.reporting import Progress, Reporter
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel, place_layouts, solid_case, used_layouts, wall_of
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
+from builder.structure.model import StructuralModel, place_layouts, solid_case, used_layouts, wall_of
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
@@ -38,12 +35,13 @@ from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator import Estimator
-from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.step import Estimator
 
 FOURIER = "Fourier model"
 LAYERS = 2  # of the Fourier model's wall

@@ -7,15 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import schema_of
 from strainfmu.records import load_record, save_record
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SCHEMA = "strainfmu.structure"
 SCHEMA_VERSION = 1

@@ -1,6 +1,6 @@
 /* The estimator: strains and dynamic pressure in; loads, coefficients and health out.
 
-   The C counterpart of strainfmu/estimator.py. Outputs are computed when they are asked for and kept until an input
+   The C counterpart of strainfmu/estimator/step.py. Outputs are computed when they are asked for and kept until an input
    or a setting changes. Nothing is allocated after estimator_create, and instances share nothing. */
 
 #ifndef ESTIMATOR_H
@@ -27,7 +27,7 @@ enum {
     N_OUTPUTS = 26
 };
 
-/* States of health: strainfmu/health.py. */
+/* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT };
 
 /* Places of the real inputs after the strains; the last five are settings. */

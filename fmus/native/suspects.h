@@ -1,5 +1,5 @@
 /* The gauge that does not fit the others: z of each is what it differs by from what the others predict for it, in
-   standard deviations. z = z_scale R' w, where w = R r is the whitened residual; strainfmu/isolation.py derives it. */
+   standard deviations. z = z_scale R' w, where w = R r is the whitened residual; strainfmu/estimator/isolation.py derives it. */
 
 #ifndef SUSPECTS_H
 #define SUSPECTS_H

@@ -18,12 +18,12 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
-from strainfmu.estimator import Estimator
-from strainfmu.estimator_settings import EstimatorSettings, setting_fault
-from strainfmu.fmi_variables import Variable, value_references
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.settings import EstimatorSettings, setting_fault
+from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
-from strainfmu.interface import PARAMETERS, estimator_interface, output_values
-from strainfmu.inverse_map import load_inverse_map
+from strainfmu.interface.estimator_variables import PARAMETERS, estimator_interface, output_values
+from strainfmu.interface.fmi_variables import Variable, value_references
 
 
 class EstimatorSlave(Fmi2Slave):

@@ -19,9 +19,9 @@ from pythonfmu.enums import Fmi2Status
 from strainfmu.cosim.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import value_references
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
-from strainfmu.plant_interface import plant_interface
+from strainfmu.interface.fmi_variables import value_references
+from strainfmu.interface.plant_variables import plant_interface
 
 
 class PlantSlave(Fmi2Slave):

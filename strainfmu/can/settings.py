@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from strainfmu.can.e2e_state_machine import StateMachineSettings
+from strainfmu.can.e2e.state_machine import StateMachineSettings
 from strainfmu.errors import InputError
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0

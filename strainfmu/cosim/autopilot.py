@@ -21,17 +21,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure, speed_of_sound
 from strainfmu.cosim.flight_model import FlightModel, evaluate
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.fmi_variables import Variable
-from strainfmu.interface import valid_names
-from strainfmu.plant_interface import FlightStart
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.estimator_variables import valid_names
+from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.plant_variables import FlightStart
 
 # Steps of the C_N table: linear between them, an error of the angle far below that of any estimate.
 _TABLE_STEPS = 80

@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.autopilot import AutopilotSettings, normal_force_table
 from strainfmu.cosim.flight_model import FlightModel
-from strainfmu.plant_interface import FlightStart
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.plant_variables import FlightStart
 
 # Communication points are sums of steps: a time that is held for exactly hold_time is not longer than that.
 _ROUND_OFF = 1e-9

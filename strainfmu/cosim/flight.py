@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.cosim.flight_model import FlightModel, load_flight_model
 from strainfmu.cosim.master import simulate
 from strainfmu.cosim.recording import Recording
@@ -22,15 +22,13 @@ from strainfmu.cosim.scenario import FaultEvent, Scenario
 from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import Variable, strain_names
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
-from strainfmu.health import HealthState
-from strainfmu.interface import valid_names
-from strainfmu.inverse_map import load_inverse_map
-from strainfmu.plant_interface import GaugeFault, Motion, native_plant_interface
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.estimator_variables import valid_names
+from strainfmu.interface.fmi_variables import Variable, strain_names
+from strainfmu.interface.plant_variables import GaugeFault, Motion, native_plant_interface
 
 INSTANCES = ("schedule", "plant", "estimator", "autopilot")
 """Names of the instances, in the order in which they are stepped."""

@@ -11,8 +11,8 @@ import numpy as np
 from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.health import HealthState
 from strainfmu.files import write_bytes_atomically
-from strainfmu.health import HealthState
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

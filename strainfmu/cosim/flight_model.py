@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.records import load_record, save_record
-
-FloatArray = NDArray[np.float64]
 
 SCHEMA = "strainfmu.flight_model"
 SCHEMA_VERSION = 1

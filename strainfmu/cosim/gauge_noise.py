@@ -11,9 +11,8 @@ from functools import cache
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 OCTAVES = 53
 COEFFICIENTS = 10

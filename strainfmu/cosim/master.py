@@ -19,8 +19,8 @@ from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.system import (
@@ -34,7 +34,6 @@ from strainfmu.cosim.system import (
 )
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 

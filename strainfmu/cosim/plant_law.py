@@ -11,17 +11,15 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.flight_model import FlightModel, evaluate
 from strainfmu.cosim.gauge_noise import gauge_noise
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.fmi_variables import COEFFICIENTS, strain_names
-from strainfmu.plant_interface import FlightStart, GaugeFault, Motion
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.fmi_variables import COEFFICIENTS, strain_names
+from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
 SUBSTEP = 1e-3
 """Largest step of the integration [s]."""

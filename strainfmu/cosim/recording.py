@@ -9,12 +9,10 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_bytes_atomically, write_hdf5_atomically
-
-FloatArray = NDArray[np.float64]
 
 SCHEMA = "strainfmu.recording"
 SCHEMA_VERSION = 1

@@ -11,7 +11,7 @@ from typing import Any
 
 from strainfmu.cosim.autopilot import AutopilotSettings
 from strainfmu.errors import InputError
-from strainfmu.plant_interface import FlightStart, GaugeFault
+from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 FEEDBACKS = ("truth", "estimate")
 """What the autopilot may be fed with: the plant's true coefficients, or the estimator's."""

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import Variable
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.fmi_variables import Variable
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
 # From the user's units in the header to SI.

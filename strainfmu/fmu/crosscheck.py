@@ -19,10 +19,10 @@ from platform import machine, system
 
 import numpy as np
 
+from strainfmu.cli.inspection.fmu import read_fmu
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.importers import IMPORTERS, Table, read_table
-from strainfmu.fmu_inspection import read_fmu
 
 RELATIVE_TOLERANCE = 1e-5
 """Of the largest value of a signal: the reference has 6 digits."""

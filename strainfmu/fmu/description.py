@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 
 from strainfmu import __version__
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import Variable
+from strainfmu.interface.fmi_variables import Variable
 
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "strainfmu")
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from html import escape
 from importlib import resources
 
-from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.description import FmuDescription
-from strainfmu.interface import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.fmi_variables import Variable
 
 _STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;line-height:1.4;color:#222}"

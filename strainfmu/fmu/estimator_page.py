@@ -6,10 +6,10 @@ from html import escape
 from math import atan2, degrees
 
 from strainfmu import __version__
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation import Section, table_html
 from strainfmu.fmu.reference_run import ReferenceRun, example_plot
-from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.validity import ValidRange, valid_ranges
 
 _LIMITS = (
     "sigma is one standard deviation: gauge noise and what the map's model leaves out, for conditions like those "

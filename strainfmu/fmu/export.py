@@ -13,6 +13,7 @@ from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
 from strainfmu.fmu.description import FmuDescription
@@ -25,50 +26,31 @@ from strainfmu.fmu.plant_reference import python_plant_reference
 from strainfmu.fmu.python_package import python_entries, slave_code
 from strainfmu.fmu.reference_run import layered_standard_files, reference_run
 from strainfmu.fmu.terminals import terminal_files
-from strainfmu.interface import estimator_arrays, estimator_interface
-from strainfmu.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map
-from strainfmu.plant_interface import plant_interface
+from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
+from strainfmu.interface.plant_variables import plant_interface
 
 KINDS = ("native", "python")
 FMI_VERSIONS = ("2", "3")
 
-_ESTIMATOR_MODULES = (
+_COMMON_SOURCES = (
     "__init__.py",
+    "arrays.py",
     "errors.py",
-    "estimator.py",
-    "estimator_settings.py",
     "files.py",
-    "fixed_order.py",
-    "fmi_variables.py",
+    "records.py",
     "fmu/__init__.py",
     "fmu/wrapper_exit.py",
-    "health.py",
-    "innovation.py",
-    "interface.py",
-    "inverse_map.py",
-    "isolation.py",
-    "load_errors.py",
-    "map_parts.py",
-    "masked_map.py",
-    "masks.py",
-    "records.py",
 )
-"""Run-time modules that the slave imports, itself or through others."""
-
-_PLANT_MODULES = (
-    "__init__.py",
+_ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "interface/")
+"""Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
+_PLANT_SOURCES = (
+    *_COMMON_SOURCES,
+    "interface/",
     "atmosphere.py",
+    "flight_condition.py",
     "cosim/__init__.py",
     "cosim/flight_model.py",
     "cosim/trajectory.py",
-    "errors.py",
-    "files.py",
-    "flight_condition.py",
-    "fmi_variables.py",
-    "fmu/__init__.py",
-    "fmu/wrapper_exit.py",
-    "plant_interface.py",
-    "records.py",
 )
 
 _STEP_SIZE = 1e-2
@@ -152,7 +134,7 @@ def _native_estimator(
 def _python_estimator(
     map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
 ) -> dict[str, bytes]:
-    code = slave_code("estimator_slave", _ESTIMATOR_MODULES)
+    code = slave_code("estimator_slave", _ESTIMATOR_SOURCES)
     description = FmuDescription(
         options.model_name,
         f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
@@ -208,7 +190,7 @@ def export_plant(
     check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
     content_hash = content_hash_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
     table = trajectory_path.read_bytes()
-    code = slave_code("plant_slave", _PLANT_MODULES)
+    code = slave_code("plant_slave", _PLANT_SOURCES)
     description = FmuDescription(
         model_name,
         f"A vehicle on its trajectory, with {model.n_gauges} noisy strain gauges: {model.vehicle}",

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from strainfmu.fmi_variables import UNITS, Unit, Variable
 from strainfmu.fmu.description import (
     LOG_CATEGORIES,
     FmuDescription,
@@ -17,7 +16,8 @@ from strainfmu.fmu.description import (
     number_text,
     root_attributes,
 )
-from strainfmu.interface import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.fmi_variables import UNITS, Unit, Variable
 
 
 def model_description(fmu: FmuDescription) -> Element:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.description import (
     LOG_CATEGORIES,
     FmuDescription,
@@ -18,7 +17,8 @@ from strainfmu.fmu.description import (
     root_attributes,
 )
 from strainfmu.fmu.model_description import add_units
-from strainfmu.interface import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.fmi_variables import Variable
 
 _TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
 

@@ -6,8 +6,8 @@ is known; the guid, ended by a zero. Then float64 values: ten scalars, and the a
 :func:`_arrays`.
 ``fmus/native/map_resource.h`` tells the same to the C code.
 
-Every value is that of :class:`~strainfmu.estimator.Estimator`, in the same bits on every machine
-(:mod:`strainfmu.fixed_order`). Of the whitening matrices the
+Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
+(:mod:`strainfmu.estimator.fixed_order`). Of the whitening matrices the
 file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and Q' W, and a
 triangle takes half the time and half the room.
 """
@@ -18,19 +18,17 @@ import struct
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator import LEAST_DYNAMIC_PRESSURE
-from strainfmu.estimator_settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
-from strainfmu.fixed_order import householder
-from strainfmu.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.inverse_map import InverseMap
-from strainfmu.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
-from strainfmu.map_parts import MapParts, map_parts
-from strainfmu.masks import LEAST_INFORMATION
-
-FloatArray = NDArray[np.float64]
+from strainfmu.estimator.fixed_order import householder
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
+from strainfmu.estimator.map_parts import MapParts, map_parts
+from strainfmu.estimator.masks import LEAST_INFORMATION
+from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.estimator.step import LEAST_DYNAMIC_PRESSURE
 
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 1

@@ -22,7 +22,6 @@ from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.documentation import Section, documentation_files
 from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries, sources_digest
@@ -36,7 +35,8 @@ from strainfmu.fmu.plant_reference import (
 )
 from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
 from strainfmu.fmu.terminals import terminal_files
-from strainfmu.plant_interface import FlightStart, Motion, native_plant_interface
+from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0

@@ -6,9 +6,9 @@ from html import escape
 
 from strainfmu.cosim.flight_model import FlightModel
 from strainfmu.cosim.trajectory import Trajectory
-from strainfmu.fmi_variables import UNITS
 from strainfmu.fmu.documentation import Section
-from strainfmu.plant_interface import GaugeFault, Motion
+from strainfmu.interface.fmi_variables import UNITS
+from strainfmu.interface.plant_variables import GaugeFault, Motion
 
 
 def plant_sections(model: FlightModel, trajectory: Trajectory, content_hash: str) -> list[Section]:

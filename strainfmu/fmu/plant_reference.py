@@ -12,8 +12,8 @@ from html import escape
 from math import floor, log10
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import LAYERS, dynamic_pressure
 from strainfmu.cosim.autopilot import AutopilotSettings
 from strainfmu.cosim.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
@@ -22,13 +22,11 @@ from strainfmu.cosim.plant_law import Plant, plant_rows
 from strainfmu.cosim.schedule import ScheduledSignal, value_at
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import COEFFICIENTS, Variable, strain_names
 from strainfmu.fmu.documentation import Section
 from strainfmu.fmu.reference_run import INPUT_FORMAT, ReferenceRun, layered_standard_files
-from strainfmu.interface import valid_names
-from strainfmu.plant_interface import FlightStart, GaugeFault, Motion, native_plant_interface
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.estimator_variables import valid_names
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
+from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion, native_plant_interface
 
 STEP_SIZE, AUTOPILOT_STEP = 0.01, 0.02
 N_ROWS = 21

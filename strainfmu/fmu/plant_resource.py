@@ -13,16 +13,14 @@ from enum import IntEnum
 from math import cos, inf, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import LAYERS, pressure_and_temperature
 from strainfmu.cosim.flight_model import FlightModel
 from strainfmu.cosim.gauge_noise import quantile_table
 from strainfmu.cosim.trajectory import Trajectory
-from strainfmu.fmi_variables import Variable
-from strainfmu.plant_interface import Motion
-
-FloatArray = NDArray[np.float64]
+from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.plant_variables import Motion
 
 FORMAT_VERSION = 1
 _HEADER = struct.Struct("<8sIIQII")

@@ -61,9 +61,19 @@ class SlaveCode:
         return hashlib.sha256(content.encode()).hexdigest()
 
 
-def slave_code(name: str, modules: Sequence[str]) -> SlaveCode:
-    """Read the source of a slave and of the ``strainfmu`` modules it needs (paths such as ``fmu/x.py``)."""
+def slave_code(name: str, sources: Sequence[str]) -> SlaveCode:
+    """Read the source of a slave and of the parts of ``strainfmu`` that it needs.
+
+    ``sources`` are paths such as ``fmu/x.py``; one that ends in a slash stands for every module of that folder.
+    """
     package = resources.files("strainfmu")
+    modules: list[str] = []
+    for source in sources:
+        if source.endswith("/"):
+            names = (entry.name for entry in package.joinpath(source).iterdir())
+            modules += sorted(f"{source}{name}" for name in names if name.endswith(".py"))
+        else:
+            modules.append(source)
     return SlaveCode(
         name,
         {path: package.joinpath(*path.split("/")).read_text("utf-8") for path in modules},

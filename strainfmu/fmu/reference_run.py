@@ -14,10 +14,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.estimator import Estimator
-from strainfmu.fmi_variables import COEFFICIENTS, Variable, strain_names
-from strainfmu.interface import estimator_interface, output_values
-from strainfmu.inverse_map import InverseMap
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
+from strainfmu.interface.estimator_variables import estimator_interface, output_values
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
 
 STOP_TIME = 1.0
 STEP_SIZE = 0.1

@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
-from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
-
-FloatArray = NDArray[np.float64]
 
 KINDS = {
     "native FMI 2.0": ExportOptions(),

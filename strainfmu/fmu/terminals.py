@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.description import FmuDescription
+from strainfmu.interface.fmi_variables import Variable
 
 ICON_EXTENT = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
 

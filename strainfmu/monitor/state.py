@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from math import isfinite
 from typing import Any, NoReturn
 
-from strainfmu.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 HISTORY = 60.0
 """Seconds of history that a new page gets."""

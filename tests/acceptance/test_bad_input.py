@@ -151,7 +151,9 @@ def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> N
         file["strain_gain"][0, 0] *= 1.0 + 1e-9
     refused(run("export", path, "-o", fmu), "damaged or altered")
     path.write_bytes(original)
-    path.write_bytes(original.replace(b"strainfmu.inverse_map 3 ", b"strainfmu.inverse_map 1 ", 1))
+    path.write_bytes(
+        original.replace(b"strainfmu.estimator.inverse_map 3 ", b"strainfmu.estimator.inverse_map 1 ", 1)
+    )
     refused(run("export", path, "-o", fmu), "schema version 1 found", "3 wanted")
     refused(run("export", ogive_demo / "snapshots.h5", "-o", fmu), "strainfmu.snapshots")
     assert not fmu.exists()
@@ -173,8 +175,8 @@ def test_wrong_options(run: Run) -> None:
 FILL_THE_DISK = """
 import resource, signal, sys
 from builder.aero.euler.solver import MarchingGrid, solve_flow
-from builder.geometry import chain_segments
-from strainfmu.cli import main
+from builder.vehicle.geometry import chain_segments
+from strainfmu.cli.main import main
 
 # Compiled code is kept on disk too: it must be there before the disk is full.
 solve_flow(chain_segments([(1.0, 0.1, 0.0), (2.0, 0.0, 0.0)]), 5.0, 0.1, MarchingGrid(8, 8))

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from builder.flight_score import score_flight
+from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import load_recording
-from strainfmu.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 
 OGIVE = Path(__file__).parent / "ogive" / "ogive.toml"
 
@@ -118,7 +118,7 @@ def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str
 def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogive_demo: Path) -> None:
     from fmpy import simulate_fmu
 
-    from strainfmu.estimator import Estimator
+    from strainfmu.estimator.step import Estimator
 
     for folder in (ic3x_demo, ogive_demo, ic3x_demo):
         inverse_map = load_inverse_map(folder / "map.h5")
@@ -153,7 +153,7 @@ def test_build_stops_at_the_map(tmp_path: Path, ogive_demo: Path, run: Run) -> N
 
 
 def test_check_reports_without_solving(run: Run) -> None:
-    from builder.vehicle import IC3X
+    from builder.vehicle.file import IC3X
 
     code, printed, _ = run("check", IC3X)
     assert code == 0

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.snapshots import Snapshots, load_snapshots
-from strainfmu.inverse_map import load_inverse_map
+from builder.campaign.snapshots import Snapshots, load_snapshots
+from strainfmu.estimator.inverse_map import load_inverse_map
 
 OGIVE = Path(__file__).parent / "ogive"
 

@@ -15,19 +15,19 @@ import pytest
 
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
-from builder.build import build_inverse_map, internal_pressure, snapshot_coefficients
 from builder.campaign.run import take_snapshots
 from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.flight_conditions import ConditionSet
-from builder.map_options import MapEntry
-from builder.snapshots import load_snapshots
-from builder.structural_model import StructuralModel, structural_model
-from builder.vehicle import IC3X, Vehicle, load_vehicle
+from builder.pipeline.build import build_inverse_map, internal_pressure, snapshot_coefficients
+from builder.structure.model import StructuralModel, structural_model
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import ConditionSet
+from builder.vehicle.map_options import MapEntry
 from strainfmu.cosim.flight_model import evaluate, load_flight_model
-from strainfmu.estimator import Estimator
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.inverse_map import InverseMap
 
 DRAWS = 50
 """Noise draws per condition, as in the published study."""

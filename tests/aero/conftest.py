@@ -9,8 +9,8 @@ from math import radians
 import pytest
 
 from builder.aero.euler.solver import FlowSolution, solve_flow
-from builder.geometry import BodyOfRevolution, chain_segments
-from builder.vehicle import IC3X, load_vehicle
+from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.geometry import BodyOfRevolution, chain_segments
 
 BodyMaker = Callable[..., BodyOfRevolution]
 ConeFlow = Callable[[float, float, float], FlowSolution]

@@ -6,7 +6,6 @@ from math import pi, radians
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from builder.aero.cfd.cell_reconstruction import reconstruct
 from builder.aero.mapping import (
@@ -17,10 +16,9 @@ from builder.aero.mapping import (
     pressure_map,
 )
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
-from builder.geometry import chain_segments, surface_grid
+from builder.vehicle.geometry import chain_segments, surface_grid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 BODY = chain_segments([(1.75, radians(5.0), radians(5.0)), (3.6, radians(1.0), radians(1.0))])
 

@@ -11,7 +11,7 @@ import pytest
 from builder.aero.mapping import pressure_map
 from builder.aero.mapping_report import MappingReport, MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.geometry import chain_segments, surface_grid
+from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 
 BODY = chain_segments([(1.75, radians(5.0), radians(5.0)), (3.6, radians(1.0), radians(1.0))])

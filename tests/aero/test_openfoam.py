@@ -11,7 +11,7 @@ import pytest
 from openfoam.body_case import SOLVER, BodyCase, is_available, solve_case, spread_stations
 
 from builder.aero.euler.solver import solve_flow
-from builder.geometry import chain_segments
+from builder.vehicle.geometry import chain_segments
 
 MACH_NUMBER, INCIDENCE = 5.0, radians(10.0)
 LARGEST_RMS = 0.03

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from builder.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
+from builder.vehicle.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder import snapshot_figures
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.figures import save
-from builder.flight_conditions import condition_grid
-from builder.geometry import chain_segments, surface_grid
-from builder.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots
+from builder.figures import snapshots as snapshot_figures
+from builder.figures.pressure import save
+from builder.vehicle.flight_conditions import condition_grid
+from builder.vehicle.geometry import chain_segments, surface_grid
 
 HALF_ANGLE = radians(10.0)
 LENGTH = 2.0

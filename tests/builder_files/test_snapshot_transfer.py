@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
-from builder.snapshot_transfer import snapshots_on
-from builder.snapshots import Snapshots
+from builder.campaign.snapshot_transfer import snapshots_on
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

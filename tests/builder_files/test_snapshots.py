@@ -12,8 +12,7 @@ import pytest
 
 from builder.aero.engine import Flow
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.geometry import chain_segments, surface_grid
-from builder.snapshots import (
+from builder.campaign.snapshots import (
     SCHEMA,
     SCHEMA_VERSION,
     KeptFlows,
@@ -22,6 +21,7 @@ from builder.snapshots import (
     load_snapshots,
     save_snapshots,
 )
+from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.files import write_hdf5_atomically
 

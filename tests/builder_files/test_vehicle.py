@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from builder.structural_model import check_gauges, solid_case, support_of, used_layouts, wall_of
+from builder.structure.model import check_gauges, solid_case, support_of, used_layouts, wall_of
 from builder.structure.solid.supports import Clamped, Foundation
-from builder.vehicle import IC3X, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.errors import InputError
 
 TEXT = IC3X.read_text(encoding="utf-8")

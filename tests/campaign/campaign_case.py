@@ -16,9 +16,9 @@ from builder.campaign.journal import journal_path
 from builder.campaign.run import Campaign, CampaignResult, run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.flight_conditions import ConditionSet
 from builder.reporting import Silent
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition
 
 OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
@@ -31,7 +31,7 @@ COMMAND = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)
 if __name__ == "__main__":
-    from strainfmu.cli import main
+    from strainfmu.cli.main import main
     main()
 """
 

@@ -6,8 +6,8 @@ import pytest
 from campaign_case import OGIVE, Undisturbed, campaign_of, run, stored_hash
 
 from builder.campaign.journal import encode_record
-from builder.snapshots import load_flows
-from builder.vehicle import Vehicle, load_vehicle
+from builder.campaign.snapshots import load_flows
+from builder.vehicle.file import Vehicle, load_vehicle
 
 
 @pytest.fixture(scope="session")

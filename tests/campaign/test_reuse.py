@@ -14,10 +14,10 @@ import pytest
 from campaign_case import THREADS, Undisturbed, campaign_of, run, stored_hash
 
 from builder.campaign.run import run_campaign
-from builder.flight_conditions import condition_grid
+from builder.campaign.snapshots import Snapshots, load_flows, load_snapshots
 from builder.reporting import Progress, Silent
-from builder.snapshots import Snapshots, load_flows, load_snapshots
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.errors import FlowReachError
 
 

@@ -13,7 +13,7 @@ from campaign_case import THREADS
 from builder.aero.engines import make_engine
 from builder.aero.euler_engine import EulerEngine
 from builder.campaign.scheduling import solve_flows
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
 from strainfmu.errors import StrainfmuError
 
 

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
-from strainfmu.can.bridge import BridgeSummary
-from strainfmu.can.bus import BusSettings, open_bus
-from strainfmu.can.fault_injection import Fault
-from strainfmu.can.observed import observed_bridge
-from strainfmu.can.profiles import profile_layout
-from strainfmu.can.result import CycleResult
-from strainfmu.can.sender import send_flight
-from strainfmu.can.setup import BridgeOptions
-from strainfmu.can.strain_sources import FlownSample
+from strainfmu.can.bridge.bridge import BridgeSummary
+from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.tools.fault_injection import Fault
+from strainfmu.can.tools.observed import observed_bridge
+from strainfmu.can.tools.sender import send_flight
+from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.can.wire.profiles import profile_layout
 
 CYCLE = 0.01
 

@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from strainfmu.can.bus_state import BusState
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.fault_injection import Fault, FaultKind, FaultySender
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.result import CycleResult, StepResult
 from strainfmu.can.guards import ALL_GUARDS, Guards
-from strainfmu.can.profiles import Identifiers, profile_layout
-from strainfmu.can.quality import Quality
-from strainfmu.can.result import CycleResult, StepResult
-from strainfmu.can.result_frames import ResultFrames, result_layouts
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.health import HealthState
+from strainfmu.can.tools.fault_injection import Fault, FaultKind, FaultySender
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.estimator.health import HealthState
 
 CYCLE = 0.01
 N_GAUGES = 30

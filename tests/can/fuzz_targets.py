@@ -9,16 +9,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.dbc_files import database_of
-from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.profiles import PROFILES, profile_layout
-from strainfmu.can.quality import Quality
-from strainfmu.can.result import StepResult
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.result import StepResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.can.wire.dbc_files import database_of
+from strainfmu.can.wire.dbc_mapping import mapped_layout
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.wire.profiles import PROFILES, profile_layout
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError
 
 N_GAUGES = 6

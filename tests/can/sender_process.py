@@ -19,10 +19,10 @@ import can
 import numpy as np
 from can.interfaces.udp_multicast.utils import unpack_message
 
-from strainfmu.can.bus import BusSettings, open_bus
-from strainfmu.can.frame import to_message
-from strainfmu.can.profiles import profile_layout
-from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.wire.frame import to_message
+from strainfmu.can.wire.profiles import profile_layout
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 
 FOREIGN = 20
 RESULT = 0x380

@@ -18,19 +18,19 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, layout_of
 
-from strainfmu.can.bridge import QUEUED_CYCLES, Bridge, BridgeSummary
-from strainfmu.can.bus import BusSettings, kernel_drops, open_bus
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.frame import Frame, to_message
-from strainfmu.can.frame_account import FrameClass
-from strainfmu.can.profiles import Identifiers
-from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
-from strainfmu.can.reconnect import BackOffSettings
-from strainfmu.can.result import CycleResult, StepResult
-from strainfmu.can.result_frames import result_layouts
+from strainfmu.can.bridge.bridge import QUEUED_CYCLES, Bridge, BridgeSummary
+from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
+from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
+from strainfmu.can.bridge.reconnect import BackOffSettings
+from strainfmu.can.bridge.result_frames import result_layouts
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult, StepResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.can.wire.frame import Frame, to_message
+from strainfmu.can.wire.profiles import Identifiers
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError, StrainfmuError
 
 N = 30
@@ -351,7 +351,7 @@ def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() ->
 @pytest.mark.skipif(shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare and root")
 def test_no_default_route_is_one_clear_line() -> None:
     code = (
-        "from strainfmu.can.bus import BusSettings, open_bus\n"
+        "from strainfmu.can.bridge.bus import BusSettings, open_bus\n"
         "from strainfmu.errors import StrainfmuError\n"
         "try:\n    open_bus(BusSettings('udp_multicast', '239.74.163.2'))\n"
         "except StrainfmuError as error:\n    print(error)\n"
@@ -372,7 +372,7 @@ def test_an_interface_that_does_not_exist_is_one_line() -> None:
 
 
 def test_frames_survive_the_way_through_python_can() -> None:
-    from strainfmu.can.frame import from_message
+    from strainfmu.can.wire.frame import from_message
 
     frame = Frame(0x1ABCDEF0, bytes(range(12)), 3.5, True, True, True)
     assert from_message(to_message(frame), 3.5) == frame

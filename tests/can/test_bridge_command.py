@@ -16,12 +16,18 @@ import pytest
 def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path) -> None:
     from synthetic_vehicle import synthetic_inverse_map
 
+    from strainfmu.estimator.inverse_map import save_inverse_map
     from strainfmu.fmu.export import export_estimator
-    from strainfmu.inverse_map import save_inverse_map
 
     save_inverse_map(synthetic_inverse_map(), tmp_path / "map.h5")
     export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu")
-    command = [sys.executable, "-c", "from strainfmu.cli import main; main()", "bridge", str(tmp_path / "e.fmu")]
+    command = [
+        sys.executable,
+        "-c",
+        "from strainfmu.cli.main import main; main()",
+        "bridge",
+        str(tmp_path / "e.fmu"),
+    ]
     command += ["--interface", "virtual", "--channel", "x", "--profile", "classic-be", "--dynamic-pressure", "1e5"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
         assert bridge.stdout is not None
@@ -58,7 +64,7 @@ def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]],
     import cantools
     from synthetic_vehicle import synthetic_inverse_map
 
-    from strainfmu.inverse_map import save_inverse_map
+    from strainfmu.estimator.inverse_map import save_inverse_map
 
     save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
     code, printed, _ = run(

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, run_campaign
 
-from strainfmu.can.fault_injection import Fault, FaultKind, random_faults
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_account import FrameClass
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import StepResult
 from strainfmu.can.guards import ALL_GUARDS, Guards
-from strainfmu.can.profiles import PROFILES
-from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result import StepResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.health import HealthState
+from strainfmu.can.tools.fault_injection import Fault, FaultKind, random_faults
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.profiles import PROFILES
+from strainfmu.estimator.health import HealthState
 
 SETTINGS = BridgeSettings()
 GAP = SETTINGS.recovery_cycles + 3

@@ -10,8 +10,8 @@ import pytest
 from typer.main import get_command
 
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.commands import app
-from strainfmu.commands.bus_options import check_bus_options, cycle_time_of, known_bus_options
+from strainfmu.cli.commands import app
+from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of, known_bus_options
 from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]

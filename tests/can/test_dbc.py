@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, gauge_names, layout_of
 
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.dbc_files import database_of, load_mapping
-from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.dbc_writer import dbc_text
-from strainfmu.can.frame import Frame, from_message
-from strainfmu.can.frame_account import FrameClass
-from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.profiles import PROFILES, Identifiers, configuration_of
-from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result import CycleResult
-from strainfmu.can.result_frames import BridgeStatus, ResultFrames, result_layouts
+from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames, result_layouts
+from strainfmu.can.bridge.setup import all_layouts
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.setup import all_layouts
+from strainfmu.can.wire.dbc_files import database_of, load_mapping
+from strainfmu.can.wire.dbc_mapping import mapped_layout
+from strainfmu.can.wire.dbc_writer import dbc_text
+from strainfmu.can.wire.frame import Frame, from_message
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.wire.profiles import PROFILES, Identifiers, configuration_of
 from strainfmu.errors import InputError
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "can_cantools_example.py"
@@ -211,7 +211,7 @@ def test_a_users_dbc_file_may_state_end_to_end_protection() -> None:
     assert layout.is_timed
     from can_case import run_campaign
 
-    from strainfmu.can.fault_injection import Fault, FaultKind
+    from strainfmu.can.tools.fault_injection import Fault, FaultKind
 
     kinds = (FaultKind.CORRUPTION, FaultKind.CONFIGURATION, FaultKind.DELAY, FaultKind.RESTART)
     run = run_campaign(layout, [Fault(kind, 40 + 60 * i, 10, i) for i, kind in enumerate(kinds)], 300)
@@ -363,8 +363,8 @@ def test_no_coefficients_go_out_without_quality(form: str, quality: Quality) -> 
 
 @pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
 def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -> None:
-    from strainfmu.can.bus_state import BusState
-    from strainfmu.can.frame_account import FrameAccount
+    from strainfmu.can.cycle.bus_state import BusState
+    from strainfmu.can.cycle.frame_account import FrameAccount
 
     layouts = result_layouts(form, Identifiers(), CYCLE)
     database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")

@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 from can_case import CYCLE, Projection
 
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.dbc_files import database_of, load_database
-from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result import CycleResult
+from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.setup import BridgeOptions, make_core
+from strainfmu.can.wire.dbc_files import database_of, load_database
+from strainfmu.can.wire.dbc_mapping import mapped_layout
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.errors import InputError
 
 HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A B\n'
@@ -224,7 +224,7 @@ def test_frames_that_share_a_name_are_one_line_of_standard_error(tmp_path: Path)
     """cantools warns of them through logging, which without a handler writes a line of its own."""
     path = tmp_path / "rack.dbc"
     path.write_text(HEAD + RACK + RACK.replace("256", "258"))
-    code = "from pathlib import Path; from strainfmu.can.dbc_files import load_database; "
+    code = "from pathlib import Path; from strainfmu.can.wire.dbc_files import load_database; "
     code += f"load_database(Path({str(path)!r}))"
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert finished.stderr == ""

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.two_processes import check_multicast, fly_over_bus, private_port
+from strainfmu.can.tools.two_processes import check_multicast, fly_over_bus, private_port
 from strainfmu.errors import StrainfmuError
 
 
@@ -54,7 +54,7 @@ def test_without_a_route_the_demo_ends_before_the_long_work(tmp_path: Path) -> N
     command = [
         sys.executable,
         "-c",
-        "from strainfmu.cli import main; main()",
+        "from strainfmu.cli.main import main; main()",
         "demo",
         "--can",
         "-o",

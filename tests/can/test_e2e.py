@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from e2e import p01, p05
 
-from strainfmu.can.crc import Protection, counter_in, crc_in, crc_of, protect
-from strainfmu.can.e2e_check import E2EStatus, ReceptionCheck
-from strainfmu.can.e2e_state_machine import E2EState, E2EStateMachine, StateMachineSettings
+from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
+from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine, StateMachineSettings
+from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
 
 OK, LOST, REPEATED = E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.REPEATED
 WRONG, ERROR, NOTHING = E2EStatus.WRONG_SEQUENCE, E2EStatus.ERROR, E2EStatus.NO_NEW_DATA

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from can_case import Projection, Truth
 
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.crc import protect
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_account import FrameClass
-from strainfmu.can.profiles import profile_layout
-from strainfmu.can.quality import Quality
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.can.wire.crc import protect
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.profiles import profile_layout
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 
 N_GAUGES = 6
 CYCLE = 1e-3

@@ -13,11 +13,11 @@ from bus_run import flight
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.errors import InputError
-from strainfmu.estimation.columns import plan_columns
-from strainfmu.estimation.run import estimate_file
-from strainfmu.estimation.strain_files import BLOCK_ROWS, open_strains
-from strainfmu.estimator import Estimator
-from strainfmu.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.step import Estimator
+from strainfmu.recorded.columns import plan_columns
+from strainfmu.recorded.run import estimate_file
+from strainfmu.recorded.strain_files import BLOCK_ROWS, open_strains
 
 Run = Callable[..., tuple[int, str, str]]
 Truth = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

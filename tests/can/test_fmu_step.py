@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
-from strainfmu.can.fmu_step import FmuStep, gauge_names_of
-from strainfmu.can.result import StepRefused
+from strainfmu.can.cycle.fmu_step import FmuStep, gauge_names_of
+from strainfmu.can.cycle.result import StepRefused
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator import Estimator
-from strainfmu.health import HealthState
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.step import Estimator
 
 
 def test_a_step_is_the_estimate(synthetic: SyntheticFiles) -> None:

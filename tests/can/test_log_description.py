@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from strainfmu.can.profiles import Identifiers
-from strainfmu.can.recording import MicrosecondClock, Recorder, load_description, sidecar
-from strainfmu.can.setup import BridgeOptions
+from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.tools.recording import MicrosecondClock, Recorder, load_description, sidecar
+from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.errors import InputError
 
 

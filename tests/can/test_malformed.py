@@ -11,12 +11,12 @@ import can
 import pytest
 from can_case import CYCLE, layout_of
 
-from strainfmu.can.acceptance import Acceptance
-from strainfmu.can.frame import Frame, MalformedFrame, from_message
-from strainfmu.can.log_frames import LogState, log_frames
-from strainfmu.can.receiver import BusFault, FrameQueue, Receiver
-from strainfmu.can.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
+from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver
+from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.tools.log_frames import LogState, log_frames
+from strainfmu.can.tools.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
+from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message
 
 GOOD = {"arbitration_id": 0x301, "is_extended_id": False, "is_fd": True, "data": bytes(64), "dlc": 64}
 

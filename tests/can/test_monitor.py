@@ -20,11 +20,11 @@ from bus_run import live_run
 from chromium import PROGRAM, Browser
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bus_state import BusState
-from strainfmu.can.frame_account import FrameAccount
-from strainfmu.can.publisher import GaugePlace, Publisher, gauge_places, parsed_address
-from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result import CycleResult
+from strainfmu.can.bridge.publisher import GaugePlace, Publisher, gauge_places, parsed_address
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.frame_account import FrameAccount
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import Monitor, page
 
@@ -239,7 +239,7 @@ def test_events_carry_what_is_newest(monitor: Monitor) -> None:
 def test_monitor_as_a_command(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [
-            *(sys.executable, "-c", "from strainfmu.cli import main; main()", "monitor"),
+            *(sys.executable, "-c", "from strainfmu.cli.main import main; main()", "monitor"),
             *("--listen", "127.0.0.1:0", "--http", "127.0.0.1:0"),
         ],
         stdout=subprocess.PIPE,

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, layout_of
 
-from strainfmu.can.backlog import Backlog
-from strainfmu.can.bridge import QUEUED_CYCLES
-from strainfmu.can.core import BridgeCore
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_account import FrameClass
-from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.receiver import FrameQueue
-from strainfmu.can.result import CycleResult, published
+from strainfmu.can.bridge.backlog import Backlog
+from strainfmu.can.bridge.bridge import QUEUED_CYCLES
+from strainfmu.can.bridge.receiver import FrameQueue
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult, published
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 
 N = 10
 SETTINGS = BridgeSettings()

@@ -15,9 +15,9 @@ import pytest
 from bus_run import live_run
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.frame import Frame
-from strainfmu.can.log_frames import LogState, log_frames
-from strainfmu.can.recording import LOG_SUFFIXES, MicrosecondClock, Recorder, load_description, sidecar
+from strainfmu.can.tools.log_frames import LogState, log_frames
+from strainfmu.can.tools.recording import LOG_SUFFIXES, MicrosecondClock, Recorder, load_description, sidecar
+from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError
 
 FRAMES = (
@@ -30,8 +30,8 @@ FRAMES = (
 RECORDER = """
 import sys, time
 from pathlib import Path
-from strainfmu.can.frame import Frame
-from strainfmu.can.recording import MicrosecondClock, Recorder
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 clock = MicrosecondClock()
 recorder = Recorder(Path(sys.argv[1]), clock)
 number = 0

@@ -13,13 +13,13 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strainfmu.can.dbc_signals import signal_layout
-from strainfmu.can.decoded_cycle import StrainDecoder
-from strainfmu.can.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.can.cycle.decoded_cycle import StrainDecoder
 from strainfmu.can.guards import ALL_GUARDS
-from strainfmu.can.profiles import PROFILES
-from strainfmu.can.signal_plan import SignalPlan
-from strainfmu.can.strain_encoder import StrainEncoder
+from strainfmu.can.wire.dbc_signals import signal_layout
+from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.profiles import PROFILES
+from strainfmu.can.wire.signal_plan import SignalPlan
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError
 
 
@@ -78,7 +78,7 @@ def test_encoding_is_that_of_cantools(signal: Signal, number: int) -> None:
 
 def test_whole_frames_are_those_of_cantools() -> None:
     """27 strains and the header of fd64 side by side, 200 random frames, bit for bit."""
-    from strainfmu.can.dbc_writer import dbc_text
+    from strainfmu.can.wire.dbc_writer import dbc_text
 
     layout = layout_of("fd64").strain_frames[0].layout
     message = cantools.database.load_string(dbc_text([layout], "test"), "dbc").messages[0]
@@ -133,7 +133,7 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     strain[5] = np.nan
     frames = OrderedDict((frame.key, frame) for frame in StrainEncoder(layout).encode(strain, 1.25e5, 3, 12.5))
     assert len(frames) == len(layout.frames)
-    from strainfmu.can.reception import Reception
+    from strainfmu.can.cycle.reception import Reception
     from strainfmu.can.settings import BridgeSettings
 
     reception = Reception(layout, BridgeSettings(), ALL_GUARDS)

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from can_case import CYCLE, layout_of
 
-from strainfmu.can.acceptance import Acceptance
-from strainfmu.can.bus_state import BusState, state_after
-from strainfmu.can.cycle_assembler import Arrival, CycleAssembler, Limits, Verdict
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
-from strainfmu.can.plausibility import GaugeChecks
-from strainfmu.can.reconnect import BackOff, BackOffSettings
-from strainfmu.can.sample_clock import SampleClock
+from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.assembler import Arrival, CycleAssembler, Limits, Verdict
+from strainfmu.can.cycle.bus_state import BusState, state_after
+from strainfmu.can.cycle.frame_account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
+from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.e2e.sample_clock import SampleClock
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError
 
 NO_RAW = np.zeros(1, dtype=np.int64)

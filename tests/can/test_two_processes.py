@@ -15,19 +15,19 @@ import pytest
 from sender_process import FOREIGN
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.fmu_step import gauge_names_of
-from strainfmu.can.profiles import Identifiers
-from strainfmu.can.quality import Quality
-from strainfmu.can.result_frames import result_layouts
-from strainfmu.can.signal_plan import SignalPlan
-from strainfmu.estimator import Estimator
+from strainfmu.can.bridge.result_frames import result_layouts
+from strainfmu.can.cycle.fmu_step import gauge_names_of
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.wire.profiles import Identifiers
+from strainfmu.can.wire.signal_plan import SignalPlan
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
+from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator
-from strainfmu.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 
 GROUP = "239.74.163.77"
 N_GAUGES = 54
 SENDER = Path(__file__).with_name("sender_process.py")
-STRAINFMU = [sys.executable, "-c", "from strainfmu.cli import main; main()"]
+STRAINFMU = [sys.executable, "-c", "from strainfmu.cli.main import main; main()"]
 
 
 @pytest.fixture(scope="module")

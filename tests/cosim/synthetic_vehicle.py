@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.cosim.flight_model import FlightModel, save_flight_model
+from strainfmu.estimator.innovation import estimate_gain, innovation_whitening
+from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator, export_plant
-from strainfmu.innovation import estimate_gain, innovation_whitening
-from strainfmu.inverse_map import InverseMap, save_inverse_map
 
 N_GAUGES = 6
 TRAJECTORY = """time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km

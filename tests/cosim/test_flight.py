@@ -39,7 +39,7 @@ from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.ssp import write_ssp
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
-from strainfmu.plant_interface import FlightStart, GaugeFault
+from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 MODEL = slender_flight_model()
 WATCHED = (

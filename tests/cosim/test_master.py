@@ -19,9 +19,9 @@ from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_
 from strainfmu.cosim.system import Connection, System
 from strainfmu.cosim.trajectory import HEADER, load_trajectory
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator import Estimator
-from strainfmu.interface import COEFFICIENTS, LOADS
-from strainfmu.inverse_map import load_inverse_map
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.step import Estimator
+from strainfmu.interface.estimator_variables import COEFFICIENTS, LOADS
 
 
 def chain(synthetic: SyntheticFiles, **start_values: float) -> System:

@@ -18,10 +18,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.estimator import Estimator
-from strainfmu.estimator_settings import EstimatorSettings, default_settings
-from strainfmu.interface import PARAMETERS, output_values
-from strainfmu.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.step import Estimator
+from strainfmu.interface.estimator_variables import PARAMETERS, output_values
 
 REALS = slice(0, 20)
 CHI_SQUARE, LIMIT = 21, 22

@@ -18,10 +18,10 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 
 from strainfmu.cosim.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator import Estimator
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.python_package import with_own_package
-from strainfmu.inverse_map import load_inverse_map
 
 
 def test_equal_exports_are_equal_to_the_byte(
@@ -48,7 +48,7 @@ def test_exports_do_not_follow_the_machine(synthetic: SyntheticFiles, tmp_path: 
         copy = folder / "map.h5"
         copy.write_bytes(synthetic.map_1.read_bytes())
         options = OPTIONS[kind]
-        program = "from strainfmu.cli import main; main()"
+        program = "from strainfmu.cli.main import main; main()"
         command = [sys.executable, "-c", program, "export", "map.h5", "-o", "a.fmu"]
         command += ["--kind", options.kind, "--fmi", options.fmi_version]
         environment = {**os.environ, "OPENBLAS_CORETYPE": core, "TZ": zone, "PYTHONHASHSEED": str(len(core))}

@@ -13,10 +13,10 @@ from fmu_host import STRAINS
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION
 from strainfmu.files import content_hash_of
 from strainfmu.fmu.crosscheck import ImporterResult, check_results, largest_deviation, write_crosscheck
 from strainfmu.fmu.importers import read_table
-from strainfmu.inverse_map import SCHEMA, SCHEMA_VERSION
 
 FOREIGN = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Foreign [x]" guid="{1}" generationTool="another tool">
@@ -30,7 +30,7 @@ FOREIGN = """<?xml version="1.0" encoding="UTF-8"?>
 
 def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run ``strainfmu`` as a user does."""
-    program = "from strainfmu.cli import main; main()"
+    program = "from strainfmu.cli.main import main; main()"
     command = [sys.executable, "-c", program, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 

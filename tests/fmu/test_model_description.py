@@ -12,14 +12,14 @@ from fmpy import read_model_description
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, synthetic_inverse_map
 
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import UNITS, Variable
+from strainfmu.estimator.health import HealthState
 from strainfmu.fmu.description import FmuDescription, generation_time, model_identifier
 from strainfmu.fmu.model_description import model_description
 from strainfmu.fmu.model_description_3 import model_description_3
 from strainfmu.fmu.reference_run import array_elements
-from strainfmu.health import HealthState
-from strainfmu.interface import HEALTH_ITEMS, PARAMETERS, estimator_arrays, estimator_interface
-from strainfmu.plant_interface import plant_interface
+from strainfmu.interface.estimator_variables import HEALTH_ITEMS, PARAMETERS, estimator_arrays, estimator_interface
+from strainfmu.interface.fmi_variables import UNITS, Variable
+from strainfmu.interface.plant_variables import plant_interface
 
 
 def variables(path: Path) -> dict[str, Any]:

@@ -17,11 +17,11 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.cosim.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
-from strainfmu.estimator import Estimator
-from strainfmu.estimator_settings import default_settings
-from strainfmu.health import HealthState
-from strainfmu.interface import PARAMETERS
-from strainfmu.inverse_map import load_inverse_map
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.step import Estimator
+from strainfmu.interface.estimator_variables import PARAMETERS
 
 
 @pytest.fixture(params=["native", "python"])

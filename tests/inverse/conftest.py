@@ -11,15 +11,15 @@ from inverse_case import Case, snapshots_at
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
-from builder.build import gauge_noise_covariance, internal_pressure
 from builder.campaign.scheduling import Scheduling, solve_flows
-from builder.flight_conditions import condition_grid
-from builder.flight_tables import truth_engine, truth_keys
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel, structural_model
-from builder.vehicle import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
+from builder.pipeline.build import gauge_noise_covariance, internal_pressure
+from builder.pipeline.flight_tables import truth_engine, truth_keys
+from builder.structure.model import StructuralModel, structural_model
+from builder.vehicle.file import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
+from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.flight_condition import FlightCondition
 
 COARSE = Resolution(

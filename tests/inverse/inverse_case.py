@@ -10,15 +10,15 @@ import numpy as np
 from builder.aero.engine import Engine
 from builder.campaign.run import take_snapshots
 from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.flight_conditions import ConditionSet
 from builder.inverse.case_1 import LeastSquaresMap, least_squares_map
 from builder.inverse.case_2 import GaussianMap, gaussian_map
 from builder.inverse.noise_model import NoiseModel, gauge_noise, truncated_modes
 from builder.inverse.pod import PressureModes
 from builder.inverse.prior import LowRankPrior
-from builder.snapshots import Snapshots
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition
 
 

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from inverse_case import Case
 
-from builder.build import build_inverse_map
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.case_2 import gaussian_map
 from builder.inverse.field import estimated_field
 from builder.inverse.noise_model import nuisance_modes
 from builder.inverse.prior import LowRankPrior
-from builder.map_options import MapEntry, Noise
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
+from builder.pipeline.build import build_inverse_map
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError
-from strainfmu.estimator import Estimator
-from strainfmu.health import HealthState
-from strainfmu.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.step import Estimator
 
 DYNAMIC_PRESSURE = 137970.0
 

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from inverse_case import Case, least_squares, noise_model
 
-from builder.build import build_inverse_map, gauge_noise_covariance, snapshot_coefficients
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.baselines import unweighted_gain
 from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
 from builder.inverse.pod import PressureModes
-from builder.map_options import MapEntry, Noise
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
+from builder.pipeline.build import build_inverse_map, gauge_noise_covariance, snapshot_coefficients
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError
-from strainfmu.estimator import Estimator
-from strainfmu.health import HealthState
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.step import Estimator
 
 N_MODES = 5
 

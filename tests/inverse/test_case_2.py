@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from inverse_case import Case, gaussian
 
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.baselines import minimum_norm_pressure
 from builder.inverse.case_2 import GaussianMap, gaussian_map
 from builder.inverse.field import estimated_field
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
-from builder.snapshots import Snapshots
 from strainfmu.errors import InputError
 
 GAMMAS = (1e-6, 1e-2, 1.0, 10**0.5, 1e4)

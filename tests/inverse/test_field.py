@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from inverse_case import Case, gaussian
 
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.case_2 import gaussian_map
 from builder.inverse.field import (
     data_informed_modes,
@@ -16,7 +17,6 @@ from builder.inverse.field import (
 )
 from builder.inverse.pod import area_weights
 from builder.inverse.prior import LowRankPrior
-from builder.snapshots import Snapshots
 from strainfmu.errors import InputError
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.flight_score import score_flight
+from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import Recording
-from strainfmu.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 
 def recording(truth: np.ndarray, estimate: np.ndarray, sigma: float) -> Recording:

@@ -11,10 +11,10 @@ from inverse_case import Case, snapshots_at
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.surface_pressure import pressure_at_stations
-from builder.build import snapshot_coefficients
-from builder.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
+from builder.pipeline.build import snapshot_coefficients
+from builder.pipeline.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
 from strainfmu.cosim.flight_model import FlightModel, FlightPoint, evaluate
 from strainfmu.flight_condition import FlightCondition
 

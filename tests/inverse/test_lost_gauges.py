@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from builder.build import build_inverse_map
-from builder.gauge_layout import GaugeLayout
-from builder.map_options import MapEntry
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
+from builder.campaign.snapshots import Snapshots
+from builder.pipeline.build import build_inverse_map
 from builder.structure.mapped_structure import MappedStructure
-from builder.vehicle import Vehicle
-from strainfmu.detectability import minimal_isolable_bias
-from strainfmu.estimator import Estimator, LoadEstimate
-from strainfmu.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.inverse_map import InverseMap
-from strainfmu.isolation import correlations, outlier_threshold
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.map_options import MapEntry
+from strainfmu.estimator.detectability import minimal_isolable_bias
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.isolation import correlations, outlier_threshold
+from strainfmu.estimator.step import Estimator, LoadEstimate
 
 N_GAUGES = 54
 N_DRAWS = 4000

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from builder.inverse.gamma_rules import RULES
-from builder.map_options import MapEntry, Noise
+from builder.vehicle.map_options import MapEntry, Noise
 
 
 def test_defaults_are_case_1_with_truncated_modes() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from inverse_case import Case, noise_model
 
-from builder.build import build_inverse_map, check_noise, gauge_noise_covariance, noise_terms
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.case_1 import least_squares_map
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
@@ -24,15 +24,15 @@ from builder.inverse.noise_model import (
     nuisance_modes,
     truncated_modes,
 )
-from builder.map_options import Noise
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel, wall_of
+from builder.pipeline.build import build_inverse_map, check_noise, gauge_noise_covariance, noise_terms
 from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
-from builder.vehicle import Vehicle
+from builder.structure.model import StructuralModel, wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
-from strainfmu.load_errors import load_gain
+from strainfmu.estimator.load_errors import load_gain
 
 N_MODES = 5
 

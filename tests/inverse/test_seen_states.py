@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.build import inverse_map_of, inverse_problem
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.seen_states import on_seen_states
 from builder.inverse.solution import solve
-from builder.map_options import MapEntry
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
-from strainfmu.estimator import Estimator
-from strainfmu.inverse_map import InverseMap
+from builder.pipeline.build import inverse_map_of, inverse_problem
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import MapEntry
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
 
 Q = 1.4e5
 

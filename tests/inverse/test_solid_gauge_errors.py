@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from inverse_case import Case
 
-from builder.build import build_inverse_map, noise_terms
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.gauge_derivatives import gauge_derivatives
 from builder.inverse.noise_model import NoiseTerm
-from builder.map_options import Noise
+from builder.pipeline.build import build_inverse_map, noise_terms
 from builder.reporting import Silent
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel, solid_case, wall_of
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
+from builder.structure.model import StructuralModel, solid_case, wall_of
 from builder.structure.solid.displaced_gauges import displaced_gauges
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.model import solve_structure
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
 
 LAYOUT = "configuration_1"

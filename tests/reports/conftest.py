@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
 
+from builder.campaign.snapshots import Snapshots
 from builder.reports.build_page import report_page
 from builder.reports.build_report import BuildReport, build_report
 from builder.reports.html import page_html
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

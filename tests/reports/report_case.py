@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from builder.aero.engines import make_engine
-from builder.build import inverse_map_of, inverse_problem
 from builder.campaign.run import take_snapshots
 from builder.campaign.scheduling import Scheduling, solve_flows
+from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem, Solution, solve
-from builder.map_options import MapEntry
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel, structural_model, used_layouts
-from builder.vehicle import Vehicle, load_vehicle
-from strainfmu.inverse_map import InverseMap
+from builder.pipeline.build import inverse_map_of, inverse_problem
+from builder.structure.model import StructuralModel, structural_model, used_layouts
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_options import MapEntry
+from strainfmu.estimator.inverse_map import InverseMap
 
 OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'

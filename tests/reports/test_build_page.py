@@ -13,9 +13,9 @@ from page_checks import assert_self_contained
 from report_case import CASE_1, ReportCase, case_of
 
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.build import build_inverse_map
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise_model import nuisance_modes
-from builder.map_options import MapEntry
+from builder.pipeline.build import build_inverse_map
 from builder.reports.build_figures import known_pressure
 from builder.reports.build_page import blind_line, write_numbers
 from builder.reports.build_report import BuildReport, build_report
@@ -23,12 +23,12 @@ from builder.reports.build_tables import report_tables
 from builder.reports.exclusions import exclusions
 from builder.reports.html import Page, Section, page_html, picture
 from builder.reports.tables import Column, shown
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
-from builder.vehicle import Vehicle
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
-from strainfmu.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.regularisation import expected_data, select_gamma
 from builder.reports.coefficient_sources import OF_STATES, coefficient_sources
 from builder.reports.gamma_choice import gamma_choice
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
+from builder.structure.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

@@ -15,13 +15,13 @@ from report_case import CASE_2, ReportCase, case_of, ogive_with
 from rich.console import Console
 from scipy.stats import norm
 
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
-from strainfmu.inspection import inspect_artefact
-from strainfmu.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.map_inspection import detectable_bias, hessian_eigenvalues
-from strainfmu.validity import ValidRange, valid_ranges
+from builder.campaign.snapshots import Snapshots
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from strainfmu.cli.inspection.files import inspect_artefact
+from strainfmu.cli.inspection.inverse_map import detectable_bias, hessian_eigenvalues
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.validity import ValidRange, valid_ranges
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 Run = Callable[..., tuple[int, str, str]]

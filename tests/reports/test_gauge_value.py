@@ -7,15 +7,15 @@ import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of, map_of_some, others, with_gauges
 from scipy.stats import norm
 
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.seen_states import on_seen_states
 from builder.inverse.solution import solve
 from builder.reports.coefficient_sources import coefficient_sources
 from builder.reports.gauge_value import gauge_value, loss_growth
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
-from builder.vehicle import Vehicle
-from strainfmu.estimator import Estimator
+from builder.structure.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from strainfmu.estimator.step import Estimator
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

@@ -9,16 +9,16 @@ import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.geometry import SurfaceGrid
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise_model import gauge_noise
 from builder.inverse.solution import Problem, solve
-from builder.map_options import MapEntry
 from builder.reports.prior_sight import PriorSight, prior_sight
 from builder.reports.symmetry_classes import mirror_operators, symmetric_part
-from builder.snapshots import Snapshots
-from builder.structural_model import StructuralModel
+from builder.structure.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
-from builder.vehicle import Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.map_options import MapEntry
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

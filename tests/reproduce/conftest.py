@@ -24,7 +24,7 @@ def command() -> Callable[..., str]:
 
 
 def _run(*arguments: str) -> str:
-    command = [sys.executable, "-c", "from strainfmu.cli import main; main()", *arguments]
+    command = [sys.executable, "-c", "from strainfmu.cli.main import main; main()", *arguments]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     assert finished.returncode == 0, finished.stderr
     return finished.stdout

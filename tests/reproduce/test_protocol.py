@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.flight_conditions import flow_key
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, P1, P2, PAPER, QUICK, sized
 from builder.reproduce.readings import ALL, READINGS, SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.studies import left_out
-from builder.structural_model import check_gauges, place_layouts, wall_of
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.vehicle import IC3X, load_vehicle
+from builder.structure.model import check_gauges, place_layouts, wall_of
+from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.flight_conditions import flow_key
 
 
 def test_numbers_of_snapshots_and_membership_of_the_examples() -> None:

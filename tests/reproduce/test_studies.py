@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from builder.aero.loads import load_operator
-from builder.geometry import SurfaceGrid, surface_grid
 from builder.inverse.prior import prior_of_snapshots
 from builder.reproduce.case_1 import case_1_map, field_example, pod_of, study_case_1
 from builder.reproduce.case_2 import case_2_map, load_readings, odd_part, study_field, study_gamma
@@ -15,7 +14,8 @@ from builder.reproduce.protocol import P1, QUICK, sized
 from builder.reproduce.readings import SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel, fourier_model
-from builder.vehicle import IC3X, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.geometry import SurfaceGrid, surface_grid
 
 INSIDE = 5474.9
 

@@ -7,15 +7,15 @@ import pytest
 from runtime_map import GaussianModel, random_model
 from scipy.stats import binom, ncx2, norm
 
-from strainfmu.detectability import (
+from strainfmu.errors import InputError
+from strainfmu.estimator.detectability import (
     detectable_noncentrality,
     minimal_detectable_bias,
     minimal_isolable_bias,
     noncentral_survival,
 )
-from strainfmu.errors import InputError
-from strainfmu.health import chi_square_limit
-from strainfmu.isolation import correlations, outlier_threshold
+from strainfmu.estimator.health import chi_square_limit
+from strainfmu.estimator.isolation import correlations, outlier_threshold
 
 N_GAUGES = 20
 N_DRAWS = 4000

@@ -12,19 +12,19 @@ from hypothesis import strategies as st
 from runtime_map import N_GAUGES, map_of, missing, random_map, random_model
 
 from builder.aero.loads import ReferenceQuantities, load_operator
-from builder.geometry import chain_segments, surface_grid
 from builder.inverse.coefficients import coefficient_covariance
+from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
-from strainfmu.estimator import CACHED_MASKS, Estimator, LoadEstimate, moment_transfer
-from strainfmu.estimator_settings import (
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.isolation import outlier_threshold
+from strainfmu.estimator.settings import (
     LARGEST_SENSOR_RANGE,
     SENSOR_RANGE,
     EstimatorSettings,
     default_settings,
 )
-from strainfmu.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.inverse_map import InverseMap
-from strainfmu.isolation import outlier_threshold
+from strainfmu.estimator.step import CACHED_MASKS, Estimator, LoadEstimate, moment_transfer
 
 Q = 1.2e5
 

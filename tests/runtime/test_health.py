@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from scipy.stats import chi2
 
-from strainfmu.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit, chi_square_survival
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit, chi_square_survival
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 3, 10, 22, 49, 200, 1001])

@@ -9,7 +9,7 @@ import pytest
 from runtime_map import random_model
 
 from strainfmu.errors import InputError
-from strainfmu.innovation import estimate_gain, innovation_whitening, inverse_cholesky
+from strainfmu.estimator.innovation import estimate_gain, innovation_whitening, inverse_cholesky
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.5, 1.0, 20.0])

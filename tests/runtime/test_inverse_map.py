@@ -12,15 +12,15 @@ from runtime_map import N_GAUGES, N_STATES, map_of, random_map, random_model
 
 from strainfmu import files
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.files import content_hash_of
-from strainfmu.innovation import innovation_whitening
-from strainfmu.inverse_map import (
+from strainfmu.estimator.innovation import innovation_whitening
+from strainfmu.estimator.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
     InverseMap,
     load_inverse_map,
     save_inverse_map,
 )
+from strainfmu.files import content_hash_of
 
 
 @pytest.fixture
@@ -135,7 +135,7 @@ def test_other_schema_version_is_refused(version: int, tmp_path: Path) -> None:
 
 def test_other_kind_of_file_is_refused(tmp_path: Path) -> None:
     files.write_hdf5_atomically(tmp_path / "map.h5", "strainfmu.snapshots", 1, lambda file: None)
-    with pytest.raises(InputError, match=r"schema 'strainfmu.inverse_map', found 'strainfmu.snapshots'"):
+    with pytest.raises(InputError, match=r"schema 'strainfmu.estimator.inverse_map', found 'strainfmu.snapshots'"):
         load_inverse_map(tmp_path / "map.h5")
 
 

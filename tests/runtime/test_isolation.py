@@ -9,15 +9,15 @@ import pytest
 from runtime_map import GaussianModel, map_of, missing, random_model
 from scipy.stats import binom, norm
 
-from strainfmu.estimator import Estimator
-from strainfmu.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.isolation import (
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.isolation import (
     ambiguous_groups,
     correlations,
     outlier_threshold,
     standardised_residuals,
     suspected_gauges,
 )
+from strainfmu.estimator.step import Estimator
 
 Q = 1.2e5
 N_GAUGES = 54

@@ -9,8 +9,8 @@ import pytest
 from runtime_map import GaussianModel, map_of, missing, random_model
 
 from strainfmu.errors import InputError
-from strainfmu.estimator import Estimator
-from strainfmu.load_errors import LoadErrorModel, load_error_covariance, load_error_model, load_gain
+from strainfmu.estimator.load_errors import LoadErrorModel, load_error_covariance, load_error_model, load_gain
+from strainfmu.estimator.step import Estimator
 
 N_GAUGES = 27
 

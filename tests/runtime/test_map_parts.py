@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from runtime_map import map_of, random_map, random_model
 
-from strainfmu.fixed_order import apply_orthogonal, cholesky, eigen, householder, product, solve_lower
-from strainfmu.innovation import innovation_whitening, inverse_cholesky
-from strainfmu.inverse_map import InverseMap, save_inverse_map
-from strainfmu.load_errors import load_error_model
-from strainfmu.map_parts import map_parts
+from strainfmu.estimator.fixed_order import apply_orthogonal, cholesky, eigen, householder, product, solve_lower
+from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.load_errors import load_error_model
+from strainfmu.estimator.map_parts import map_parts
 
 MAPS = {
     "case 1": lambda: map_of(random_model(gamma=0.0, n_gauges=54, n_states=5)),
@@ -95,7 +95,7 @@ def test_bits_do_not_follow_the_processor(tmp_path: Path) -> None:
     program = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from pathlib import Path\n"
-        "from strainfmu.inverse_map import load_inverse_map\n"
+        "from strainfmu.estimator.inverse_map import load_inverse_map\n"
         "from test_map_parts import digest\n"
         "print(digest(load_inverse_map(Path(sys.argv[2]))))\n"
     )

@@ -11,10 +11,10 @@ from runtime_map import GaussianModel, map_of, missing, random_model
 from scipy.linalg import eigh
 from scipy.stats import chi2
 
-from strainfmu.estimator import Estimator
-from strainfmu.health import HealthState
-from strainfmu.innovation import innovation_whitening, inverse_cholesky
-from strainfmu.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.estimator.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
+from strainfmu.estimator.step import Estimator
 
 Q = 1.2e5
 N_GAUGES = 27

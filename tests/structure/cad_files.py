@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.solid.gmsh_mesh import gmsh_model
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
 
 MILLIMETRES = 1e3
 

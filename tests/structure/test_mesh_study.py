@@ -15,16 +15,16 @@ import pytest
 from builder.aero.engines import make_engine
 from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.geometry import BodyOfRevolution
 from builder.reporting import Silent
-from builder.snapshots import Snapshots, load_snapshots
 from builder.structure.mesh_study import STUDY_MESHES, StudyMesh, StudyRow, mesh_study, study_csv, study_table
 from builder.structure.solid.gmsh_mesh import load_gmsh
 from builder.structure.solid.solvers.solver import named_back_end
 from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, swept_wall
 from builder.structure.wall import Wall
-from builder.vehicle import IC3X, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.errors import InputError, StrainfmuError
 
 Run = Callable[..., tuple[int, str, str]]

@@ -6,12 +6,9 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.gauge_layout import GaugeLayout
-from builder.geometry import SurfaceGrid
-from builder.structural_model import StructuralModel, structural_model, wall_of
+from builder.structure.model import StructuralModel, structural_model, wall_of
 from builder.structure.observability import (
     SYMMETRIES,
     SmoothResponse,
@@ -30,10 +27,11 @@ from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operat
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
-from builder.vehicle import IC3X, Resolution, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Resolution, Vehicle, load_vehicle
+from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 LENGTH, RADIUS = 3.0, 0.2
 AREA = 2.0 * pi * RADIUS * LENGTH

@@ -13,7 +13,7 @@ from rich.console import Console
 from structure_record import LENGTH, RADIUS, small_structure
 
 from builder.structure.structure_file import save_structure
-from strainfmu.inspection import inspect_artefact
+from strainfmu.cli.inspection.files import inspect_artefact
 
 
 @pytest.fixture(scope="module")

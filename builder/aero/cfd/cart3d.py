@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.text_numbers import numbers_of, read_file
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SCALARS = ("Cp", "rho", "u", "v", "w", "p")
 """Names of the six scalars that flowCart writes."""

@@ -11,13 +11,10 @@ AIAA 89-0366: gradient and limiter.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from builder.aero.surface_mesh import SurfaceMesh
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 LEAST_COSINE = 0.5
 """Cells whose normals differ by more than 60 deg are no neighbours: a base, a trailing edge."""

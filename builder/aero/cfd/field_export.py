@@ -7,19 +7,17 @@ from math import degrees
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.cart3d import write_cart3d
 from builder.aero.cfd.point_table import NORMALS
 from builder.aero.cfd.units import pressure_coefficient
 from builder.aero.cfd.vtk_files import write_vtk
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 FIELD_FORMATS = ("vtu", "triq", "csv")
 MANIFEST = "manifest.toml"

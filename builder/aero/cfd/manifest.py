@@ -15,15 +15,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from builder.aero.cfd.text_numbers import read_file
 from builder.aero.cfd.units import METRES, PRESSURE_UNITS, QUANTITIES
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 BODY_AXES = "aft starboard up"
 _DIRECTIONS = {

@@ -6,17 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from builder.aero.cfd.surface_field import SurfaceField
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ON_PLANE = 1e-4
 """A half model may cross its symmetry plane by this share of its extent."""

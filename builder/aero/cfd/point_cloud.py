@@ -16,7 +16,6 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -24,11 +23,8 @@ from scipy.spatial import cKDTree
 from builder.aero.closest_points import closest_points
 from builder.aero.mapping import interpolation_at
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 FARTHEST = 2e-3
 """Points may lie off the surface by this share of its extent."""

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.text_numbers import read_file
 from builder.aero.cfd.units import METRES
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 _AXES = ("x", "y", "z")
 NORMALS = ("normal_x", "normal_y", "normal_z")

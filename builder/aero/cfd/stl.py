@@ -6,14 +6,11 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.text_numbers import read_file
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # The binary layout of the 1989 StereoLithography interface specification: 80 bytes, a count, then 50 bytes each.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -14,10 +13,8 @@ from builder.aero.cfd.cart3d import write_cart3d
 from builder.aero.cfd.stl import write_stl
 from builder.aero.cfd.vtk_files import write_vtk
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SURFACE_FORMATS = (".stl", ".tri", ".vtp", ".vtu")
 _SAME_PLACE = 1e-9

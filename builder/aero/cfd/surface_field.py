@@ -14,10 +14,9 @@ from builder.aero.cfd.cart3d import read_cart3d
 from builder.aero.cfd.point_table import read_point_table
 from builder.aero.cfd.surface_files import VTK_FORMATS
 from builder.aero.cfd.vtk_files import read_vtk
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Location = Literal["node", "cell"]
 
 FIELD_FORMATS = (*VTK_FORMATS, ".triq", ".csv")

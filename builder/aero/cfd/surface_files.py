@@ -6,16 +6,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.cart3d import read_cart3d
 from builder.aero.cfd.stl import read_stl
 from builder.aero.cfd.text_numbers import read_file
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 VTK_FORMATS = (".vtk", ".vtp", ".vtu")
 FORMATS = (".stl", ".tri", ".triq", ".obj", *VTK_FORMATS)

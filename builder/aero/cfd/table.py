@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.cell_reconstruction import reconstruct
 from builder.aero.cfd.manifest import CfdCase, Manifest, condition_key, file_content, load_manifest
@@ -22,10 +21,9 @@ from builder.aero.engine import Flow, FlowKey
 from builder.aero.mapping import pressure_map
 from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 METHOD_VERSION = 1
 """Raised whenever the mapping's results change, so that stored flows of an older one are made again."""

@@ -6,11 +6,9 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 def read_file(path: Path) -> bytes:

@@ -12,16 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.legacy_vtk import check_whole
 from builder.aero.cfd.text_numbers import read_file
 from builder.aero.surface_mesh import SurfaceMesh
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _CHILD = Path(__file__).with_name("vtk_child.py")
 _REFUSED = 3

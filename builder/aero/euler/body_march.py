@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from math import atan, log
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler import march
 from builder.aero.euler.gas import GAMMA
@@ -30,9 +29,8 @@ from builder.aero.euler.plane import (
 from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.relaxation import relax_cone
 from builder.aero.euler.surface_function import cone_wall
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
-
-FloatArray = NDArray[np.float64]
 
 COURANT = 0.9
 MAX_STEPS = 20_000

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays, norm
 from builder.aero.euler.reconstruction import Stream, limited
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 SMOOTHING = 0.5
 """Share of the second difference of the boundary's radius that is taken out per unit of ln x."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import hll
@@ -19,9 +18,7 @@ from builder.aero.euler.reconstruction import (
     radial_slopes,
     reconstruct,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 
 @compiled

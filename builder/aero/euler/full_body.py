@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from math import degrees
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.body_march import Flow, march_body
 from builder.aero.euler.grid import full_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import free_stream_of
 from builder.aero.euler.surface_function import SurfaceFunction, body_walls, surface_walls
-from builder.geometry import BodyOfRevolution
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 
 
 @dataclass(frozen=True)

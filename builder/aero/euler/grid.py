@@ -13,11 +13,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 
 class Rays(NamedTuple):

@@ -8,7 +8,6 @@ and the mean of both over the same faces.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.bow_shock import outer_boundary_growth
 from builder.aero.euler.compiled import compiled
@@ -17,9 +16,7 @@ from builder.aero.euler.fluxes import add_circumferential_fluxes, add_radial_flu
 from builder.aero.euler.gas import GAMMA, primitive
 from builder.aero.euler.grid import Rays, Wall, cell_areas, face_area, find_wall, norm, place_vertices
 from builder.aero.euler.reconstruction import Stream
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 REACHED_END = 0
 AXIAL_SONIC = 1

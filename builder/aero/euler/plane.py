@@ -11,8 +11,7 @@ from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays, cell_areas, place_vertices
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.reconstruction import Stream
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 MASS_WEIGHT = 10.0
 """How much more an imbalance of mass counts than one of force: 1e-5 of it is as bad as 1e-4 of the force."""

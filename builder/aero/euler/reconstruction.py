@@ -9,13 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA, axial_velocity
+from strainfmu.arrays import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 State = tuple[float, float, float, float, float]
 """p, rho, u, v, w."""
 

@@ -11,7 +11,6 @@ Arrays are those of :mod:`builder.aero.euler.march`; sweeps are compiled.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.bow_shock import outer_boundary_growth
 from builder.aero.euler.compiled import compiled
@@ -21,8 +20,7 @@ from builder.aero.euler.march import AXIAL_SONIC, REACHED_END, WALL_DETACHED, cr
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.plane import Plane, change_between, cone_imbalance
 from builder.aero.euler.reconstruction import Stream
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 COURANT = 1.1
 """Of the second stage; the scheme is unstable from 1.2 to 1.4 on."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import cos, degrees, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.body_march import Flow, march_body
 from builder.aero.euler.gas import total_enthalpy
@@ -14,10 +13,9 @@ from builder.aero.euler.grid import half_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.surface_function import body_walls
-from builder.geometry import BodyOfRevolution
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

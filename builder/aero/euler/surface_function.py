@@ -7,14 +7,12 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from builder.aero.euler.grid import Rays, Wall
-from builder.geometry import BodyOfRevolution
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 KNOTS_PER_PIECE = 129
 KNOTS_PER_ARC = 33

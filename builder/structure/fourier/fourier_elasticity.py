@@ -18,9 +18,8 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh, quadratic_shape
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 # Two points along the wall, three through it. Three along would lock: on elements longer than sqrt(R t) the
 # membrane strain of a bent element is quadratic in xi and only vanishes at the two Gauss points. Three

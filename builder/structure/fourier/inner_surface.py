@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import SMALLEST_SLOPE_BREAK
 from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
+from builder.vehicle.geometry import SMALLEST_SLOPE_BREAK
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 STENCIL = 5  # nodes of two edges
 

@@ -11,12 +11,10 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 End = Literal["free", "guided", "clamped"]
 
 NO_NODES: IntArray = np.zeros(0, dtype=np.intp)

@@ -10,9 +10,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.fourier.meridian_mesh import (
     MeridianMesh,
     check_resolution,
@@ -21,9 +19,9 @@ from builder.structure.fourier.meridian_mesh import (
     with_middles,
 )
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 CORE_ELEMENTS = 2  # through the solid tip, inside the wall's layers
 FINEST = 0.25  # element length at an edge over the one far from it

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution, SurfaceGrid
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.inner_surface import inner_surface_points
@@ -20,9 +19,10 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 SAME_STATION = 1e-9  # m

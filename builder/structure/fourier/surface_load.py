@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 # Shape function (2) x radius (2) x slope (1) x pressure (1): degree 6 in xi.
 LOAD_POINTS = 4

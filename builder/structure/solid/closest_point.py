@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.elements import facet_shape_functions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 MOST_CANDIDATES = 64
 MOST_STEPS = 40

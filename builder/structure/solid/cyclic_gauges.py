@@ -9,15 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.swept_mesh import HEXAHEDRON, REGION, SweptSector
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 NEIGHBOURS = 2
 """Sectors on either side of a gauge's own that strain recovery takes into account."""

@@ -22,11 +22,9 @@ from builder.structure.solid.stiffness import sector_stiffness
 from builder.structure.solid.supports import Support, restrain
 from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.int32]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.solid.gauge_rows import Gauges
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 
 STEP = 1e-3
 """How far gauges are moved along the surface [m]."""

@@ -8,10 +8,8 @@ figures of cell types; vtkQuadraticTetra, vtkQuadraticHexahedron).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import IntArray
 
 _TETRAHEDRON_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 _HEXAHEDRON_EDGES = (

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.structure.solid.element_faces import CORNERS, element_edges
 from builder.structure.solid.elements import reference_nodes, shape_functions
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 CHUNK = 20_000  # elements at once, to bound memory
 STRAIGHT_BELOW = 0.05  # least determinant over mean one, below which an element is made straight

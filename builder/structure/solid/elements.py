@@ -13,7 +13,6 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem.element import (
     Element,
     ElementHex1,
@@ -28,10 +27,9 @@ from skfem.element import (
 from skfem.quadrature import get_quadrature
 
 from builder.structure.solid.element_faces import CORNERS, element_edges
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Quadrature = int | Literal["full", "thin_wall"]
 
 _CUBE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]

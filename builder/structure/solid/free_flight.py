@@ -11,17 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from builder.structure.solid.elements import MASS_DEGREE, reference_element
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.supports import Restraint, free_motions, rigid_motions
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SMALLEST_TRIANGLE = 1e-6  # height of the three held nodes over the body's size
 

@@ -11,16 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.closest_point import FootPoint, foot_point
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.strain_recovery import SurfacePatches, strain_weights
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LARGEST_DISTANCE = 0.5e-3  # m, from the surface
 LARGEST_TILT = np.deg2rad(5.0)  # out of the tangent plane

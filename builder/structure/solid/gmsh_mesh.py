@@ -14,18 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.solid.element_quality import straighten_folded
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.surface_names import PLANE_TOLERANCE, surfaces_of_hollow_body
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 WALL_REGION, CAVITY_FRONT = "wall", "cavity_front"
 SYSTEM_PACKAGES = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1"

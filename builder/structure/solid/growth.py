@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.gauge_layout import gauge_layout
-from builder.structural_model import wall_of
 from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.model import wall_of
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.cyclic_operator import CyclicProblem, cyclic_problem
 from builder.structure.solid.gauge_rows import Gauges, gauges_at
@@ -37,7 +36,8 @@ from builder.structure.solid.swept_mesh import (
     full_mesh,
     swept_wall,
 )
-from builder.vehicle import Vehicle, load_vehicle
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.gauge_layout import gauge_layout
 from strainfmu.errors import InputError, StrainfmuError
 
 SIZES = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000)

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from builder.structure.solid.elements import Quadrature
@@ -24,10 +23,8 @@ from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import free_motions
 from builder.structure.solid.surface_load import pressure_load, surface_points
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 HARMONICS = (0, 2, 4)
 WARN_BELOW, REFUSE_BELOW = 0.98, 0.90  # of the strain in the closed form

@@ -13,10 +13,8 @@ from scipy.spatial import cKDTree
 from builder.structure.solid.element_faces import FACE_CORNERS, all_faces, face_keys
 from builder.structure.solid.element_quality import determinant_ratio
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FOLDED_BELOW = -1e-9  # least determinant over mean one: rounding at an element collapsed to a point
 SAME_PLACE = 1e-8  # of the mesh's size

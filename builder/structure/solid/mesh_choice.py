@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.solid.locking import WallElements
 from builder.structure.solid.mesh_report import facet_size, facet_size_round_axis
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
@@ -23,6 +22,7 @@ from builder.structure.solid.swept_mesh import (
     swept_wall,
 )
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 SWEPT, GMSH = "swept", "gmsh"

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.structure.solid.solid_mesh import SolidMesh
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
-
-FloatArray = NDArray[np.float64]
 
 # Cell types of vtkCellType.h: of the elements and of their facets.
 ELEMENT_CELL = {"hexahedron20": 25, "tetrahedron10": 24, "hexahedron8": 12, "tetrahedron4": 10}

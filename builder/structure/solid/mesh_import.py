@@ -14,16 +14,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.structure.solid.element_faces import boundary_facets
 from builder.structure.solid.mesh_checks import check_mesh, match_facets
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.surface_names import surfaces_of_hollow_body
+from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
-
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 ELEMENT_TYPE = {
     "tetra10": "tetrahedron10",

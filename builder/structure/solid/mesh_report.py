@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.element_quality import determinant_ratio, jacobians, scaled_jacobian
 from builder.structure.solid.elements import MASS_DEGREE, reference_element, reference_facet
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Row = tuple[str, float, str]
 
 CHUNK = 20_000  # elements at once, to bound memory

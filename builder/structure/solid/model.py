@@ -13,10 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
-from builder.geometry import BodyOfRevolution
 from builder.reporting import Progress, Reporter
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
@@ -45,10 +43,10 @@ from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import SweptSector
 from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu import __version__
+from strainfmu.arrays import FloatArray
 from strainfmu.files import fingerprint
-
-FloatArray = NDArray[np.float64]
 
 FOURIER_REFERENCE = "the Fourier model"
 

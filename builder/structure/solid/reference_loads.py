@@ -7,9 +7,7 @@ at the base: what air does to a slender body, and what bends its wall.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution, SurfaceGrid
 from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
@@ -17,8 +15,8 @@ from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.solid_mesh import INTERNAL
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Wall
-
-FloatArray = NDArray[np.float64]
+from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
+from strainfmu.arrays import FloatArray
 
 KILOPASCAL = 1e3
 HARMONICS = 5

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.structure.solid.element_faces import CORNERS, FACE_CORNERS, boundary_facets, element_edges
 from builder.structure.solid.elements import reference_nodes
@@ -17,10 +16,8 @@ from builder.structure.solid.solid_mesh import (
     SUPPORT,
     SolidMesh,
 )
+from strainfmu.arrays import IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 REGION, FRONT = "wall", "front"
 FEWEST_AROUND = 6

@@ -6,12 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 NODES_PER_ELEMENT = {"hexahedron20": 20, "tetrahedron10": 10, "hexahedron8": 8, "tetrahedron4": 4}
 NODES_PER_FACET = {"hexahedron20": 8, "tetrahedron10": 6, "hexahedron8": 4, "tetrahedron4": 3}

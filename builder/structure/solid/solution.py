@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from builder.reporting import Progress
@@ -20,9 +18,8 @@ from builder.structure.solid.supports import Support
 from builder.structure.solid.surface_load import pressure_load
 from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_diag, bsr_array, csc_array, csr_array, eye_array, kron
 
 from builder.structure.solid.elements import Quadrature, reference_element
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.swept_mesh import SweptMesh, SweptSector, two_sector_mesh
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CHUNK = 512
 """Elements worked on at once: 15 MB for 20 nodes, the fastest of 64 to 2048."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from builder.structure.solid.free_flight import FreeFlight, determinate_support
@@ -19,9 +18,9 @@ from builder.structure.solid.solvers.solver import Solver
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Restraint, Support, restrain
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 GAUGES_AT_ONCE = 16

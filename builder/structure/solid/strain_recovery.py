@@ -16,15 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.structure.solid.closest_point import CurvedFacets, FootPoint, feet_on
 from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.elements import ReferenceElement, reference_facet
 from builder.structure.solid.surface_load import normals_at_nodes
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 SAMPLE_DEGREE = {"hexahedron20": 3, "tetrahedron10": 2, "hexahedron8": 1, "tetrahedron4": 1}
 """Quadrature whose points are those of better strain."""

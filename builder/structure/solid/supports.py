@@ -10,16 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.elements import reference_facet
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.surface_load import normals_at_nodes, surface_nodes, vector_area
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 DISTINCT_NORMALS = 0.05
 """Share of a node's facet normals that makes a direction of its own held: those of two planes 26 deg apart."""

@@ -8,16 +8,13 @@ the pressure on it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from builder.structure.solid.elements import facet_reference_nodes, facet_shape_functions, reference_facet
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def surface_nodes(mesh: SolidMesh | SweptSector, name: str) -> IntArray:

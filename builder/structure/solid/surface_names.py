@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from builder.structure.solid.element_faces import FACE_CORNERS, boundary_facets
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 PLANE_TOLERANCE = 1e-6  # of the body's length: how far the base may be from a plane
 

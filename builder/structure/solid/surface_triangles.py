@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.surface_load import surface_nodes
-
-IntArray = NDArray[np.int64]
 
 # Local nodes of the triangles by number of nodes of a facet; corners first, then the middles of its edges.
 _TRIANGLES = {

@@ -10,19 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.fourier.meridian_mesh import MeridianMesh, grid_elements, line_edges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.solid.element_faces import element_faces
 from builder.structure.solid.elements import Quadrature, reference_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 HEXAHEDRON = "hexahedron20"
 FEWEST_SECTORS = 6

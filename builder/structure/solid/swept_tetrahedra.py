@@ -12,7 +12,6 @@ from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.closest_point import CurvedFacets, foot_point
@@ -20,10 +19,8 @@ from builder.structure.solid.element_faces import boundary_facets
 from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.swept_mesh import HEXAHEDRON, SweptSector
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TETRAHEDRON = "tetrahedron4"
 

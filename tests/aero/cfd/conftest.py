@@ -9,9 +9,9 @@ import pytest
 from imported_case import CONDITION, SYMMETRIC
 
 from builder.aero.euler_engine import EulerEngine
-from builder.geometry import SurfaceGrid, surface_grid
-from builder.snapshots import Snapshots
-from builder.vehicle import IC3X, load_vehicle
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.geometry import SurfaceGrid, surface_grid
 from strainfmu.flight_condition import FlightCondition
 
 

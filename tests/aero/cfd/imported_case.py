@@ -6,16 +6,14 @@ from math import radians
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.cfd.table import TableEngine, table_engine
 from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.geometry import SurfaceGrid
-from builder.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
-
-FloatArray = NDArray[np.float64]
 
 CONDITION = FlightCondition(5.0, radians(6.0), radians(5.0), 20e3)
 SYMMETRIC = FlightCondition(5.0, CONDITION.total_incidence, 0.0, 20e3)

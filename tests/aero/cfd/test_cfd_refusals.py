@@ -17,8 +17,8 @@ from builder.aero.cfd.cart3d import write_cart3d
 from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.surface_field import read_field
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.geometry import SurfaceGrid
-from builder.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 
 Spoil = Callable[[Path], None]

@@ -25,8 +25,8 @@ from imported_case import (
 )
 
 from builder.aero.cfd.field_export import export_snapshots
-from builder.geometry import SurfaceGrid
-from builder.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

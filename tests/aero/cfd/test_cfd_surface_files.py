@@ -13,9 +13,9 @@ from builder.aero.cfd.surface_export import close_openings, merge_nodes, open_ed
 from builder.aero.cfd.surface_field import read_field
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.geometry import SurfaceGrid, surface_grid
-from builder.snapshots import Snapshots, save_snapshots
-from builder.vehicle import IC3X, load_vehicle
+from builder.campaign.snapshots import Snapshots, save_snapshots
+from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.geometry import SurfaceGrid, surface_grid
 from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]

@@ -21,12 +21,9 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 
 import numpy as np
-from numpy.typing import NDArray
 
-from builder.geometry import BodyOfRevolution
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from builder.vehicle.geometry import BodyOfRevolution
+from strainfmu.arrays import FloatArray, IntArray
 
 SOLVER = "rhoCentralFoam"
 ENVIRONMENT = {"WM_PROJECT_DIR": "/usr/share/openfoam"}

@@ -12,14 +12,12 @@ from math import atan, degrees, pi, radians
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.euler.solver import FlowSolution, solve_flow
-from builder.geometry import BodyOfRevolution, chain_segments
-from builder.vehicle import IC3X, load_vehicle
+from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.geometry import BodyOfRevolution, chain_segments
 from openfoam.body_case import BodyCase, Solution, loads_ahead, solve_case, spread_stations
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from raw_fmu import GROUPS, N_OUTPUTS, WHOLE_OUTPUTS, outputs_of
 
-from strainfmu.estimator import Estimator
-from strainfmu.estimator_settings import EstimatorSettings, default_settings
-from strainfmu.inverse_map import InverseMap
-from strainfmu.masks import information_left
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.masks import information_left
+from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.step import Estimator
 
 TOLERANCE = 1e-12
 """Relative to the largest of a group of outputs of one unit. Sums of 54 terms in another order differ by 1e-15 of

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "runtime"))
 from raw_fmu import write_resource
 from runtime_map import map_of, random_map, random_model
 
-from strainfmu.inverse_map import InverseMap
+from strainfmu.estimator.inverse_map import InverseMap
 
 MAPS = ("few gauges", "case 1", "case 2", "case 2, gamma 1")
 

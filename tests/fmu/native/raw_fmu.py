@@ -12,11 +12,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from strainfmu.estimator import LoadEstimate
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import LoadEstimate
 from strainfmu.fmu.native_build import library_file
 from strainfmu.fmu.native_resource import native_resource
-from strainfmu.interface import output_values
-from strainfmu.inverse_map import InverseMap
+from strainfmu.interface.estimator_variables import output_values
 
 GUID = "{8c4e810f-3df3-4a00-8276-176fa3c9f000}"
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from raw_fmu import OK, Fmu2, Fmu3, write_resource
 
-from strainfmu.health import HealthState
-from strainfmu.inverse_map import load_inverse_map
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import load_inverse_map
 
 
 def apply(fmu: Fmu2, sample: Sample) -> None:

@@ -12,7 +12,7 @@ from agreement import Reference, Sample
 from conftest import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3
 
-from strainfmu.health import HealthState
+from strainfmu.estimator.health import HealthState
 
 
 def sample_of(case: NativeCase, seed: int = 3) -> Sample:

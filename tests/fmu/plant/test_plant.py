@@ -19,7 +19,7 @@ from strainfmu.cosim.gauge_noise import gauge_noise, quantile_table
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.plant_export import export_native_plant
-from strainfmu.plant_interface import FlightStart, GaugeFault, Motion
+from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
 MODEL = synthetic_flight_model()
 START = FlightStart(6.0, 20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)

@@ -20,7 +20,7 @@ from strainfmu.cosim.master import simulate
 from strainfmu.cosim.system import System
 from strainfmu.errors import StrainfmuError
 from strainfmu.fmu.plant_export import export_native_plant
-from strainfmu.plant_interface import FlightStart, Motion
+from strainfmu.interface.plant_variables import FlightStart, Motion
 
 START = FlightStart(6.0, 20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
 STEP = 0.01

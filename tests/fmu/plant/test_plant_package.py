@@ -20,10 +20,10 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.cosim.instance import Instance, read_description
 from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.plant_build import PLATFORMS, library_file
 from strainfmu.fmu.plant_export import export_native_plant, export_schedule
-from strainfmu.plant_interface import FlightStart, Motion
+from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.plant_variables import FlightStart, Motion
 
 START = FlightStart(6.0, 20e3)
 SIGNALS = [

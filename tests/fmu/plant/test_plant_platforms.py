@@ -18,7 +18,7 @@ from strainfmu.cosim.scenario import load_scenario
 from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers
 from strainfmu.fmu.plant_build import PLATFORMS, SOURCES, build_library, library_file, source_files
 from strainfmu.fmu.plant_export import export_native_plant
-from strainfmu.plant_interface import FlightStart, Motion
+from strainfmu.interface.plant_variables import FlightStart, Motion
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "cosim"))
 

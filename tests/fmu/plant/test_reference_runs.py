@@ -20,12 +20,12 @@ from strainfmu.cosim.plant_law import Plant
 from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmi_variables import Variable
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.fmu.importers import read_table
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.fmu.plant_reference import covering_step, plant_reference
-from strainfmu.plant_interface import FlightStart, GaugeFault, Motion
+from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
 START = FlightStart(6.0, 20e3, angle_of_attack=0.05)
 KINDS = ("inputs", "trajectory", "short_period", "python", "autopilot", "schedule")

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from builder.geometry import chain_segments
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.meridian_mesh import End, MeridianMesh, tube_mesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import chain_segments
 
 E, NU = 110e9, 0.31
 MATERIAL = Material(E, NU)

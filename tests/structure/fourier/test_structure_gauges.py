@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from builder.geometry import BodyOfRevolution
 from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
+from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 FIVE = np.deg2rad(5.0)

@@ -5,7 +5,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from builder.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
 from builder.structure.fourier import fourier_elasticity
 from builder.structure.fourier.fourier_elasticity import (
     assemble_stiffness,
@@ -18,6 +17,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_rows
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
 from strainfmu.errors import InputError
 
 MOTIONS = {"axial": (0, 0), "roll": (0, None), "lateral translation": (1, 0), "lateral rotation": (1, 1)}

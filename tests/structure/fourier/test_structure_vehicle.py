@@ -5,7 +5,6 @@ import time
 import numpy as np
 import pytest
 
-from builder.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -17,6 +16,7 @@ from builder.structure.fourier.strain_operator import (
     structural_response,
 )
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 
 

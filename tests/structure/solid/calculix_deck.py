@@ -7,14 +7,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.structure.solid.element_faces import face_keys
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.wall import Material
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 KIND = {"hexahedron20": "C3D20", "tetrahedron10": "C3D10"}
 # Corners of the faces 1, 2, ... of CalculiX's elements (CalculiX CrunchiX User's Manual, *DLOAD).

@@ -13,9 +13,8 @@ from builder.structure.solid.solvers.superlu import factor_symmetric
 from builder.structure.solid.stiffness import assemble_stiffness, lame_parameters
 from builder.structure.solid.supports import free_motions
 from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray, IntArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Mapping3 = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 Side = Callable[[FloatArray], NDArray[np.bool_]]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
@@ -17,8 +16,7 @@ from builder.structure.solid.stiffness import sector_stiffness
 from builder.structure.solid.surface_load import sector_pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh, swept_meridian
 from builder.structure.wall import Material
-
-FloatArray = NDArray[np.float64]
+from strainfmu.arrays import FloatArray
 
 ELEMENT_TYPES = ("hexahedron20", "tetrahedron10", "hexahedron8", "tetrahedron4")
 METAL = Material(110e9, 0.31)

@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from builder.geometry import chain_segments
 from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.elements import Quadrature
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
@@ -24,13 +23,14 @@ from builder.structure.solid.supports import Clamped, restrain
 from builder.structure.solid.surface_load import pressure_load, surface_points
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import chain_segments
+from strainfmu.arrays import FloatArray
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not calculix.installed(), reason="needs CalculiX: apt-get install calculix-ccx"),
 ]
 
-FloatArray = NDArray[np.float64]
 METAL = Material(110e9, 0.31)
 LENGTH, INSIDE, OUTSIDE = 1.2, 0.138, 0.15
 STATIONS, ROLLS = np.linspace(0.2, 1.0, 9), np.deg2rad([0.0, 90.0, 225.0])

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.geometry import BodyOfRevolution, chain_segments
 from builder.structure.solid.gmsh_mesh import (
     STRETCH,
     gmsh_model,
@@ -24,6 +23,7 @@ from builder.structure.solid.mesh_import import read_mesh
 from builder.structure.solid.mesh_report import element_volumes, exact_wall, surface_area
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import BodyOfRevolution, chain_segments
 from strainfmu.errors import InputError, StrainfmuError
 
 METAL = Material(70e9, 0.33)

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.geometry import chain_segments
 from builder.structure.solid.mesh_export import write_mesh
 from builder.structure.solid.mesh_report import (
     element_volumes,
@@ -20,6 +19,7 @@ from builder.structure.solid.ring_mesh import ring_mesh
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, NODES_PER_ELEMENT, SUPPORT
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
+from builder.vehicle.geometry import chain_segments
 from strainfmu.errors import InputError, StrainfmuError
 
 A, B, WIDTH, AROUND = 0.10, 0.12, 0.3, 24

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from solid_bodies import METAL, harmonic_field, tube
 
-from builder.geometry import BodyOfRevolution, chain_segments
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.solid.element_faces import boundary_facets, face_keys
@@ -27,6 +26,7 @@ from builder.structure.solid.swept_mesh import (
     swept_wall,
 )
 from builder.structure.wall import Wall
+from builder.vehicle.geometry import BodyOfRevolution, chain_segments
 from strainfmu.errors import InputError
 
 WALL = Wall(0.004, 0.10, METAL)

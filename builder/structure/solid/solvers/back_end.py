@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 
-from builder.structure.solid.solvers.problem import FloatArray, SparseProblem
+from builder.structure.solid.solvers.problem import SparseProblem
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 Factor = Callable[[FloatArray], FloatArray]

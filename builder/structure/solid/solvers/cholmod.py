@@ -9,7 +9,8 @@ import numpy as np
 from scipy.sparse import csc_matrix, tril
 
 from builder.structure.solid.solvers.back_end import BackEnd, Factor, importable
-from builder.structure.solid.solvers.problem import FloatArray, SolverError, SparseProblem
+from builder.structure.solid.solvers.problem import SolverError, SparseProblem
+from strainfmu.arrays import FloatArray
 
 CVXOPT_PACKAGES = ("cvxopt", "kvxopt")  # kvxopt is a fork with the same modules
 NOT_POSITIVE = "solver {}: the stiffness is not positive definite"

@@ -18,9 +18,7 @@ from scipy.sparse import csc_array, csr_array
 
 from builder.structure.solid.cyclic_operator import (
     CircularOperator,
-    ComplexArray,
     CyclicProblem,
-    FloatArray,
     n_harmonics,
     to_body_axes,
     to_sector_frames,
@@ -36,6 +34,7 @@ from builder.structure.solid.solvers.problem import (
 from builder.structure.solid.solvers.shifted_rows import ShiftedRows, shifted_rows
 from builder.structure.solid.solvers.superlu import factor_symmetric
 from builder.structure.solid.surface_load import sector_pressure_load
+from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.errors import InputError
 
 BLOCK = 64

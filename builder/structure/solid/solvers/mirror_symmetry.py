@@ -10,13 +10,11 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.spatial import KDTree
 
-from builder.structure.solid.solvers.problem import FloatArray, SparseProblem
-
-IntArray = NDArray[np.int64]
+from builder.structure.solid.solvers.problem import SparseProblem
+from strainfmu.arrays import FloatArray, IntArray
 
 SAME_PLACE = 1e-9  # of the size of the body: two nodes at one place
 SYMMETRY_BOUND = 1e-10  # largest |A R - R A| over the largest |A|, on a vector of numbers up to 1

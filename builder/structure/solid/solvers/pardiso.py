@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import csr_matrix, triu
 
 from builder.structure.solid.solvers.back_end import BackEnd, Factor, importable
-from builder.structure.solid.solvers.problem import FloatArray, SolverError, SparseProblem
+from builder.structure.solid.solvers.problem import SolverError, SparseProblem
+from strainfmu.arrays import FloatArray
 
 POSITIVE_DEFINITE = 2  # matrix type of PARDISO: real, symmetric, positive definite
 NOT_POSITIVE = -4  # its error: zero or negative pivot

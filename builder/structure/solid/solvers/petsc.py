@@ -21,7 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from builder.structure.solid.solvers.back_end import BackEnd, Factor, importable
-from builder.structure.solid.solvers.problem import FloatArray, SolverError, SparseProblem
+from builder.structure.solid.solvers.problem import SolverError, SparseProblem
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 WORKER = Path(__file__).with_name("petsc_worker.py")

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, eye_array, issparse
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 
-FloatArray = NDArray[np.float64]
 AnyArray = NDArray[np.float64] | NDArray[np.complex128]
 
 RESIDUAL_BOUND = 1e-6

@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
 from builder.structure.solid.swept_mesh import SweptSector
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from strainfmu.arrays import FloatArray, IntArray
 
 SAME_ENTRY = 1e-10
 """Difference of two rows, over their largest entry, below which they count as one pattern."""

@@ -19,7 +19,6 @@ from builder.structure.solid.solvers.mumps import MUMPS
 from builder.structure.solid.solvers.pardiso import PARDISO
 from builder.structure.solid.solvers.petsc import petsc_back_end
 from builder.structure.solid.solvers.problem import (
-    FloatArray,
     SolveStatistics,
     SparseProblem,
     checked_loads,
@@ -29,6 +28,7 @@ from builder.structure.solid.solvers.problem import (
     refuse_indefinite,
 )
 from builder.structure.solid.solvers.superlu import SUPERLU
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 BLOCK = 64

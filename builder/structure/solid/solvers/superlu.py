@@ -12,7 +12,8 @@ from scipy.sparse.linalg import splu
 
 from builder.structure.solid.solvers.back_end import BackEnd, Factor
 from builder.structure.solid.solvers.mirror_symmetry import symmetric_parts
-from builder.structure.solid.solvers.problem import FloatArray, SolverError, SparseProblem
+from builder.structure.solid.solvers.problem import SolverError, SparseProblem
+from strainfmu.arrays import FloatArray
 
 
 def factor_symmetric(matrix: csr_array | csc_array) -> Any:

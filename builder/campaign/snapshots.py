@@ -1,0 +1,217 @@
+"""Surface pressure over many flight conditions: what a campaign leaves behind (``snapshots.h5``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from builder.aero.engine import Flow
+from builder.aero.loads import ReferenceQuantities, coefficient_scale, load_operator
+from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.files import open_hdf5, write_hdf5_atomically
+from strainfmu.flight_condition import FlightCondition
+from strainfmu.records import load_record, write_record
+
+SCHEMA = "strainfmu.snapshots"
+SCHEMA_VERSION = 3
+
+UNITS = {
+    "condition": "1, rad, rad, m",
+    "pressure": "Pa",
+    "internal_pressure": "Pa",
+    "point": "m",
+    "station": "m",
+    "radius": "m",
+    "meridian_angle": "rad",
+    "reference": "m2, m, m",
+}
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """Surface pressure at N flight conditions.
+
+    Attributes
+    ----------
+    vehicle, engine : names.
+    settings : what the engine was told, and what wrote the file.
+    condition : (N, 4) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m].
+    pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
+    internal_pressure : (N,) pressure inside the body [Pa].
+    reference : (3,) S [m2], L [m], moment station [m].
+    point, triangle : (n_p, 3) [m], (n_t, 3): the aerodynamic surface (:class:`SurfaceMesh`).
+    station, radius, meridian_angle : (n_x,) where nodes are the product of stations and evenly spaced roll angles
+        (:class:`SurfaceGrid`: node = station index * n_roll + roll index); absent on a free surface.
+    solved : (N,) True where the flow was solved for this condition, False where it was rolled from another.
+    flow : (N,) the condition whose flow it is: its own number where solved.
+    momentum_error : (N,) relative difference of the force from wall pressure and from momentum; NaN if not known.
+    repairs : (N,) states of the flow that had to be made physical.
+
+    Raises
+    ------
+    InputError
+        An array's shape does not fit the others, or a value is not finite.
+    """
+
+    vehicle: str
+    engine: str
+    settings: dict[str, Any]
+    condition: FloatArray
+    pressure: FloatArray
+    internal_pressure: FloatArray
+    reference: FloatArray
+    point: FloatArray
+    triangle: NDArray[np.int64]
+    station: FloatArray | None
+    radius: FloatArray | None
+    meridian_angle: FloatArray | None
+    solved: NDArray[np.bool_]
+    flow: NDArray[np.int64]
+    momentum_error: FloatArray
+    repairs: NDArray[np.int64]
+
+    def conditions(self) -> list[FlightCondition]:
+        """Return the conditions as objects."""
+        return [FlightCondition(*map(float, row)) for row in self.condition]
+
+    @property
+    def total_incidence(self) -> FloatArray:
+        """(N,) angle between axis and wind [rad]."""
+        return np.array([condition.total_incidence for condition in self.conditions()])
+
+    def __post_init__(self) -> None:
+        n, n_p = self.pressure.shape if self.pressure.ndim == 2 else (-1, -1)
+        wanted = {
+            "condition": (n, 4),
+            "internal_pressure": (n,),
+            "reference": (3,),
+            "point": (n_p, 3),
+            "solved": (n,),
+            "flow": (n,),
+            "momentum_error": (n,),
+            "repairs": (n,),
+        }
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(f"{name}: shape {getattr(self, name).shape} found, must be {shape}")
+        for name in ("condition", "pressure", "internal_pressure", "reference"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise InputError(f"{name}: not all values are finite")
+        if self.station is not None and n_p % len(self.station):
+            raise InputError(f"station: {len(self.station)} found, they do not divide {n_p} nodes")
+
+    @property
+    def surface(self) -> SurfaceMesh:
+        """The aerodynamic surface."""
+        return SurfaceMesh(self.point, self.triangle)
+
+    @property
+    def grid(self) -> SurfaceGrid | None:
+        """The surface as stations times roll angles, or None on a free surface."""
+        if self.station is None or self.radius is None or self.meridian_angle is None:
+            return None
+        n_roll = self.pressure.shape[1] // len(self.station)
+        return SurfaceGrid(self.station, self.radius, self.meridian_angle, n_roll)
+
+    @property
+    def reference_quantities(self) -> ReferenceQuantities:
+        return ReferenceQuantities(*map(float, self.reference))
+
+    def coefficients(self) -> FloatArray:
+        """Return (N, 5): C_A, C_N, C_Y, M_P, M_Y of p - p_internal."""
+        grid, reference = self.grid, self.reference_quantities
+        loads = (
+            mesh_load_operator(self.surface, reference.moment_station)
+            if grid is None
+            else load_operator(grid, reference.moment_station)
+        )
+        scale = np.array([coefficient_scale(c.dynamic_pressure, reference) for c in self.conditions()])
+        net = self.pressure - self.internal_pressure[:, None]
+        coefficients: FloatArray = net @ loads.T * scale
+        return coefficients
+
+
+@dataclass(frozen=True)
+class KeptFlows:
+    """The solved flows that a snapshot file holds beside the pressures, for later campaigns.
+
+    Attributes
+    ----------
+    fingerprint : of the engine's inputs that they were solved with.
+    flows : the flows.
+    """
+
+    fingerprint: str
+    flows: tuple[Flow, ...]
+
+
+def save_snapshots(snapshots: Snapshots, path: Path, kept: KeptFlows | None = None) -> None:
+    """Write ``snapshots.h5`` atomically, with the flows it was made of in the order of their keys.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+
+    def fill(file: h5py.File) -> None:
+        write_record(file, snapshots, UNITS)
+        if kept is not None:
+            group = file.create_group("flows")
+            group.attrs["fingerprint"] = kept.fingerprint
+            for number, flow in enumerate(sorted(kept.flows, key=lambda flow: flow.key)):
+                _write_flow(group.create_group(f"{number:05d}"), flow)
+
+    write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
+
+
+def load_snapshots(path: Path) -> Snapshots:
+    """Read ``snapshots.h5`` without its flows.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    return load_record(Snapshots, path, SCHEMA, SCHEMA_VERSION)
+
+
+def load_flows(path: Path) -> KeptFlows:
+    """Read the flows of ``snapshots.h5``; a file may hold none.
+
+    Raises
+    ------
+    InputError
+        As :func:`load_snapshots`.
+    """
+    with open_hdf5(path, SCHEMA, SCHEMA_VERSION) as file:
+        if "flows" not in file:
+            return KeptFlows("", ())
+        group = file["flows"]
+        return KeptFlows(str(group.attrs["fingerprint"]), tuple(_read_flow(group[name]) for name in sorted(group)))
+
+
+def _write_flow(group: h5py.Group, flow: Flow) -> None:
+    group.attrs["momentum_error"] = flow.momentum_error
+    group.attrs["repairs"] = flow.repairs
+    group.create_dataset("key", data=np.array(flow.key, dtype=float))
+    arrays = group.create_group("arrays")
+    for name, values in flow.arrays.items():
+        arrays.create_dataset(name, data=values)
+
+
+def _read_flow(group: h5py.Group) -> Flow:
+    return Flow(
+        key=tuple(group["key"][()].tolist()),
+        arrays={name: values[()] for name, values in group["arrays"].items()},
+        momentum_error=float(group.attrs["momentum_error"]),
+        repairs=int(group.attrs["repairs"]),
+    )

@@ -1,0 +1,230 @@
+"""Figures of the way from pressure to coefficients (matplotlib, without a display)."""
+
+from __future__ import annotations
+
+import io
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.cosim.recording import Recording
+from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.files import write_bytes_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+COLOUR_MAP = "viridis"
+COEFFICIENT_TITLES = {
+    "C_A": "Axial force $C_A$ [1]",
+    "C_N": "Normal force $C_N$ [1]",
+    "C_Y": "Side force $C_Y$ [1]",
+    "M_P": "Pitching moment $M_P$ [1]",
+    "M_Y": "Yawing moment $M_Y$ [1]",
+}
+
+
+def blank_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of the given size [in] that needs no display."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise StrainfmuError("figures need matplotlib: pip install 'strainfmu[report]'") from error
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, atomically."""
+    image = io.BytesIO()
+    figure.savefig(image, format="png", dpi=130, metadata={"Software": None})
+    write_bytes_atomically(path, image.getvalue())
+
+
+def three_conditions(snapshots: Snapshots) -> list[int]:
+    """Return the snapshots of lowest, middle and highest total incidence."""
+    order = np.argsort([c.total_incidence for c in snapshots.conditions()], kind="stable")
+    return [int(order[0]), int(order[len(order) // 2]), int(order[-1])]
+
+
+def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
+    """Draw p/p_inf over station and roll angle for three conditions."""
+    figure = blank_figure(9.0, 8.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    conditions = snapshots.conditions()
+    roll = np.degrees(np.append(surface.roll_angle, 2.0 * np.pi))
+    for axis, index in zip(axes, three_conditions(snapshots), strict=True):
+        ratio = surface.as_map(snapshots.pressure[index]) / conditions[index].ambient_pressure
+        closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
+        drawn = axis.pcolormesh(surface.x, roll, closed.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True)
+        leeward = degrees(conditions[index].leeward_roll_angle) % 360.0
+        if conditions[index].total_incidence > 0.0:
+            axis.axhline(leeward, color="white", linewidth=0.8, linestyle="--")
+            axis.text(0.01, leeward, " leeward", color="white", fontsize=8, va="bottom")
+        axis.set_title(str(conditions[index]), fontsize=9)
+        axis.set_ylabel("roll angle [deg]")
+        axis.set_yticks([0, 90, 180, 270, 360])
+        figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
+    axes[-1].set_xlabel("station x from the nose tip [m]")
+    figure.suptitle(f"Surface pressure, unrolled: {title}")
+    return figure
+
+
+def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
+    """Draw p/p_inf on the body for three conditions, seen from leeward and from windward."""
+    figure = blank_figure(11.0, 6.0)
+    axes = figure.subplots(3, 2, sharex=True, sharey=True)
+    conditions = snapshots.conditions()
+    for row, index in zip(axes, three_conditions(snapshots), strict=True):
+        condition = conditions[index]
+        ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
+        for axis, side, towards in zip(row, ("leeward", "windward"), (0.0, np.pi), strict=True):
+            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards)
+            axis.set_title(f"{condition}, from {side}", fontsize=8)
+        row[0].set_ylabel("across [mm]")
+        figure.colorbar(drawn, ax=row, label="$p/p_\\infty$ [1]", pad=0.01)
+    for axis in axes[-1]:
+        axis.set_xlabel("station x from the nose tip [m]")
+    figure.suptitle(f"Surface pressure on the body: {title}")
+    return figure
+
+
+def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float) -> Any:
+    """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad]."""
+    seen = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
+    shown = at_roll_angles(ratio, surface.roll_angle, np.mod(seen + facing, 2.0 * np.pi))
+    across = 1e3 * np.outer(surface.radius, np.sin(seen))
+    along = np.repeat(surface.x[:, None], len(seen), axis=1)
+    return axis.pcolormesh(
+        along,
+        across,
+        shown,
+        shading="gouraud",
+        cmap=COLOUR_MAP,
+        vmin=ratio.min(),
+        vmax=ratio.max(),
+        rasterized=True,
+    )
+
+
+def at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Interpolate (n_x, n_roll) values periodically to roll angles ``wanted`` [rad] in 0..2 pi."""
+    angle = np.append(roll_angle, 2.0 * np.pi)
+    closed = np.concatenate([values, values[:, :1]], axis=1)
+    return np.stack([np.interp(wanted, angle, row) for row in closed])
+
+
+def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
+    """Draw where the gauges sit and what they measure: unrolled, and seen from behind."""
+    figure = blank_figure(10.0, 4.2)
+    unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
+    position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
+    roll = np.degrees(np.arctan2(position[:, 1], position[:, 2])) % 360.0
+    axial = np.abs(direction[:, 0]) > 0.5
+    for chosen, marker, label in ((axial, "_", "axial"), (~axial, "|", "hoop")):
+        unrolled.plot(
+            position[chosen, 0],
+            roll[chosen],
+            marker,
+            markersize=14,
+            markeredgewidth=2.5,
+            label=f"{label}, {chosen.sum()}",
+        )
+    unrolled.set_xlim(0.0, surface.x[-1])
+    unrolled.set_ylim(-20.0, 360.0)
+    unrolled.set_yticks([0, 90, 180, 270, 360])
+    unrolled.set_xlabel("station x from the nose tip [m]")
+    unrolled.set_ylabel("roll angle from +z towards +y [deg]")
+    unrolled.legend(title="gauges", loc="upper left")
+    unrolled.grid(alpha=0.3)
+    circle = np.linspace(0.0, 2.0 * np.pi, 200)
+    behind.plot(1e3 * surface.radius[-1] * np.sin(circle), 1e3 * surface.radius[-1] * np.cos(circle), color="grey")
+    behind.plot(1e3 * position[:, 1], 1e3 * position[:, 2], ".", color="black")
+    behind.set_aspect("equal")
+    behind.set_xlabel("y, starboard [mm]")
+    behind.set_ylabel("z, up [mm]")
+    behind.set_title("seen from behind, looking forward", fontsize=9)
+    figure.suptitle(f"{inverse_map.n_gauges} strain gauges on the inner surface: {inverse_map.vehicle}")
+    return figure
+
+
+def overview(
+    snapshots: Snapshots, surface: SurfaceGrid, inverse_map: InverseMap, recording: Recording, title: str
+) -> Figure:
+    """Draw the product in one picture: load and gauges on the body, and two coefficients that strain gave back."""
+    figure = blank_figure(10.0, 6.5)
+    body, *panels = figure.subplots(3, 1, height_ratios=(1.1, 1.0, 1.0))
+    index = three_conditions(snapshots)[1]
+    condition = snapshots.conditions()[index]
+    ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
+    facing = condition.leeward_roll_angle + np.pi
+    drawn = _draw_body(body, ratio, surface, facing)
+    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01)
+    position = inverse_map.gauge_position
+    away = np.arctan2(position[:, 1], position[:, 2]) - facing
+    front = np.cos(away) > 0.0
+    radius = np.hypot(position[:, 1], position[:, 2])
+    body.plot(
+        position[front, 0],
+        1e3 * (radius * np.sin(away))[front],
+        "o",
+        color="white",
+        markeredgecolor="black",
+        markersize=4,
+        label="strain gauges on the inner surface",
+    )
+    body.legend(fontsize=8, loc="upper left")
+    body.set_title(f"Air load: {condition}, seen from windward", fontsize=9, loc="left")
+    body.set_xlabel("station x from the nose tip [m]")
+    body.set_ylabel("across [mm]")
+    for axis, name in zip(panels, ("C_N", "C_Y"), strict=True):
+        _draw_coefficient(axis, recording, name)
+    panels[0].sharex(panels[1])
+    panels[1].legend(ncols=3, fontsize=8, loc="lower right")
+    panels[1].set_xlabel("time [s]")
+    figure.suptitle(f"From strain to air loads: {title}")
+    return figure
+
+
+def _draw_coefficient(axis: Any, recording: Recording, name: str) -> None:
+    """Draw one coefficient over time: truth, estimate and its band of 3 sigma."""
+    time, truth, estimate = recording.time, recording[f"plant.{name}"], recording[f"estimator.{name}"]
+    sigma = recording[f"estimator.sigma.{name}"]
+    axis.fill_between(
+        time,
+        estimate - 3.0 * sigma,
+        estimate + 3.0 * sigma,
+        color="tab:blue",
+        alpha=0.2,
+        linewidth=0,
+        label="estimate $\\pm 3\\sigma$",
+    )
+    axis.plot(time, estimate, color="tab:blue", linewidth=0.6, label="estimate")
+    axis.plot(time, truth, color="black", linewidth=1.0, label="truth")
+    axis.set_title(COEFFICIENT_TITLES[name], fontsize=9, loc="left")
+    axis.grid(alpha=0.3)
+
+
+def coefficients(recording: Recording, title: str) -> Figure:
+    """Draw estimated and true coefficients over time with bands of 3 sigma, and the health chi-square."""
+    figure = blank_figure(10.0, 11.0)
+    axes = figure.subplots(len(COEFFICIENT_NAMES) + 1, 1, sharex=True)
+    for axis, name in zip(axes, COEFFICIENT_NAMES, strict=False):
+        _draw_coefficient(axis, recording, name)
+    axes[0].legend(ncols=3, fontsize=8, loc="upper right")
+    health = axes[-1]
+    health.plot(recording.time, recording["estimator.health.chi_square"], color="tab:green", linewidth=0.6)
+    limit = recording["estimator.health.chi_square_limit"]
+    health.plot(recording.time, limit, color="tab:red", linewidth=0.8, label="alarm level")
+    health.set_title("Chi-square of the residual [1]", fontsize=9, loc="left")
+    health.legend(fontsize=8, loc="upper right")
+    health.grid(alpha=0.3)
+    health.set_xlabel("time [s]")
+    figure.suptitle(f"Coefficients estimated by the FMU from noisy strain, against truth: {title}")
+    return figure

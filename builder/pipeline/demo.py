@@ -1,0 +1,262 @@
+"""The whole way, from a vehicle file to an FMU flying in a system simulation.
+
+Every link writes a file into one folder; a link whose inputs have not changed is not computed again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from builder.aero.engine import Flow, FlowKey
+from builder.campaign.journal import Journal
+from builder.campaign.run import complete_flows
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshot_transfer import snapshots_on
+from builder.campaign.snapshots import load_snapshots
+from builder.figures import pressure as figures
+from builder.pipeline.build import check_noise
+from builder.pipeline.flight_score import FlightScore, score_flight
+from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
+from builder.pipeline.map_stages import make_map
+from builder.pipeline.stages import Chain
+from builder.reporting import Reporter
+from builder.structure.model import check_gauges, check_map_size, refuse_beyond_fourier, structural_model
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.geometry import surface_grid
+from builder.workspace import Workspace
+from strainfmu.cosim import flight_model as flight_model_file
+from strainfmu.cosim.flight_model import FlightModel, check_envelope, save_flight_model
+from strainfmu.cosim.master import matching_connections, simulate
+from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.cosim.system import System
+from strainfmu.cosim.trajectory import Trajectory, load_trajectory
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.files import write_bytes_atomically
+from strainfmu.fmu.export import export_estimator, export_plant
+
+ROUND_OFF = 1e-9
+
+COMMUNICATION_STEP_SIZE = 0.01
+"""Time between communication points of the demonstration flight [s]: 100 Hz."""
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What a run of the whole way left behind.
+
+    Attributes
+    ----------
+    vehicle : name of the vehicle.
+    folder : where the files are.
+    files : names of the files, in the order of the way, with what each holds.
+    reused : those that were up to date already.
+    score : how well the flown FMU did.
+    """
+
+    vehicle: str
+    folder: Path
+    files: dict[str, str]
+    reused: tuple[str, ...]
+    score: FlightScore
+
+
+def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult:
+    """Go the whole way for one vehicle file and return what was made.
+
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong, or a condition is outside the solver's reach.
+    StrainfmuError
+        A file could not be written or an FMU failed.
+    """
+    vehicle = load_vehicle(vehicle_path)
+    # Refused before the long work, not after it.
+    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
+    check_noise(vehicle)
+    # The vehicle that flies is played by the Fourier model, whatever the map is built on.
+    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
+    check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
+    _note_extrapolation(vehicle, load_trajectory(manoeuvre), reporter)
+    chain = Chain(vehicle, Workspace(folder), reporter)
+    make_map(chain)
+    _flight_model(chain)
+    _fmus(chain)
+    recording = _flight(chain)
+    score = score_flight(recording)
+    _figures(chain, recording)
+    _summary(chain, score)
+    return DemoResult(vehicle.name, folder, chain.files, tuple(chain.reused), score)
+
+
+def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Reporter) -> None:
+    """Say where the manoeuvre leaves the range of the snapshots: there the stated sigmas need not hold."""
+    flown = trajectory.conditions
+    ranges = (
+        ("Mach number", flown[:, 0], vehicle.conditions.mach_number, ""),
+        ("angle of attack", np.degrees(flown[:, 1]), vehicle.conditions.angle_of_attack_deg, " deg"),
+        ("sideslip angle", np.degrees(flown[:, 2]), vehicle.conditions.sideslip_angle_deg, " deg"),
+        ("altitude", 1e-3 * flown[:, 3], [vehicle.conditions.altitude_km], " km"),
+    )
+    for name, values, known, unit in ranges:
+        low, high = float(values.min()), float(values.max())
+        if low < min(known) - ROUND_OFF or high > max(known) + ROUND_OFF:
+            reporter.note(
+                f"warning: the manoeuvre flies {name} {low:.4g} to {high:.4g}{unit}, the snapshots cover "
+                f"{min(known):.4g} to {max(known):.4g}{unit}: outside, sigmas need not hold"
+            )
+
+
+def _flight_model(chain: Chain) -> None:
+    vehicle, settings = chain.vehicle, chain.vehicle.resolution.truth
+
+    def make(path: Path) -> None:
+        engine, title = truth_engine(vehicle), "Flow: the vehicle that flies"
+        with Journal(path) as journal:
+            flows, _ = complete_flows(
+                engine, truth_keys(vehicle), journal, {}, Scheduling(), chain.reporter, title
+            )
+            save_flight_model(_assembled(flows), path)
+            journal.remove()
+
+    def _assembled(flows: Mapping[FlowKey, Flow]) -> FlightModel:
+        with chain.reporter.stage("Structure: the vehicle that flies") as progress:
+            structure = structural_model(vehicle, settings, [vehicle.gauges.layout], progress)
+        noise_std = float(load_inverse_map(chain.workspace.path("map.h5")).noise_std[0])
+        return flight_model(vehicle, flows, structure, noise_std)
+
+    inputs = {
+        "schema_version": flight_model_file.SCHEMA_VERSION,
+        "map": chain.made_from("map.h5"),
+        "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
+        "resolution": settings.model_dump(),
+    }
+    chain.link("flight_model.h5", "the independent, finer model of the vehicle", inputs, make)
+
+
+def _fmus(chain: Chain) -> None:
+    workspace, vehicle = chain.workspace, chain.vehicle
+    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
+    with chain.reporter.stage("FMUs") as progress:
+        chain.link(
+            "estimator.fmu",
+            "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
+            {"map": chain.made_from("map.h5"), "kind": "native"},
+            lambda path: export_estimator(workspace.path("map.h5"), path),
+        )
+        progress(1, 2)
+        chain.link(
+            "plant.fmu",
+            "FMI 2.0 co-simulation FMU: the vehicle on its manoeuvre, noisy strains out",
+            {"flight_model": chain.made_from("flight_model.h5"), "trajectory": trajectory.read_bytes().hex()},
+            lambda path: export_plant(workspace.path("flight_model.h5"), trajectory, path),
+        )
+        progress(2, 2)
+
+
+def _flight(chain: Chain) -> Recording:
+    workspace, vehicle = chain.workspace, chain.vehicle
+    trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    fmus = {name: workspace.path(f"{name}.fmu") for name in ("plant", "estimator")}
+
+    def make(path: Path) -> None:
+        system = System(fmus, matching_connections("plant", "estimator", fmus))
+        stop_time = trajectory.stop_time
+        with chain.reporter.stage("System simulation: plant -> estimator") as progress:
+            recording = simulate(
+                system,
+                stop_time,
+                COMMUNICATION_STEP_SIZE,
+                progress=lambda time: progress(round(100 * time / stop_time), 100),
+            )
+        save_hdf5(recording, path)
+
+    inputs = {"fmus": chain.made_from("plant.fmu", "estimator.fmu"), "step": COMMUNICATION_STEP_SIZE}
+    chain.link("flight.h5", "every signal of the system simulation", inputs, make)
+    recording = load_recording(workspace.path("flight.h5"))
+    chain.link(
+        "flight.csv",
+        "the same as CSV",
+        {"flight": chain.made_from("flight.h5")},
+        lambda path: save_csv(recording, path),
+    )
+    return recording
+
+
+def _figures(chain: Chain, recording: Recording) -> None:
+    vehicle, settings = chain.vehicle, chain.vehicle.resolution.map
+    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    snapshots = snapshots_on(load_snapshots(chain.workspace.path("snapshots.h5")), surface)
+    inverse_map = load_inverse_map(chain.workspace.path("map.h5"))
+    title = vehicle.name
+    of_pressure = {"snapshots": chain.made_from("snapshots.h5"), "title": title}
+    of_all = {**of_pressure, "map": chain.made_from("map.h5"), "flight": chain.made_from("flight.h5")}
+    drawings: list[tuple[str, str, dict[str, Any], Callable[[], figures.Figure]]] = [
+        (
+            "overview.png",
+            "figure: load, gauges and estimate in one picture",
+            of_all,
+            lambda: figures.overview(snapshots, surface, inverse_map, recording, title),
+        ),
+        (
+            "pressure_unrolled.png",
+            "figure: pressure of three conditions on the unrolled surface",
+            of_pressure,
+            lambda: figures.pressure_unrolled(snapshots, surface, title),
+        ),
+        (
+            "pressure_on_body.png",
+            "figure: the same on the body",
+            of_pressure,
+            lambda: figures.pressure_on_body(snapshots, surface, title),
+        ),
+        (
+            "gauges.png",
+            "figure: gauge layout",
+            {"map": chain.made_from("map.h5")},
+            lambda: figures.gauges(inverse_map, surface),
+        ),
+        (
+            "coefficients.png",
+            "figure: estimated against true coefficients, 3 sigma bands",
+            {"flight": chain.made_from("flight.h5"), "title": title},
+            lambda: figures.coefficients(recording, title),
+        ),
+    ]
+    with chain.reporter.stage("Figures") as progress:
+        for done, (name, holds, inputs, draw) in enumerate(drawings, start=1):
+            chain.link(name, holds, inputs, partial(_save, draw))
+            progress(done, len(drawings))
+
+
+def _save(draw: Callable[[], figures.Figure], path: Path) -> None:
+    figures.save(draw(), path)
+
+
+def _without_nan(value: Any) -> Any:
+    """Turn NaN, which JSON has no word for, into None."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    return None if isinstance(value, float) and np.isnan(value) else value
+
+
+def _summary(chain: Chain, score: FlightScore) -> None:
+    def make(path: Path) -> None:
+        values = {
+            key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True))
+            if isinstance(value, np.ndarray)
+            else value
+            for key, value in asdict(score).items()
+        }
+        write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
+
+    inputs = {"flight": chain.made_from("flight.h5")}
+    chain.link("summary.json", "the table below, as numbers", inputs, make)

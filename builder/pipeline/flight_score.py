@@ -1,0 +1,55 @@
+"""How well a flown estimator did against the truth its plant knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.cosim.recording import Recording
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+CONSTANT = 1e-9
+"""Range of a coefficient [1] that counts as none."""
+
+
+@dataclass(frozen=True)
+class FlightScore:
+    """Errors of C_A, C_N, C_Y, M_P, M_Y over a flight of n samples.
+
+    Attributes
+    ----------
+    rms_error : (5,) root mean square of estimate less truth [1].
+    rms_error_of_range : (5,) the same over the range of the truth in this flight [1]; NaN where it is constant.
+    mean_sigma : (5,) mean stated standard deviation [1].
+    coverage : (5,) share of samples with the truth inside +-3 sigma [1].
+    healthy : share of samples with health state OK [1].
+    step_time : median wall-clock time of one step per instance [s].
+    """
+
+    rms_error: FloatArray
+    rms_error_of_range: FloatArray
+    mean_sigma: FloatArray
+    coverage: FloatArray
+    healthy: float
+    step_time: dict[str, float]
+
+
+def score_flight(recording: Recording, plant: str = "plant", estimator: str = "estimator") -> FlightScore:
+    """Compare what ``estimator`` put out with what ``plant`` flew."""
+    truth = np.stack([recording[f"{plant}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
+    estimate = np.stack([recording[f"{estimator}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
+    sigma = np.stack([recording[f"{estimator}.sigma.{name}"] for name in COEFFICIENT_NAMES], axis=1)
+    error = estimate - truth
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    spread = np.ptp(truth, axis=0)
+    cost = np.median(recording.step_cost, axis=0)
+    return FlightScore(
+        rms_error=rms,
+        rms_error_of_range=np.divide(rms, spread, out=np.full(len(rms), np.nan), where=spread > CONSTANT),
+        mean_sigma=sigma.mean(axis=0),
+        coverage=np.mean(np.abs(error) <= 3.0 * sigma, axis=0),
+        healthy=float(np.mean(recording[f"{estimator}.health.state"] == 0)),
+        step_time={name: float(value) for name, value in zip(recording.instances, cost, strict=True)},
+    )

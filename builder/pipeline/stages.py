@@ -1,0 +1,33 @@
+"""Links from file to file in one folder: what is up to date is not made again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from builder.campaign.snapshots import Snapshots
+from builder.pipeline.build import AnyStructure
+from builder.reporting import Reporter
+from builder.vehicle.file import Vehicle
+from builder.workspace import Workspace
+
+
+class Chain:
+    """The links made so far, and the means to make the next."""
+
+    def __init__(self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter) -> None:
+        self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
+        self.files: dict[str, str] = {}
+        self.reused: list[str] = []
+        self.map_parts: tuple[Snapshots, AnyStructure] | None = None
+
+    def link(self, name: str, holds: str, inputs: dict[str, Any], make: Callable[[Path], object]) -> None:
+        """Make ``name`` or reuse it, and say so if it is reused."""
+        if self.workspace.ensure(name, inputs, make):
+            self.reused.append(name)
+            self.reporter.note(f"{name}: up to date, reused")
+        self.files[name] = holds
+
+    def made_from(self, *names: str) -> list[str]:
+        return [self.workspace.made_from(name) for name in names]

@@ -1,0 +1,1 @@
+"""The vehicle: its file, shape, gauges, flight conditions, options of the map."""

@@ -1,0 +1,204 @@
+"""Outer shape of a pointed body of revolution and the pressure nodes on it.
+
+The meridian r(x) is a chain of segments, cones and circular arcs, from the pointed tip at x = 0
+to the base. Slope breaks between segments are kept as such: the surface pressure may jump there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+SMALLEST_SLOPE_BREAK = np.deg2rad(0.01)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One piece of the meridian: a straight line or a circular arc.
+
+    Attributes
+    ----------
+    start_x, end_x : axial stations of its ends [m].
+    start_radius : radius at ``start_x`` [m].
+    start_angle, end_angle : angle of the meridian to the axis at its ends [rad]; equal for a cone.
+    """
+
+    start_x: float
+    end_x: float
+    start_radius: float
+    start_angle: float
+    end_angle: float
+
+    @property
+    def _arc_radius(self) -> float:
+        """Radius of curvature of the arc [m], positive where the angle falls towards the base."""
+        return (self.end_x - self.start_x) / (np.sin(self.start_angle) - np.sin(self.end_angle))
+
+    @property
+    def is_straight(self) -> bool:
+        return self.start_angle == self.end_angle
+
+    @property
+    def end_radius(self) -> float:
+        return float(self.radius(np.array([self.end_x]))[0])
+
+    @property
+    def least_radius(self) -> float:
+        """Smallest radius [m] aft of the segment's start: at its end, or where a rising arc turns."""
+        if self.start_angle < 0.0 < self.end_angle:
+            return float(self.start_radius + self._arc_radius * (1.0 - np.cos(self.start_angle)))
+        return self.end_radius
+
+    def angle(self, x: FloatArray) -> FloatArray:
+        """Return the angle of the meridian to the axis [rad] at stations ``x`` [m]."""
+        if self.is_straight:
+            return np.full_like(x, self.start_angle)
+        return np.arcsin(np.clip(np.sin(self.start_angle) - (x - self.start_x) / self._arc_radius, -1.0, 1.0))
+
+    def radius(self, x: FloatArray) -> FloatArray:
+        """Return the radius [m] at stations ``x`` [m]."""
+        if self.is_straight:
+            return self.start_radius + (x - self.start_x) * np.tan(self.start_angle)
+        return self.start_radius + self._arc_radius * (np.cos(self.angle(x)) - np.cos(self.start_angle))
+
+
+@dataclass(frozen=True)
+class BodyOfRevolution:
+    """Outer surface of a pointed body of revolution around the x axis, tip at x = 0."""
+
+    segments: tuple[Segment, ...]
+
+    @property
+    def length(self) -> float:
+        """Length from tip to base [m]."""
+        return self.segments[-1].end_x
+
+    @property
+    def base_radius(self) -> float:
+        """Radius at the base [m]."""
+        return self.segments[-1].end_radius
+
+    @property
+    def tip_angle(self) -> float:
+        """Half-angle of the tip [rad]."""
+        return self.segments[0].start_angle
+
+    @cached_property
+    def slope_breaks(self) -> FloatArray:
+        """Stations [m] at which the meridian's angle jumps."""
+        pairs = zip(self.segments[:-1], self.segments[1:], strict=True)
+        return np.array(
+            [
+                after.start_x
+                for before, after in pairs
+                if abs(before.end_angle - after.start_angle) > SMALLEST_SLOPE_BREAK
+            ]
+        )
+
+    def _segment_index(self, x: FloatArray, side: str) -> NDArray[np.intp]:
+        ends = np.array([segment.end_x for segment in self.segments[:-1]])
+        return np.searchsorted(ends, x, side="left" if side == "upstream" else "right")
+
+    def radius(self, x: FloatArray | float) -> FloatArray:
+        """Return the outer radius r(x) [m], same shape as ``x`` [m]."""
+        return self._evaluate("radius", x, "upstream")
+
+    def angle(self, x: FloatArray | float, side: str = "upstream") -> FloatArray:
+        """Return the meridian's angle to the axis [rad] at ``x`` [m].
+
+        ``side`` is ``"upstream"`` or ``"downstream"`` and matters at slope breaks only.
+        """
+        return self._evaluate("angle", x, side)
+
+    def _evaluate(self, what: str, x: FloatArray | float, side: str) -> FloatArray:
+        stations = np.atleast_1d(np.asarray(x, dtype=float))
+        index = self._segment_index(stations, side)
+        values = np.empty_like(stations)
+        for i, segment in enumerate(self.segments):
+            here = index == i
+            values[here] = getattr(segment, what)(stations[here])
+        return values.reshape(np.shape(x))
+
+
+def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution:
+    """Build a body from ``(end_x [m], start_angle [rad], end_angle [rad])`` pieces, tip first.
+
+    Raises
+    ------
+    InputError
+        Stations do not increase, the tip is not pointed, or the radius falls to zero.
+    """
+    segments: list[Segment] = []
+    x, radius = 0.0, 0.0
+    for number, (end_x, start_angle, end_angle) in enumerate(pieces, start=1):
+        if end_x <= x:
+            raise InputError(f"profile segment {number}: end_x_m {end_x:g} must lie aft of {x:g}")
+        segment = Segment(x, end_x, radius, start_angle, end_angle)
+        if segment.least_radius <= 0.0:
+            raise InputError(f"profile segment {number}: the radius falls to zero before x = {end_x:g} m")
+        segments.append(segment)
+        x, radius = end_x, segment.end_radius
+    if not segments or segments[0].start_angle <= 0.0:
+        raise InputError("profile segment 1: the tip must be pointed, its half-angle greater than 0 deg")
+    return BodyOfRevolution(tuple(segments))
+
+
+@dataclass(frozen=True)
+class SurfaceGrid:
+    """Pressure nodes on a body of revolution: a product of stations and roll angles.
+
+    Pressure is linear in x between stations and trigonometric in roll angle. A slope break is a pair
+    of equal stations, so that the pressure may jump. A field is stored flat, station by station:
+    node = station_index * n_roll + roll_index.
+
+    Attributes
+    ----------
+    x : (n_x,) stations [m], non-decreasing.
+    radius : (n_x,) outer radius [m].
+    angle : (n_x,) meridian angle [rad], one-sided at slope breaks.
+    n_roll : number of roll angles, evenly spaced from 0 (+z) towards +y.
+    """
+
+    x: FloatArray
+    radius: FloatArray
+    angle: FloatArray
+    n_roll: int
+
+    @property
+    def roll_angle(self) -> FloatArray:
+        """(n_roll,) roll angles [rad]."""
+        return 2.0 * np.pi * np.arange(self.n_roll) / self.n_roll
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.x) * self.n_roll
+
+    def as_map(self, field: FloatArray) -> FloatArray:
+        """View a flat field (..., n_nodes) as (..., n_x, n_roll)."""
+        return field.reshape(*field.shape[:-1], len(self.x), self.n_roll)
+
+
+def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
+    """Place about ``n_x`` stations on ``body``, evenly, doubled at slope breaks.
+
+    Stations start at the tip, where the pressure of the conical flow is that of the first ring.
+    """
+    joints = np.concatenate([[0.0], body.slope_breaks, [body.length]])
+    stations, radii, angles = [], [], []
+    for start, end in pairwise(joints.tolist()):
+        count = max(3, round(n_x * (end - start) / body.length))
+        s = np.linspace(0.0, 1.0, count)
+        x = start + (end - start) * s
+        stations.append(x)
+        radii.append(body.radius(x))
+        angle = body.angle(x, side="upstream")
+        angle[0] = body.angle(x[0], side="downstream")
+        angles.append(angle)
+    return SurfaceGrid(np.concatenate(stations), np.concatenate(radii), np.concatenate(angles), n_roll)

@@ -1,0 +1,1 @@
+"""The bridge: strain frames in, load frames out, in real time."""

@@ -1,0 +1,331 @@
+"""The bridge on a bus: receiver, queue, core and transmitter wired together, and reopened when the bus fails.
+
+One thread receives; the caller's thread steps and sends. Results go to the bus first, then to ``on_result``, which
+must not block.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from strainfmu.can.bridge.backlog import Backlog
+from strainfmu.can.bridge.bus import OpenBus, kernel_drops, shut_down
+from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver
+from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
+from strainfmu.can.bridge.result_frames import STATUS_PERIOD, BridgeStatus, ResultFrames
+from strainfmu.can.bridge.transmitter import Transmitter
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult, published
+from strainfmu.can.e2e.clock import Clock, monotonic
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import FrameLayout
+from strainfmu.errors import StrainfmuError
+
+QUEUED_CYCLES = 50
+"""Cycles that wait at most: above that, the oldest are dropped."""
+
+GATHER, LONGEST_GATHER = 0.2, 2e-4
+"""For how long frames are let gather behind the first: cycles, and at most [s]."""
+
+_LONGEST_WAIT = 0.1
+_LATENCIES = 200_000
+"""Latencies kept for the percentiles: the latest."""
+
+
+@dataclass
+class BridgeSummary:
+    """What a run was.
+
+    Attributes
+    ----------
+    duration, cpu : of the run, and processor time of the whole process in it [s].
+    account : every frame.
+    qualities : results by quality.
+    latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
+    sent, send_failures, malformed, reconnects : frames sent and not sent, failed receptions, buses reopened.
+    kernel_drops : datagrams that the system dropped, None where not known.
+    queue_highest : most frames that ever waited.
+    drift_ppm : how much slower than ours the sender's clock ran; NaN if not known.
+    last_fault : the last thing that went wrong on the bus.
+    """
+
+    duration: float
+    cpu: float
+    account: FrameAccount
+    qualities: Counter[Quality] = field(default_factory=Counter)
+    latency: np.ndarray = field(default_factory=lambda: np.empty(0))
+    sent: int = 0
+    send_failures: int = 0
+    malformed: int = 0
+    reconnects: int = 0
+    kernel_drops: int | None = None
+    queue_highest: int = 0
+    drift_ppm: float = float("nan")
+    last_fault: str = ""
+
+
+class Bridge:
+    """Runs a core on a bus until it is stopped.
+
+    Parameters
+    ----------
+    core : of the input and the estimator.
+    open_bus : opens the bus, again after it failed.
+    result_layouts : frames that it sends.
+    configuration : number of the gauge assignment, 0 for none.
+    clock : the one clock of the whole run [s].
+    on_result : told every result after it was sent.
+    on_frame : told every frame that was received and not refused at the door.
+    on_received, on_sent : told every frame with its time, all in the order of their times; must not block.
+    """
+
+    def __init__(
+        self,
+        core: BridgeCore,
+        open_bus: OpenBus,
+        result_layouts: tuple[FrameLayout, ...],
+        configuration: int = 0,
+        back_off: BackOffSettings | None = None,
+        clock: Clock = monotonic,
+        on_result: Callable[[CycleResult], None] | None = None,
+        on_frame: Callable[[Frame], None] | None = None,
+        queued_cycles: int = QUEUED_CYCLES,
+        on_received: Callable[[Frame], None] | None = None,
+        on_sent: Callable[[Frame], None] | None = None,
+    ) -> None:
+        self._core, self._open_bus, self._clock = core, open_bus, clock
+        self._frames = ResultFrames(result_layouts, configuration)
+        self._own_keys = [layout.key for layout in result_layouts]
+        self._transmitter = Transmitter(None if on_sent is None else self._tell_sent)
+        n_frames = len(core.layout.frames)
+        self._queue = FrameQueue(queued_cycles * n_frames, n_frames)
+        self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
+        self._back_off = BackOff(back_off or BackOffSettings())
+        self._on_result, self._on_frame = on_result, on_frame
+        self._on_received, self._on_sent = on_received, on_sent
+        self.known = clock()
+        self._bus: Any = None
+        self._receiver: Receiver | None = None
+        self._door = FrameAccount()
+        self._drops = 0
+        self._drops_known = False
+        self._malformed = 0
+        self._shed = 0
+        self._stop = False
+        self._qualities: Counter[Quality] = Counter()
+        self._latency: deque[float] = deque(maxlen=_LATENCIES)
+        self._last_valid: CycleResult | None = None
+        self._last_quality = Quality.NO_DATA
+        self._last_fault = ""
+        self._next_status = clock()
+        self._start = clock()
+        self._cpu = process_time()
+
+    def stop(self) -> None:
+        """Have :meth:`run` end; may be called from a signal handler or another thread."""
+        self._stop = True
+
+    def run(self, duration: float | None = None) -> BridgeSummary:
+        """Run until stopped, or for ``duration`` [s]; return what it was.
+
+        Raises
+        ------
+        StrainfmuError
+            The bus cannot be opened at first, is lost and cannot be opened again, or the FMU failed for good.
+        """
+        self._connect()
+        end = float("inf") if duration is None else self._clock() + duration
+        try:
+            while not self._stop and self._clock() < end:
+                self._turn(end)
+        finally:
+            self._disconnect()
+        now = self._clock()
+        while items := self._queue.take(0.0, self._clock)[0]:
+            for item in items:
+                if isinstance(item, Frame):
+                    self._publish(self._core.receive(item))
+        self._core.finish(now)
+        return self.summary()
+
+    def summary(self) -> BridgeSummary:
+        """Return what the run has been so far."""
+        return BridgeSummary(
+            self._clock() - self._start,
+            process_time() - self._cpu,
+            self.account(),
+            Counter(self._qualities),
+            np.array(self._latency),
+            self._transmitter.sent,
+            self._transmitter.failures,
+            self._malformed + (self._receiver.failures if self._receiver else 0),
+            self._back_off.reconnects,
+            self._drops if self._drops_known else None,
+            self._queue.highest,
+            self._core.drift_ppm,
+            self._last_fault,
+        )
+
+    def _turn(self, end: float) -> None:
+        """Wait for frames or for what is due, and deal with it."""
+        now = self._clock()
+        due = min(self._core.next_event, self._next_status, end)
+        items, known = self._queue.take(min(max(due - now, 0.0), _LONGEST_WAIT), self._clock)
+        self.known = known
+        self._watch_door()
+        is_answered = not items or self._backlog.is_answered(self._clock() - items[-1].time)
+        for item in items:
+            if isinstance(item, BusFault):
+                self._lose_bus(item.reason, item.time)
+                continue
+            if self._on_frame is not None:
+                self._on_frame(item)
+            self._publish(self._core.receive(item, is_answered))
+        # Only up to where all frames are known, so that a recording of them gives the same results.
+        self._publish(self._core.advance(known))
+        now = self._clock()
+        if now >= self._next_status:
+            self._send_status(now)
+        if self._core.bus_state is BusState.BUS_OFF and self._bus is not None:
+            self._lose_bus("bus off", now)
+        if self._back_off.due is not None and now >= self._back_off.due:
+            self._reconnect(now)
+
+    def _publish(self, results: list[CycleResult]) -> None:
+        """Send results, then count and hand them on."""
+        limit = self._core.settings.max_age * self._core.layout.cycle_time
+        for judged in results:
+            result = published(judged, self._clock(), limit)
+            working = self._transmitter.send(self._frames.of_result(result))
+            self._qualities[result.quality] += 1
+            self._last_quality = result.quality
+            if result.quality in (Quality.VALID, Quality.UNPROTECTED):
+                self._last_valid = result
+            if result.arrival is not None:
+                self._latency.append(self._clock() - result.arrival)
+            if self._on_result is not None:
+                self._on_result(result)
+            if not working:
+                self._lose_bus(self._transmitter.last_failure, self._clock())
+
+    def _tell_sent(self, frame: Frame) -> None:
+        """Tell of a frame that was sent, under the receiver's lock: in order of time with what it tells."""
+        with self._queue.lock:
+            if self._on_sent is not None:
+                self._on_sent(replace(frame, time=self._clock()))
+
+    def _send_status(self, now: float) -> None:
+        status = BridgeStatus(
+            now,
+            self._last_quality,
+            self._core.bus_state,
+            self._last_valid,
+            self.account(),
+            sum(self._qualities.values()),
+            self._transmitter.failures,
+            self._back_off.reconnects,
+            self._core.drift_ppm,
+        )
+        self._transmitter.send(self._frames.of_status(status))
+        # Without catching up: a status that is late is of no use.
+        self._next_status = max(self._next_status + STATUS_PERIOD, now)
+
+    def _watch_door(self) -> None:
+        """Tell the core of frames that were dropped or shed before it."""
+        if self._receiver is None:
+            return
+        classes = self._receiver.account.classes
+        lost = classes[FrameClass.OVERRUN] + classes[FrameClass.SHED]
+        if lost > self._shed:
+            self._shed = lost
+            self._core.note(Cause.OVERLOAD)
+
+    # --- the bus ------------------------------------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        """Open a new bus, and receive from it."""
+        core = self._core
+        self._bus = self._open_bus()
+        door = Acceptance(core.layout, self._own_keys, core.settings, core.guards)
+        gather = min(GATHER * core.layout.cycle_time, LONGEST_GATHER)
+        self._receiver = Receiver(self._bus, self._queue, door, self._clock, self._on_received, gather)
+        self._shed = 0
+        self._transmitter.use(self._bus)
+        self._receiver.start()
+
+    def _disconnect(self) -> None:
+        """End reception and shut the bus down, in this order."""
+        self._transmitter.use(None)
+        if self._receiver is not None:
+            self._receiver.stop()
+            self._door = self._door.plus(self._receiver.account)
+            self._malformed += self._receiver.failures
+            self._receiver = None
+        if self._bus is not None:
+            drops = kernel_drops(self._bus)
+            self._drops_known |= drops is not None
+            self._drops += drops or 0
+            shut_down(self._bus)
+            self._bus = None
+
+    def _lose_bus(self, reason: str, now: float) -> None:
+        """Give up a bus that failed; another is opened after a while."""
+        if self._bus is None:
+            return
+        self._last_fault = reason
+        self._disconnect()
+        self._core.restart(now)
+        self._core.bus_state = BusState.DISCONNECTED
+        self._back_off.failed(now)
+
+    def _reconnect(self, now: float) -> None:
+        """Try to open a new bus.
+
+        Raises
+        ------
+        StrainfmuError
+            It was tried often enough.
+        """
+        try:
+            self._connect()
+        except StrainfmuError as error:
+            self._last_fault = str(error)
+            self._back_off.failed(now)
+            if self._back_off.exhausted:
+                raise StrainfmuError(f"the bus was lost and could not be opened again: {error}") from error
+            return
+        self._back_off.opened(now)
+        if self._back_off.exhausted:
+            self._disconnect()
+            raise StrainfmuError(f"the bus was lost again and again: {self._last_fault}")
+        self._core.restart(now)
+
+    @property
+    def skips(self) -> list[tuple[float, float]]:
+        """When the bridge stood still so long that it passed over status results: due at, advanced to [s]."""
+        return self._core.skips
+
+    @property
+    def unanswered(self) -> list[tuple[float, float]]:
+        """When it was too slow to answer all cycles: times of the first and the last frame skipped [s]."""
+        return self._core.unanswered
+
+    @property
+    def bus_state(self) -> BusState:
+        """State of the bus controller."""
+        return self._core.bus_state
+
+    def account(self) -> FrameAccount:
+        """Return the account of the door and of the core so far."""
+        total = self._door.plus(self._core.account)
+        return total if self._receiver is None else total.plus(self._receiver.account)

@@ -1,0 +1,165 @@
+"""Results as UDP datagrams of JSON, for displays: never blocks, what cannot go at once is dropped and counted."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.frame_account import FrameAccount
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+LAYOUT_PERIOD = 1.0
+"""Time between two datagrams that say where the gauges are [s]: so long does a new display wait for them."""
+
+_PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) deg)?")
+
+
+@dataclass(frozen=True)
+class GaugePlace:
+    """Where a gauge is: ``x`` [m] aft of the nose tip, ``roll_angle`` [deg]; None where it is not known."""
+
+    name: str
+    x: float | None = None
+    roll_angle: float | None = None
+
+
+def gauge_places(fmu: Path) -> tuple[GaugePlace, ...]:
+    """Return where the gauges of an estimator FMU are, from the descriptions of its inputs.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged, or no estimator.
+    """
+    from strainfmu.can.cycle.fmu_step import gauge_names_of
+    from strainfmu.cosim.instance import read_description
+
+    found = {}
+    for variable in read_description(fmu).modelVariables:
+        match = _PLACE.match(variable.description or "")
+        if match:
+            angle = None if match[3] is None else float(match[3])
+            found[match[1]] = GaugePlace(match[1], float(match[2]), angle)
+    return tuple(found.get(name, GaugePlace(name)) for name in gauge_names_of(fmu))
+
+
+def parsed_address(text: str, option: str) -> tuple[str, int]:
+    """Return host and port of "host:port".
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit() or not 0 <= int(port) < 65536:
+        raise InputError(f"{option}: '{text}' found, HOST:PORT such as 127.0.0.1:9870 wanted")
+    return host.strip("[]"), int(port)
+
+
+class Publisher:
+    """Sends every result, or at most ``rate`` a second; a change of quality goes out at once.
+
+    Parameters
+    ----------
+    address : host and port.
+    gauges : n_d places, order of the strains.
+    account, bus_state : say what they are now.
+
+    Raises
+    ------
+    StrainfmuError
+        The host is not known.
+    """
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        gauges: Sequence[GaugePlace],
+        rate: float,
+        account: Callable[[], FrameAccount],
+        bus_state: Callable[[], BusState],
+    ) -> None:
+        try:
+            family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind, protocol)
+        except OSError as error:
+            raise StrainfmuError(f"--publish {address[0]}:{address[1]}: {error.strerror or error}") from error
+        self._socket.setblocking(False)
+        self._target = target
+        self._gauges, self._period = tuple(gauges), 1.0 / rate
+        self._account, self._bus_state = account, bus_state
+        self._next = self._next_layout = float("-inf")
+        self._quality: Quality | None = None
+        self.sent = self.dropped = 0
+
+    def result(self, result: CycleResult) -> None:
+        """Send a result, unless one went out just before."""
+        now = time.monotonic()
+        if now < self._next and result.quality is self._quality:
+            return
+        self._quality, self._next = result.quality, now + self._period
+        if now >= self._next_layout:
+            self._next_layout = now + LAYOUT_PERIOD
+            self._send({"layout": {"gauges": [asdict(gauge) for gauge in self._gauges]}})
+        self._send(self._of_result(result))
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _of_result(self, result: CycleResult) -> dict[str, Any]:
+        account = self._account()
+        micro = [None if not isfinite(value) else round(1e6 * value, 3) for value in result.strain.tolist()]
+        return {
+            "timestamp": time.time(),
+            "quality": int(result.quality),
+            "quality_name": result.quality.name,
+            "causes": [cause.name for cause in result.causes],
+            "coefficients": _named(result.coefficients.tolist()),
+            "sigma": _named(result.coefficients_std.tolist()),
+            "strain_um_per_m": dict(zip((g.name for g in self._gauges), micro, strict=True)),
+            "dynamic_pressure_Pa": _finite(result.dynamic_pressure),
+            "age_ms": _finite(1e3 * result.age),
+            "health": result.health,
+            "health_name": _health_name(result.health),
+            "chi_square": _finite(result.chi_square),
+            "bus_state": self._bus_state().name,
+            "account": {**dict(account.rows()), "not accounted for": account.unaccounted},
+            "datagrams": {"sent": self.sent, "dropped": self.dropped},
+        }
+
+    def _send(self, content: dict[str, Any]) -> None:
+        try:
+            self._socket.sendto(json.dumps(content, separators=(",", ":")).encode(), self._target)
+        except OSError:  # the system's buffer is full, the datagram too long, or nobody is there
+            self.dropped += 1
+            return
+        self.sent += 1
+
+
+def _named(values: Sequence[float]) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in zip(COEFFICIENT_NAMES, values, strict=True)}
+
+
+def _finite(value: float) -> float | None:
+    """Return the number, None for what JSON cannot hold."""
+    return value if isfinite(value) else None
+
+
+def _health_name(health: int | None) -> str | None:
+    if health is None:
+        return None
+    return HealthState(health).name if health in set(HealthState) else str(health)

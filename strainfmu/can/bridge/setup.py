@@ -1,0 +1,219 @@
+"""From the options of the command line to a bridge that is ready to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from strainfmu.can.bridge.bridge import Bridge
+from strainfmu.can.bridge.bus import BusSettings, import_can, open_bus
+from strainfmu.can.bridge.result_frames import result_layouts
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.result import CycleResult, Step
+from strainfmu.can.e2e.clock import Clock, monotonic
+from strainfmu.can.settings import BridgeSettings, checked_cycle_time
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.wire.profiles import Identifiers, configuration_of, profile_layout
+from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
+
+RESULT_FORMS = ("fd", "classic-le", "classic-be")
+
+
+@dataclass(frozen=True)
+class BridgeOptions:
+    """What a user states; times in seconds.
+
+    Attributes
+    ----------
+    bus_options : "key=value" of the interface.
+    profile : used where no ``dbc`` is given, with ``cycle_time`` [s] and ``identifiers.base``.
+    dbc, mapping : the user's DBC file and its mapping, both or none.
+    dynamic_pressure : fixed [Pa], or None to take it from its frame.
+    result_form : one of RESULT_FORMS, None for the input's.
+    """
+
+    interface: str
+    channel: str
+    bus_options: tuple[str, ...] = ()
+    profile: str = "fd64"
+    dbc: Path | None = None
+    mapping: Path | None = None
+    cycle_time: float = 0.01
+    identifiers: Identifiers = field(default_factory=Identifiers)
+    dynamic_pressure: float | None = None
+    result_form: str | None = None
+    stuck_cycles: int = 25
+    max_age: float = 5.0
+
+
+@dataclass(frozen=True)
+class Taps:
+    """What is told of a running bridge, and its clock; nothing of it may block.
+
+    Attributes
+    ----------
+    on_received, on_sent : told every frame with its time, in the order of their times.
+    on_result : told every result after it was sent.
+    """
+
+    clock: Clock = monotonic
+    on_received: Callable[[Frame], None] | None = None
+    on_sent: Callable[[Frame], None] | None = None
+    on_result: Callable[[CycleResult], None] | None = None
+
+
+@dataclass(frozen=True)
+class ReadyBridge:
+    """A bridge, and what there is to say about it; its core began at ``start`` [s] by its clock."""
+
+    bridge: Bridge
+    n_gauges: int
+    layout_name: str
+    start: float
+
+
+@contextmanager
+def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> Iterator[ReadyBridge]:
+    """Load the FMU, wire a bridge to it, and free the FMU at the end.
+
+    Raises
+    ------
+    InputError
+        An option, a file or the FMU is wrong.
+    StrainfmuError
+        Something needed is not installed, or the FMU cannot be loaded.
+    """
+    import_can()
+    from strainfmu.can.cycle.fmu_step import FmuStep
+
+    taps = taps or Taps()
+    bus = bus_settings(options)
+    with FmuStep(fmu) as step:
+        start = taps.clock()
+        core, results, configuration = make_core(step, options, step.gauge_names, start)
+        bridge = Bridge(
+            core,
+            lambda: open_bus(bus),
+            results,
+            configuration,
+            clock=taps.clock,
+            on_result=taps.on_result,
+            on_received=taps.on_received,
+            on_sent=taps.on_sent,
+        )
+        yield ReadyBridge(bridge, step.n_gauges, core.layout.name, start)
+
+
+def make_core(
+    step: Step, options: BridgeOptions, gauge_names: Sequence[str], start: float
+) -> tuple[BridgeCore, tuple[FrameLayout, ...], int]:
+    """Return a core that begins at ``start`` [s], the frames of its results, the number of the gauge assignment.
+
+    Raises
+    ------
+    InputError
+        An option or a file is wrong.
+    """
+    checked_cycle_time(options.cycle_time, "cycle time")
+    settings = BridgeSettings(max_age=options.max_age, stuck_cycles=options.stuck_cycles)
+    layout, configuration = input_layout(options, gauge_names)
+    results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
+    options.identifiers.checked(1, len(results))
+    own_keys = [frame.key for frame in results]
+    core = BridgeCore(layout, step, settings, start, own_keys, options.dynamic_pressure)
+    return core, results, configuration
+
+
+def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
+    """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
+
+    Raises
+    ------
+    InputError
+        A file or an option is wrong.
+    """
+    if options.dbc is None or options.mapping is None:
+        layout = profile_layout(options.profile, gauge_names, options.cycle_time, options.identifiers)
+        return layout, configuration_of(options.profile, gauge_names)
+    from strainfmu.can.wire.dbc_files import load_database, load_mapping
+    from strainfmu.can.wire.dbc_mapping import mapped_layout
+
+    layout = mapped_layout(
+        load_database(options.dbc), load_mapping(options.mapping), gauge_names, str(options.mapping)
+    )
+    return layout, configuration_of(options.dbc.name, gauge_names)
+
+
+def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, identifiers: Identifiers) -> int:
+    """Write the DBC file of a map's (or its FMU's) frames; return how many frames it holds.
+
+    Raises
+    ------
+    InputError
+        The map or an option is wrong.
+    StrainfmuError
+        cantools is not installed, or the file cannot be written.
+    """
+    from strainfmu.can.wire.dbc_writer import dbc_text
+
+    checked_cycle_time(cycle_time, "cycle time")
+    layouts = all_layouts(profile, map_gauge_names(source), cycle_time, identifiers)
+    text = dbc_text(layouts, f"{source.name}, profile {profile}")
+    write_bytes_atomically(output, text.encode("cp1252", "replace"))
+    return len(layouts)
+
+
+def all_layouts(
+    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers
+) -> list[FrameLayout]:
+    """Return every frame of a profile: input, then results."""
+    layout = profile_layout(profile, gauge_names, cycle_time, identifiers)
+    results = result_layouts(_form_of(profile), identifiers, cycle_time)
+    identifiers.checked(len(layout.frames), len(results))
+    return [*(frame.layout for frame in layout.frames), *results]
+
+
+def map_gauge_names(source: Path) -> tuple[str, ...]:
+    """Return the gauges of a map or an FMU."""
+    if source.suffix == ".fmu":
+        from strainfmu.can.cycle.fmu_step import gauge_names_of
+
+        return gauge_names_of(source)
+    from strainfmu.estimator.inverse_map import load_inverse_map
+
+    return tuple(load_inverse_map(source).gauge_names)
+
+
+def _form_of(profile: str) -> str:
+    """Return the form of results that goes with a profile."""
+    return {"fd64": "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
+
+
+def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
+    form = options.result_form
+    if form is None:
+        if options.dbc is None:
+            return _form_of(options.profile)
+        return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
+    if form not in RESULT_FORMS:
+        raise InputError(f"result: '{form}' found, one of {', '.join(RESULT_FORMS)} wanted")
+    return form
+
+
+def bus_settings(options: BridgeOptions) -> BusSettings:
+    """Return the bus, its options as numbers where they are numbers."""
+    chosen: dict[str, object] = {}
+    for item in options.bus_options:
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--bus-option: '{item}' found, KEY=VALUE wanted")
+        words = {"true": True, "false": False}
+        try:
+            chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
+        except ValueError:
+            chosen[key.strip()] = text
+    return BusSettings(options.interface, options.channel, chosen)

@@ -1,0 +1,51 @@
+"""The summary of a run as a table."""
+
+from __future__ import annotations
+
+from math import isnan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from strainfmu.can.bridge.bridge import BridgeSummary
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+PERCENTILES = (50.0, 99.0, 99.9, 100.0)
+
+
+def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
+    """Return what a run was, row by row."""
+    rows = [("duration", f"{summary.duration:.1f} s")]
+    share = 100.0 * summary.cpu / summary.duration if summary.duration > 0.0 else 0.0
+    rows.append(("processor time", f"{summary.cpu:.2f} s, {share:.1f} % of one core"))
+    rows += [(f"results {quality.name}", f"{n}") for quality, n in sorted(summary.qualities.items())]
+    rows += [(f"frames: {name}", f"{count}") for name, count in summary.account.rows()]
+    rows.append(("frames: not accounted for", f"{summary.account.unaccounted}"))
+    if summary.account.unknown:
+        rows.append(("unknown identifiers", summary.account.unknown_text()))
+    if len(summary.latency):
+        values = 1e3 * np.percentile(summary.latency, PERCENTILES)
+        text = ", ".join(f"p{p:g} {v:.2f}" for p, v in zip(PERCENTILES, values, strict=True))
+        rows.append(("last frame in to results out", f"{text} ms"))
+    rows.append(("frames sent", f"{summary.sent}, {summary.send_failures} failed"))
+    drops = "not known" if summary.kernel_drops is None else str(summary.kernel_drops)
+    rows.append(("dropped by the system", drops))
+    rows.append(("failed receptions", f"{summary.malformed}"))
+    rows.append(("most frames waiting", f"{summary.queue_highest}"))
+    if not isnan(summary.drift_ppm):
+        rows.append(("sender's clock slower by", f"{summary.drift_ppm:.1f} ppm"))
+    if summary.reconnects or summary.last_fault:
+        rows.append(("bus reopened", f"{summary.reconnects} times; last fault: {summary.last_fault}"))
+    return rows
+
+
+def summary_table(summary: BridgeSummary) -> Table:
+    """Return the table of a run, for a rich console."""
+    from rich.table import Table
+
+    table = Table(title="Bridge", show_header=False)
+    for name, text in summary_rows(summary):
+        table.add_row(name, text)
+    return table

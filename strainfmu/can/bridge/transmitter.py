@@ -1,0 +1,52 @@
+"""The one owner of what the bridge sends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from strainfmu.can.bridge.bus import import_can
+from strainfmu.can.wire.frame import Frame, to_message
+
+FAILURES_IN_A_ROW = 20
+"""Failed transmissions in a row after which the bus is taken for broken."""
+
+SEND_TIMEOUT = 0.0
+"""Never wait for a bus [s]: a result that cannot go now is old when it could."""
+
+
+class Transmitter:
+    """Sends frames on one bus after another; counts what fails, and tells ``on_sent`` what does not."""
+
+    def __init__(self, on_sent: Callable[[Frame], None] | None = None) -> None:
+        self._on_sent = on_sent
+        self._bus: Any = None
+        self._errors: tuple[type[Exception], ...] = ()
+        self._in_a_row = 0
+        self.sent = 0
+        self.failures = 0
+        self.last_failure = ""
+
+    def use(self, bus: Any) -> None:
+        """Send on ``bus`` from now on; on none if None."""
+        self._bus = bus
+        self._errors = (import_can().CanError, OSError, ValueError)
+        self._in_a_row = 0
+
+    def send(self, frames: Iterable[Frame]) -> bool:
+        """Send ``frames``, each at most once; return False when the bus is to be taken for broken."""
+        if self._bus is None:
+            return True
+        for frame in frames:
+            try:
+                self._bus.send(to_message(frame), timeout=SEND_TIMEOUT)
+            except self._errors as error:
+                self.failures += 1
+                self._in_a_row += 1
+                self.last_failure = " ".join(str(error).split()) or type(error).__name__
+                continue
+            self._in_a_row = 0
+            self.sent += 1
+            if self._on_sent is not None:
+                self._on_sent(frame)
+        return self._in_a_row < FAILURES_IN_A_ROW

@@ -1,0 +1,1 @@
+"""One cycle of the bus: frames assembled, judged, answered."""

@@ -1,0 +1,146 @@
+"""Frames put together to cycles. A pure state machine: frames and times in, closed cycles out.
+
+A cycle is closed when it is complete, when a frame of the next one comes, or at its deadline. Cycles are told
+apart by the sample time where every frame holds one; else by the trailer, or by a frame that comes a second time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from strainfmu.arrays import IntArray
+from strainfmu.can.wire.frame import Frame
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A strain frame or trailer that passed its own checks.
+
+    Attributes
+    ----------
+    slot : place of the frame in its cycle.
+    frame : the frame.
+    raw : (k,) raw numbers of its signals.
+    sample_time : sender's clock [ticks], None if the frame has none.
+    counter : E2E counter, None if the frame has none.
+    """
+
+    slot: int
+    frame: Frame
+    raw: IntArray
+    sample_time: int | None = None
+    counter: int | None = None
+
+
+@dataclass
+class Cycle:
+    """Frames of one cycle, by slot; ``first_time`` is when the first came [s]."""
+
+    first_time: float
+    arrivals: dict[int, Arrival] = field(default_factory=dict)
+
+    @property
+    def first(self) -> Arrival:
+        """The frame that came first."""
+        return next(iter(self.arrivals.values()))
+
+
+class Verdict(Enum):
+    """What became of an offered frame."""
+
+    ACCEPTED = "accepted"
+    REPEATED = "repeated"
+    LATE = "late"
+    RESTARTED = "accepted after a restart of the sender"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a cycle is.
+
+    Attributes
+    ----------
+    n_slots : frames of a complete cycle, the trailer included.
+    trailer : slot that ends a cycle, or None.
+    deadline : from the first frame to the end [s].
+    clock_bits : length of the sample time, or None where frames have none.
+    late_limit : late frames in a row after which the sender is taken to have been restarted.
+    ordered : false only where a test shows what happens without the order of sample times.
+    """
+
+    n_slots: int
+    trailer: int | None
+    deadline: float
+    clock_bits: int | None
+    late_limit: int
+    ordered: bool = True
+
+
+class CycleAssembler:
+    """At most one cycle is open; no frame of an older one is let in."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._open: Cycle | None = None
+        self._newest: int | None = None
+        self._late = 0
+
+    def reset(self) -> list[Cycle]:
+        """Forget what was; return the open cycle, if any."""
+        self._newest, self._late = None, 0
+        return self._close()
+
+    @property
+    def deadline(self) -> float | None:
+        """When the open cycle ends [s], None if none is open."""
+        return None if self._open is None else self._open.first_time + self._limits.deadline
+
+    def due(self, now: float) -> list[Cycle]:
+        """Return the open cycle if its deadline is over at ``now`` [s]."""
+        deadline = self.deadline
+        return self._close() if deadline is not None and deadline <= now else []
+
+    def offer(self, arrival: Arrival) -> tuple[Verdict, list[Cycle]]:
+        """Take in a frame; return what became of it and the cycles that it closes, the older first."""
+        verdict, closed = Verdict.ACCEPTED, list[Cycle]()
+        if self._limits.clock_bits is not None:
+            verdict = self._in_time(arrival)
+            if verdict in (Verdict.LATE, Verdict.REPEATED):
+                return verdict, closed
+        elif self._open is not None and arrival.slot in self._open.arrivals:
+            closed += self._close()
+        if verdict is Verdict.RESTARTED or self._is_new(arrival):
+            closed += self._close()
+        if self._open is None:
+            self._open = Cycle(arrival.frame.time)
+            self._newest = arrival.sample_time
+        self._late = 0
+        self._open.arrivals[arrival.slot] = arrival
+        if len(self._open.arrivals) == self._limits.n_slots or arrival.slot == self._limits.trailer:
+            closed += self._close()
+        return verdict, closed
+
+    def _is_new(self, arrival: Arrival) -> bool:
+        """Tell whether a frame belongs to another cycle than the open one, by its sample time."""
+        return self._limits.clock_bits is not None and arrival.sample_time != self._newest
+
+    def _in_time(self, arrival: Arrival) -> Verdict:
+        """Compare the sample time of ``arrival`` with that of the newest cycle."""
+        assert self._limits.clock_bits is not None
+        assert arrival.sample_time is not None
+        if self._newest is None or not self._limits.ordered:
+            return Verdict.ACCEPTED
+        half = 1 << (self._limits.clock_bits - 1)
+        ahead = (arrival.sample_time - self._newest + half) % (2 * half) - half
+        if ahead > 0:
+            return Verdict.ACCEPTED
+        if ahead == 0 and self._open is not None and arrival.counter == self._open.first.counter:
+            return Verdict.REPEATED if arrival.slot in self._open.arrivals else Verdict.ACCEPTED
+        self._late += 1
+        return Verdict.LATE if self._late <= self._limits.late_limit else Verdict.RESTARTED
+
+    def _close(self) -> list[Cycle]:
+        closed = [] if self._open is None else [self._open]
+        self._open = None
+        return closed

@@ -1,0 +1,291 @@
+"""The bridge without threads and sockets: frames and times in, results out, every frame accounted for.
+
+All that it does follows from the frames, their times of reception and the times it is advanced to; so a recording
+gives the same results as the live run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Limits, Verdict
+from strainfmu.can.cycle.bus_state import BusState, state_after
+from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
+from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.reception import Reception
+from strainfmu.can.cycle.result import CycleResult, Step
+from strainfmu.can.guards import ALL_GUARDS, Guards
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.errors import InputError
+
+_CATCH_UP = 10
+"""Status results at most in one go after the bridge itself stood still."""
+
+_KEPT_SKIPS = 10_000
+
+_REFUSALS, _REFUSALS_PER_CYCLE = 20.0, 2.0
+"""Results without coefficients at once, and for long: a babbling input must not make the bridge babble."""
+
+
+class BridgeCore:
+    """One layout of input frames in front of one estimator.
+
+    Parameters
+    ----------
+    layout : the frames of the input.
+    step : the estimator.
+    settings : limits and times.
+    start : local monotonic clock [s] at the start.
+    own_keys : keys of the frames that the bridge sends.
+    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    guards : ALL_GUARDS, except where a test shows what a guard is for.
+
+    Raises
+    ------
+    InputError
+        The layout has no frame of q_inf and none is given, or own identifiers are among those of the input.
+    """
+
+    def __init__(
+        self,
+        layout: InputLayout,
+        step: Step,
+        settings: BridgeSettings,
+        start: float,
+        own_keys: Iterable[int] = (),
+        dynamic_pressure: float | None = None,
+        guards: Guards = ALL_GUARDS,
+    ) -> None:
+        own_keys = frozenset(own_keys)
+        _check_input(layout, own_keys, dynamic_pressure)
+        self.layout, self.settings, self.guards = layout, settings, guards
+        self.account = FrameAccount()
+        self.bus_state = BusState.ERROR_ACTIVE
+        # What does not follow from frames and their times, and a replay needs to know. When status results were
+        # passed over: pairs of when the first was due and of the time advanced to [s].
+        self.skips: list[tuple[float, float]] = []
+        # Times of the first and the last frame of those in a row that were not to be answered [s].
+        self.unanswered: list[tuple[float, float]] = []
+        self._skipping = False
+        self._acceptance = Acceptance(layout, own_keys, settings, guards)
+        self._reception = Reception(layout, settings, guards)
+        self._assembler = CycleAssembler(_limits(layout, settings, guards))
+        self._judge = CycleJudge(layout, step, settings, self._reception, dynamic_pressure, guards)
+        self._noted = Cause.NONE
+        self._last_cycle = start
+        self._refusals, self._last_refill = _REFUSALS, start
+        self._next_status = start + settings.timeout * layout.cycle_time
+
+    # --- frames and time in -----------------------------------------------------------------------------------
+
+    def receive(self, frame: Frame, is_answered: bool = True) -> list[CycleResult]:
+        """Take in one frame; return the results that are ready by then, in order.
+
+        A cycle that ends with it while ``is_answered`` is false has no result, for want of time: its counters and
+        CRCs are checked, so that those behind it are believed, but the estimator is not stepped.
+        """
+        results = self.advance(frame.time)
+        self._remember(frame.time, is_answered)
+        self.account.received += 1
+        refused = self._acceptance.refused(frame)
+        if refused is None:
+            return results + self._take(frame, is_answered)
+        if refused is FrameClass.UNKNOWN_IDENTIFIER:
+            self.account.settle_unknown(frame.key, frame.time)
+            return results
+        self.account.settle(refused, frame.time)
+        if refused is FrameClass.ERROR_FRAME:
+            self.bus_state = state_after(self.bus_state, frame)
+            if self.bus_state is not BusState.ERROR_ACTIVE:
+                self.note(Cause.BUS)
+        elif refused is FrameClass.SHED:
+            self.note(Cause.OVERLOAD)
+        return results
+
+    def advance(self, now: float) -> list[CycleResult]:
+        """Return the results that are due by ``now`` [s]: of cycles at their deadline, and of silence."""
+        if now < self.next_event:
+            return []
+        results = []
+        while True:
+            deadline = self._assembler.deadline
+            if deadline is not None and deadline <= min(now, self._next_status):
+                results += self._close(self._assembler.due(deadline), deadline, is_answered=True)
+            elif self._next_status <= now:
+                results += self._be_silent(now)
+            else:
+                return results
+
+    @property
+    def next_event(self) -> float:
+        """When :meth:`advance` has something to do at the latest [s]."""
+        deadline = self._assembler.deadline
+        return self._next_status if deadline is None else min(deadline, self._next_status)
+
+    def note(self, cause: Cause) -> None:
+        """Have ``cause`` in the next result: of what the core cannot see, such as a queue that ran over."""
+        self._noted |= cause
+
+    def restart(self, now: float) -> None:
+        """Begin anew after the bus was reopened: nothing is believed before it has proven itself again."""
+        self.finish(now)
+        self._judge.forget_sender()
+        self.bus_state = BusState.ERROR_ACTIVE
+        self.note(Cause.BUS)
+
+    def finish(self, now: float) -> None:
+        """Settle the frames of an open cycle at the end."""
+        for cycle in self._assembler.reset():
+            for _ in cycle.arrivals:
+                self._settle(FrameClass.UNFINISHED, now)
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much slower than ours the sender's clock runs [ppm]; NaN if not known."""
+        return self._judge.drift_ppm
+
+    def _remember(self, time: float, is_answered: bool) -> None:
+        """Keep from when to when frames were not to be answered."""
+        if is_answered:
+            self._skipping = False
+        elif self._skipping:
+            self.unanswered[-1] = self.unanswered[-1][0], time
+        elif len(self.unanswered) < _KEPT_SKIPS:
+            self.unanswered.append((time, time))
+            self._skipping = True
+
+    # --- one frame --------------------------------------------------------------------------------------------
+
+    def _take(self, frame: Frame, is_answered: bool) -> list[CycleResult]:
+        """Check a frame of the input and hand it to whom it concerns."""
+        slot = self._reception.slot_of(frame)
+        if slot is None:
+            self.account.settle(FrameClass.NOT_USABLE, frame.time)
+            return []
+        arrival = self._reception.arrival(slot, frame)
+        refused = self._reception.check(arrival)
+        if refused is not None:
+            self.account.settle(refused, frame.time)
+            return []
+        if slot < self._reception.n_strain or slot == self._reception.trailer:
+            return self._offer(arrival, is_answered)
+        self.account.settle(self._judge.take_pressure(arrival), frame.time)
+        return []
+
+    def _offer(self, arrival: Arrival, is_answered: bool) -> list[CycleResult]:
+        """Put a frame into its cycle; return the results of the cycles that it ends."""
+        verdict, closed = self._assembler.offer(arrival)
+        time = arrival.frame.time
+        if verdict is Verdict.RESTARTED:
+            self._judge.forget_sender()
+            self.note(Cause.CLOCK_JUMP)
+        if verdict in (Verdict.LATE, Verdict.REPEATED):
+            self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
+        else:
+            self.account.pending += 1
+        return self._close(closed, time, is_answered)
+
+    # --- one cycle --------------------------------------------------------------------------------------------
+
+    def _close(self, cycles: Iterable[Cycle], now: float, is_answered: bool) -> list[CycleResult]:
+        """Turn closed cycles into results, or skip them."""
+        results = []
+        for cycle in cycles:
+            self._last_cycle = now
+            self._judge.keep_pace(cycle)
+            self._next_status = now + self.settings.timeout * self.layout.cycle_time
+            if not is_answered:
+                self._skip(cycle)
+                continue
+            result = self._result_of(cycle, now)
+            if result.quality.has_coefficients or self._may_refuse(now):
+                results.append(result)
+            else:
+                # Why this cycle was refused is not said of the next one; what degrades that one too is.
+                self.note(result.causes & (Cause.OVERLOAD | Cause.BUS))
+        return results
+
+    def _may_refuse(self, now: float) -> bool:
+        """Take a token for a result without coefficients; false if there is none left."""
+        cycles = max(now - self._last_refill, 0.0) / self.layout.cycle_time
+        self._last_refill = now
+        self._refusals = min(self._refusals + cycles * _REFUSALS_PER_CYCLE, _REFUSALS)
+        if self._refusals < 1.0:
+            return False
+        self._refusals -= 1.0
+        return True
+
+    def _result_of(self, cycle: Cycle, now: float) -> CycleResult:
+        """Have a closed cycle judged, and settle its frames."""
+        noted, self._noted = self._noted, Cause.NONE
+        result, classes = self._judge.judge(cycle, now, noted)
+        for arrival, kind in zip(cycle.arrivals.values(), classes, strict=True):
+            self._settle(kind, arrival.frame.time)
+        return result
+
+    def _skip(self, cycle: Cycle) -> None:
+        """Check a closed cycle, and settle its frames without an answer."""
+        self._reception.miss(cycle.arrivals)
+        refused = self._reception.check_trailer(cycle.arrivals).refused
+        for arrival in cycle.arrivals.values():
+            self._settle(refused or FrameClass.SKIPPED, arrival.frame.time)
+        self.note(Cause.OVERLOAD)
+
+    def _settle(self, kind: FrameClass, time: float) -> None:
+        """Put one frame of a cycle into its class."""
+        self.account.pending -= 1
+        self.account.settle(kind, time)
+
+    # --- silence ----------------------------------------------------------------------------------------------
+
+    def _be_silent(self, now: float) -> list[CycleResult]:
+        """Return the status of a cycle in which nothing came."""
+        time, period = self._next_status, self.layout.cycle_time
+        # After the bridge itself stood still, the status of all that time is of no use to anyone.
+        behind = int((now - time) / period) - _CATCH_UP
+        if behind > 0 and len(self.skips) < _KEPT_SKIPS:
+            self.skips.append((time, now))
+        time += max(behind, 0) * period
+        self._next_status = time + period
+        if not self.guards.silence:
+            return []
+        self._reception.miss_cycle()
+        silent = time - self._last_cycle
+        quality = Quality.STALE if silent <= self.settings.invalid_after * period else Quality.INVALID
+        causes, self._noted = self._noted | Cause.SILENT, Cause.NONE
+        return [self._judge.silence(time, quality if self._judge.believed else Quality.NO_DATA, causes)]
+
+
+def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure: float | None) -> None:
+    """Refuse what cannot work."""
+    if layout.pressure_frame is None and dynamic_pressure is None:
+        raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
+    if dynamic_pressure is not None and not 0.0 < dynamic_pressure < float("inf"):
+        raise InputError(f"dynamic pressure: {dynamic_pressure:g} Pa found, a positive number wanted")
+    common = own_keys & {frame.layout.key for frame in layout.frames}
+    if common:
+        raise InputError(
+            f"identifier 0x{min(common) & 0x1FFFFFFF:X}: is both input and result; choose another base"
+        )
+
+
+def _limits(layout: InputLayout, settings: BridgeSettings, guards: Guards) -> Limits:
+    """Return what a cycle of ``layout`` is."""
+    n_strain = len(layout.strain_frames)
+    n_slots = n_strain + (layout.trailer is not None)
+    bits = None
+    if layout.is_timed:
+        first = layout.strain_frames[0]
+        bits = first.layout.signals[first.sample_time or 0].length
+    return Limits(
+        n_slots,
+        None if layout.trailer is None else n_strain,
+        settings.deadline * layout.cycle_time,
+        bits,
+        settings.late_cycles * n_slots,
+        guards.order,
+    )

@@ -1,0 +1,199 @@
+"""The FMU as the step of the bridge: strains and dynamic pressure in; coefficients and health out, by name."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.can.cycle.result import StepRefused, StepResult
+from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+_STRAIN = re.compile(r"strain\[(\d+)\]")
+_VALID = re.compile(r"valid\[(\d+)\]")
+_GAUGE = re.compile(r"Strain of gauge (.+) at x = ")
+_NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
+_OUTPUTS = (
+    *COEFFICIENT_NAMES,
+    *(f"sigma.{name}" for name in COEFFICIENT_NAMES),
+    "health.chi_square",
+    "health.state",
+)
+_STOP_TIME = 1e9
+"""End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
+
+
+def gauge_names_of(path: Path) -> tuple[str, ...]:
+    """Return the names of the gauges of the estimator FMU at ``path``, in the order of its strains.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged, or no estimator.
+    """
+    return tuple(_gauge_name(variable) for variable in _numbered(_inputs(path, read_description(path)), _STRAIN))
+
+
+class FmuStep:
+    """A loaded estimator FMU; call it for a step, close it at the end (or use it as a context).
+
+    A gauge that is not valid is given as NaN, and as ``valid[i]`` = 0 where the FMU has such inputs. After the
+    first fmi2Error the FMU is instantiated once more; the second ends the run, as fmi2Fatal does.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged, or no estimator.
+    StrainfmuError
+        It cannot be loaded on this machine.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._description = read_description(path)
+        inputs = _inputs(path, self._description)
+        strains = _numbered(inputs, _STRAIN)
+        self.gauge_names = tuple(_gauge_name(variable) for variable in strains)
+        self.n_gauges = len(strains)
+        valid = _numbered(inputs, _VALID)
+        if valid and len(valid) != self.n_gauges:
+            raise InputError(f"{path}: {len(valid)} inputs valid[i] found, {self.n_gauges} wanted")
+        pressure = next(v for v in inputs if v.name == "dynamic_pressure")
+        self._set = (*strains, *valid, pressure)
+        self._get = _outputs(path, self._description)
+        self._time = 0.0
+        self._retried = False
+        self._inputs = np.zeros(len(self._set))
+        self._values = np.zeros(len(self._get))
+        self._python_path = list(sys.path)
+        self._stack = ExitStack()
+        try:
+            folder = self._stack.enter_context(
+                tempfile.TemporaryDirectory(
+                    prefix="strainfmu_", dir=safe_temporary_parent(), ignore_cleanup_errors=True
+                )
+            )
+            self._folder = Path(folder)
+            unzip(path, self._folder)
+            self._open()
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def __enter__(self) -> FmuStep:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __call__(self, strain: FloatArray, dynamic_pressure: float, step_size: float) -> StepResult:
+        """Do one step.
+
+        Parameters
+        ----------
+        strain : (n_d,) strains [m/m], NaN where not valid.
+        dynamic_pressure : q_inf [Pa], NaN if not known.
+        step_size : [s].
+
+        Raises
+        ------
+        StepRefused
+            This step failed; the FMU can go on.
+        StrainfmuError
+            It cannot.
+        """
+        self._inputs[: self.n_gauges] = strain
+        self._inputs[self.n_gauges : -1] = np.isfinite(strain) if len(self._inputs) > self.n_gauges + 1 else ()
+        self._inputs[-1] = dynamic_pressure
+        try:
+            self._transfer(self._setters, self._inputs, into=True)
+            self._step(self._time, step_size)
+            self._transfer(self._getters, self._values, into=False)
+        except StrainfmuError as error:
+            self._time += step_size
+            raise self._after(error) from error
+        self._time += step_size
+        return StepResult(
+            self._values[:5].copy(), self._values[5:10].copy(), int(self._values[11]), float(self._values[10])
+        )
+
+    def close(self) -> None:
+        """Free the instance and its files, and take back what PythonFMU did to Python's search path."""
+        self._instance.close()
+        self._stack.close()
+        sys.path[:] = self._python_path
+
+    def _open(self) -> None:
+        """Instantiate and initialize."""
+        self._instance = Instance("bridge", self.path, self._description, self._folder)
+        try:
+            self._setters = self._instance.block("Set", self._set, range(len(self._set)))
+            self._getters = self._instance.block("Get", self._get, range(len(self._get)))
+            self._instance.begin(_STOP_TIME)
+            self._instance.end_initialization()
+        except BaseException:
+            self._instance.close()
+            raise
+        self._step = self._instance.stepper()
+        self._time = 0.0
+
+    def _after(self, error: StrainfmuError) -> StrainfmuError:
+        """Return what an FMI status means: fmi2Discard a lost step, fmi2Error one more try, fmi2Fatal the end."""
+        if "returned fmi2Discard" in str(error):
+            return StepRefused(str(error))
+        if "returned fmi2Fatal" in str(error) or self._retried:
+            return error
+        self._retried = True
+        self._instance.close()
+        self._open()
+        return StepRefused(str(error))
+
+    @staticmethod
+    def _transfer(blocks: Sequence[SignalBlock], values: FloatArray, into: bool) -> None:
+        """Move ``values`` into the FMU, or out of it."""
+        for block in blocks:
+            if into:
+                block.buffer[:] = values[block.columns]
+            block.call()
+            if not into:
+                values[block.columns] = block.buffer
+
+
+def _inputs(path: Path, description: Any) -> list[Any]:
+    """Return the inputs of an estimator FMU."""
+    inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
+    names = {variable.name for variable in inputs}
+    for name in ("strain[1]", "dynamic_pressure"):
+        if name not in names:
+            raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
+    return inputs
+
+
+def _outputs(path: Path, description: Any) -> list[Any]:
+    """Return the outputs that the bridge reads."""
+    found = {v.name: v for v in description.modelVariables if v.causality == "output"}
+    missing = [name for name in _OUTPUTS if name not in found]
+    if missing:
+        raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
+    return [found[name] for name in _OUTPUTS]
+
+
+def _numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:
+    """Return the variables of an array in the order of their indices."""
+    found = {int(match[1]): v for v in variables if (match := pattern.fullmatch(v.name))}
+    return [found[index] for index in sorted(found)]
+
+
+def _gauge_name(variable: Any) -> str:
+    """Return the gauge's name from the variable's description, or the variable's own."""
+    match = _GAUGE.match(variable.description or "")
+    return match[1] if match else str(variable.name)

@@ -1,0 +1,109 @@
+"""Every received frame in exactly one class, so that what was received is always the sum of the classes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from strainfmu.can.wire.frame import EXTENDED_FLAG
+
+LISTED_IDENTIFIERS = 64
+"""Identifiers that are counted one by one; a babbling bus must not fill the memory."""
+
+
+class FrameClass(Enum):
+    """What became of a frame."""
+
+    # By identity, which is what equality of members is: Enum's own hash is a function in Python, met many times a
+    # cycle.
+    __hash__ = object.__hash__
+
+    USED = "used"
+    OWN = "own frame"
+    UNKNOWN_IDENTIFIER = "unknown identifier"
+    ERROR_FRAME = "error frame"
+    REMOTE_FRAME = "remote frame"
+    WRONG_FORMAT = "wrong length or format"
+    SHED = "shed: sender babbles"
+    CORRUPT = "CRC does not fit"
+    WRONG_CONFIGURATION = "other configuration"
+    REPEATED = "repeated counter"
+    WRONG_SEQUENCE = "counter out of sequence"
+    LATE = "older than its cycle"
+    NOT_TRUSTED = "E2E state not VALID"
+    UNVERIFIED = "in a cycle whose CRC does not fit or is missing"
+    TOO_OLD = "in a cycle that is too old, frozen or of a clock that jumped"
+    NOT_USABLE = "right, but holds no usable value"
+    OVERRUN = "dropped: queue full"
+    SKIPPED = "skipped: newer cycles waited"
+    UNFINISHED = "in a cycle that was open at the end"
+
+
+@dataclass
+class FrameAccount:
+    """Counts of frames.
+
+    Attributes
+    ----------
+    received : all frames taken in.
+    classes : how many ended in each class.
+    pending : frames in a cycle that is still open.
+    unknown : count per unknown key, of the first LISTED_IDENTIFIERS keys.
+    first_time, last_time : when a class was first and last met, local monotonic clock [s].
+    """
+
+    received: int = 0
+    pending: int = 0
+    classes: dict[FrameClass, int] = field(default_factory=lambda: dict.fromkeys(FrameClass, 0))
+    unknown: dict[int, int] = field(default_factory=dict)
+    first_time: dict[FrameClass, float] = field(default_factory=dict)
+    last_time: dict[FrameClass, float] = field(default_factory=dict)
+
+    def settle(self, kind: FrameClass, time: float, count: int = 1) -> None:
+        """Put ``count`` frames that were taken in before into their class at ``time`` [s]."""
+        self.classes[kind] += count
+        self.first_time.setdefault(kind, time)
+        self.last_time[kind] = time
+
+    def settle_unknown(self, key: int, time: float) -> None:
+        """Count a frame of an unknown key."""
+        self.settle(FrameClass.UNKNOWN_IDENTIFIER, time)
+        if key in self.unknown or len(self.unknown) < LISTED_IDENTIFIERS:
+            self.unknown[key] = self.unknown.get(key, 0) + 1
+
+    @property
+    def rejected(self) -> int:
+        """Frames in any class but USED."""
+        return sum(self.classes.values()) - self.classes[FrameClass.USED]
+
+    @property
+    def unaccounted(self) -> int:
+        """Frames received less frames in a class or pending: 0, or the bridge has a defect."""
+        return self.received - self.pending - sum(self.classes.values())
+
+    def plus(self, other: FrameAccount) -> FrameAccount:
+        """Return the sum of two accounts, of frames that are in one or the other."""
+        total = FrameAccount(self.received + other.received, self.pending + other.pending)
+        for part in (self, other):
+            for kind, count in part.classes.items():
+                total.classes[kind] += count
+            for key, count in part.unknown.items():
+                total.unknown[key] = total.unknown.get(key, 0) + count
+            for kind, time in part.first_time.items():
+                total.first_time[kind] = min(time, total.first_time.get(kind, time))
+            for kind, time in part.last_time.items():
+                total.last_time[kind] = max(time, total.last_time.get(kind, time))
+        return total
+
+    def rows(self) -> list[tuple[str, int]]:
+        """Return what there is to show: received, then every class that is not empty."""
+        rows = [("received", self.received)]
+        rows += [(kind.value, count) for kind, count in self.classes.items() if count]
+        if self.pending:
+            rows.append(("in an open cycle", self.pending))
+        return rows
+
+    def unknown_text(self) -> str:
+        """Return the unknown identifiers with their counts, most frequent first."""
+        ranked = sorted(self.unknown.items(), key=lambda item: -item[1])
+        return ", ".join(f"0x{key & ~EXTENDED_FLAG:X}: {count}" for key, count in ranked[:8])

@@ -1,0 +1,237 @@
+"""What a closed cycle is worth: decoded, judged gauge by gauge, dated, stepped through the estimator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.can.cycle.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.assembler import Arrival, Cycle
+from strainfmu.can.cycle.decoded_cycle import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.dynamic_pressure import HeldPressure
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.reception import Reception, TrailerVerdict
+from strainfmu.can.cycle.result import CycleResult, Step, StepRefused, StepResult, no_numbers, quality_of_step
+from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.guards import Guards
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame_layout import InputLayout
+
+_READABLE = (None, FrameClass.NOT_TRUSTED)
+"""What a trailer may say of strains that are read."""
+
+_LONGEST_STEP = 100
+"""Cycles that one step of the FMU spans at most."""
+
+
+class CycleJudge:
+    """Judges one cycle after the other, in the order in which they are closed.
+
+    Parameters
+    ----------
+    reception : of the same layout; told of frames that are missing.
+    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    """
+
+    def __init__(
+        self,
+        layout: InputLayout,
+        step: Step,
+        settings: BridgeSettings,
+        reception: Reception,
+        dynamic_pressure: float | None,
+        guards: Guards,
+    ) -> None:
+        self._layout, self._settings, self._guards = layout, settings, guards
+        self._step, self._reception = step, reception
+        self._clock = _clock(layout, settings)
+        period = layout.cycle_time
+        self._pace = ArrivalPace(settings.max_age * period, settings.rate / period)
+        self._may_be_held_back = False
+        self._decoder = StrainDecoder(layout, guards)
+        self._gauges = GaugeChecks(layout.n_gauges, layout.cycle_time, settings, guards)
+        self._pressure = HeldPressure(layout.pressure_frame, dynamic_pressure, layout.cycle_time, settings, guards)
+        self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
+        self._held = np.full(layout.n_gauges, np.nan)
+        self._last_step: float | None = None
+        self.believed = False
+        """Coefficients have gone out since the start."""
+
+    def forget_sender(self) -> None:
+        """Begin anew with a sender that was restarted."""
+        self._reception.forget()
+        self._pressure.reset()
+        if self._clock is not None:
+            self._clock.reset()
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much slower than ours the sender's clock runs [ppm]; NaN if not known."""
+        return float("nan") if self._clock is None else self._clock.drift_ppm
+
+    def take_pressure(self, arrival: Arrival) -> FrameClass:
+        """Hold the dynamic pressure of a frame; return the frame's class."""
+        if not self._reception.is_trusted(arrival.slot):
+            return FrameClass.NOT_TRUSTED
+        usable = self._pressure.take(arrival.raw, arrival.frame.time)
+        return FrameClass.USED if usable else FrameClass.NOT_USABLE
+
+    def keep_pace(self, cycle: Cycle) -> None:
+        """Note when a closed cycle came, before it is judged, or skipped."""
+        self._may_be_held_back = self._pace.take(cycle.first_time)
+
+    def judge(self, cycle: Cycle, now: float, causes: Cause) -> tuple[CycleResult, list[FrameClass]]:
+        """Step the estimator with what is valid of a closed cycle.
+
+        Parameters
+        ----------
+        now : when it was closed [s].
+        causes : noted before.
+
+        Returns
+        -------
+        The result, and the class of each of the cycle's frames in their order.
+        """
+        reception, arrivals = self._reception, cycle.arrivals
+        if reception.miss(arrivals):
+            causes |= Cause.PARTIAL_CYCLE
+        trailer = reception.check_trailer(arrivals)
+        # Strains whose CRC fits are looked at even while they are not trusted yet.
+        readable = trailer.refused in _READABLE
+        strains = [a for a in arrivals.values() if a.slot < reception.n_strain and readable]
+        decoded = self._decoder.decode(strains, trailer.status)
+        believable = self._gauges.update(
+            decoded.strain, decoded.raw, decoded.present, decoded.refused, cycle.first_time
+        )
+        age, of_time = self._age(cycle, now, decoded, trailer)
+        trusted = reception.trusted_gauges(arrivals)
+        if trailer.cause or of_time:
+            causes |= trailer.cause | of_time
+        if decoded.status and self._guards.sender_status:
+            causes |= Cause.SENDER_STATUS
+        if (decoded.present & ~trusted).any():
+            causes |= Cause.NOT_TRUSTED
+        if (decoded.present & ~believable).any():
+            causes |= Cause.GAUGE_INVALID
+        refused = trailer.refused or (FrameClass.TOO_OLD if of_time else None)
+        valid = np.zeros_like(believable) if refused else believable & trusted
+        classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
+        return self._answer(cycle, now, causes, valid, decoded, age), classes
+
+    def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
+        """Return the result at ``time`` [s] of a cycle in which nothing came."""
+        none = self._decoder.empty()
+        return CycleResult(time, quality, causes, none.present, none.strain)
+
+    def _age(
+        self, cycle: Cycle, now: float, decoded: DecodedCycle, trailer: TrailerVerdict
+    ) -> tuple[float, Cause]:
+        """Return the age of the strains at ``now`` [s], and the cause if they may not be used for it."""
+        age, causes = now - cycle.first_time, Cause.NONE
+        limit = self._settings.max_age * self._layout.cycle_time
+        ticks = self._named(cycle).sample_time if trailer.refused in _READABLE else None
+        if self._clock is not None and ticks is not None:
+            reading = self._clock.read(cycle.first_time, ticks)
+            age += reading.age
+            if reading.jumped and self._guards.clock_jump:
+                causes |= Cause.CLOCK_JUMP
+            if reading.restarted and self._guards.clock_jump:
+                self._reception.forget()
+                # Its clock may be short enough for a restart to look like a delay.
+                self._pressure.reset()
+        if age > limit and self._guards.age:
+            causes |= Cause.OLD
+        if self._clock is None and self._may_be_held_back and self._guards.pace:
+            causes |= Cause.OLD
+        if self._guards.frozen and self._settings.stuck_cycles:
+            # Strains that the sender repeats are as old as when they were new.
+            frozen = self._gauges.frozen(decoded.present, cycle.first_time)
+            age += frozen
+            if frozen > 0.0 and age > limit:
+                causes |= Cause.FROZEN
+        return age, causes
+
+    def _named(self, cycle: Cycle) -> Arrival:
+        """Return the frame whose sample time and counter name a cycle."""
+        trailer = self._reception.trailer
+        return cycle.first if trailer is None else cycle.arrivals.get(trailer, cycle.first)
+
+    def _class_of(self, arrival: Arrival, refused: FrameClass | None, valid: BoolArray) -> FrameClass:
+        """Return the class of one frame of a judged cycle."""
+        if refused is not None:
+            return refused
+        if not self._reception.is_trusted(arrival.slot):
+            return FrameClass.NOT_TRUSTED
+        used = valid if arrival.slot == self._reception.trailer else valid[self._gauges_of[arrival.slot]]
+        return FrameClass.USED if used.any() else FrameClass.NOT_USABLE
+
+    def _answer(
+        self, cycle: Cycle, now: float, causes: Cause, valid: BoolArray, decoded: DecodedCycle, age: float
+    ) -> CycleResult:
+        """Return the result of a judged cycle."""
+        pressure = self._pressure.value(now)
+        if np.isnan(pressure):
+            causes |= Cause.DYNAMIC_PRESSURE
+        strain = np.where(valid, decoded.strain, np.nan)
+        if not self._guards.completeness:
+            strain = np.where(decoded.present, strain, self._held)
+            valid, causes = valid | ~decoded.present, causes & ~Cause.PARTIAL_CYCLE
+        step, quality = None, Quality.INVALID if self.believed else Quality.NO_DATA
+        if valid.any():
+            self._held = strain
+            step, quality, causes = self._estimate(strain, pressure, now, causes)
+        elif causes & (Cause.OLD | Cause.FROZEN):
+            quality = Quality.STALE
+        published = step is not None and quality.has_coefficients
+        self.believed = self.believed or published
+        named = self._named(cycle)
+        return CycleResult(
+            now,
+            quality,
+            causes,
+            valid,
+            strain,
+            pressure,
+            age,
+            named.sample_time,
+            named.counter,
+            step.coefficients if step is not None and published else no_numbers(),
+            step.coefficients_std if step is not None and published else no_numbers(),
+            np.nan if step is None else step.chi_square,
+            None if step is None else step.health,
+            arrival=max(arrival.frame.time for arrival in cycle.arrivals.values()),
+        )
+
+    def _estimate(
+        self, strain: FloatArray, pressure: float, now: float, causes: Cause
+    ) -> tuple[StepResult | None, Quality, Cause]:
+        """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
+        try:
+            step = self._step(strain, pressure, self._step_size(now))
+        except StepRefused:
+            return None, Quality.INVALID, causes | Cause.STEP_FAILED
+        quality, causes = quality_of_step(step, causes, self._layout.is_protected, self._guards.health)
+        finite = np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all()
+        if quality.has_coefficients and not finite and self._guards.finite_output:
+            quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
+        if np.isnan(pressure):
+            quality = Quality.INVALID
+        return step, quality, causes
+
+    def _step_size(self, now: float) -> float:
+        """Return the time since the last step [s], in whole cycles."""
+        cycles = 1 if self._last_step is None else round((now - self._last_step) / self._layout.cycle_time)
+        self._last_step = now
+        return min(max(cycles, 1), _LONGEST_STEP) * self._layout.cycle_time
+
+
+def _clock(layout: InputLayout, settings: BridgeSettings) -> SampleClock | None:
+    """Return the clock that follows the sender's sample times, None if there are none."""
+    frame = layout.strain_frames[0] if layout.is_timed else layout.trailer
+    if frame is None or frame.sample_time is None:
+        return None
+    bits = frame.layout.signals[frame.sample_time].length
+    tolerance = settings.jump_tolerance * layout.cycle_time
+    return SampleClock(frame.tick, bits, settings.clock_drift, tolerance, settings.jump_confirmations)

@@ -1,0 +1,166 @@
+"""What frames say and whether each can be believed by itself: decoding, CRC, counter, E2E state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, IntArray
+from strainfmu.can.cycle.assembler import Arrival
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Cause
+from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
+from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine
+from strainfmu.can.guards import Guards
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.crc import counter_in
+from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
+from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
+from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
+
+_CLASS_OF_STATUS = {
+    E2EStatus.ERROR: FrameClass.CORRUPT,
+    E2EStatus.REPEATED: FrameClass.REPEATED,
+    E2EStatus.WRONG_SEQUENCE: FrameClass.WRONG_SEQUENCE,
+}
+
+
+@dataclass(frozen=True)
+class TrailerVerdict:
+    """What the trailer says of its cycle.
+
+    Attributes
+    ----------
+    refused : class of all frames of the cycle if it cannot be believed, else None.
+    cause : why.
+    status : the sender's own verdict.
+    """
+
+    refused: FrameClass | None = None
+    cause: Cause = Cause.NONE
+    status: int = 0
+
+
+class Reception:
+    """The frames of a layout by slot: strain frames first, then the trailer, then q_inf, as ``layout.frames``."""
+
+    def __init__(self, layout: InputLayout, settings: BridgeSettings, guards: Guards) -> None:
+        self._layout, self._guards = layout, guards
+        self.n_strain = len(layout.strain_frames)
+        self.trailer = self.n_strain if layout.trailer is not None else None
+        self._slots: dict[int, list[int]] = {}
+        for slot, frame in enumerate(layout.frames):
+            self._slots.setdefault(frame.layout.key, []).append(slot)
+        self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
+        self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
+        self._selectors = [_selector(frame) for frame in layout.frames]
+        self._checks = [_reception_check(frame, settings, guards) for frame in layout.frames]
+        self._machines = [E2EStateMachine(settings.state_machine) for _ in layout.frames]
+
+    def slot_of(self, frame: Frame) -> int | None:
+        """Return which of the layout's frames this is, None if its multiplexer says that it is none of them."""
+        for slot in self._slots.get(frame.key) or self._slots[frame.key ^ EXTENDED_FLAG]:
+            selector = self._selectors[slot]
+            if selector is None or int(selector[0].raw(frame.data)[0]) == selector[1]:
+                return slot
+        return None
+
+    def arrival(self, slot: int, frame: Frame) -> Arrival:
+        """Return a frame decoded."""
+        item = self._layout.frames[slot]
+        data = frame.data
+        if len(data) != item.layout.length:  # only where the guard of the format is off
+            frame = replace(frame, data=data.ljust(item.layout.length, b"\0")[: item.layout.length])
+        raw = self._plans[slot].raw(frame.data)
+        sample_time = None if item.sample_time is None else int(raw[item.sample_time])
+        protection = item.layout.protection
+        counter = None if protection is None else counter_in(frame.data, protection)
+        return Arrival(slot, frame, raw, sample_time, counter)
+
+    def check(self, arrival: Arrival) -> FrameClass | None:
+        """Check a frame by itself; return its class if it is refused."""
+        slot = arrival.slot
+        if slot == self.trailer:
+            return None  # its CRC covers frames that may be yet to come
+        check = self._checks[slot]
+        status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
+        wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(slot, arrival.raw)
+        self._machines[slot].add(E2EStatus.ERROR if wrong else status)
+        return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
+
+    def check_trailer(self, arrivals: Mapping[int, Arrival]) -> TrailerVerdict:
+        """Check CRC and counter over a closed cycle; a layout without a trailer has nothing to say."""
+        slot, trailer = self.trailer, self._layout.trailer
+        if slot is None or trailer is None:
+            return TrailerVerdict()
+        arrival, check = arrivals.get(slot), self._checks[slot]
+        complete = all(place in arrivals for place in range(self.n_strain))
+        if arrival is None or check is None or not complete:
+            self._machines[slot].add(E2EStatus.NO_NEW_DATA)
+            return TrailerVerdict(FrameClass.UNVERIFIED, Cause.CYCLE_CRC | Cause.PARTIAL_CYCLE)
+        covered = b"".join(arrivals[place].frame.data for place in range(self.n_strain))
+        status = check.check(arrival.frame.data, covered)
+        self._machines[slot].add(status)
+        said = 0 if trailer.status is None else unsigned(arrival.raw, trailer.status)
+        if status not in USABLE:
+            kind = FrameClass.UNVERIFIED if status is E2EStatus.ERROR else _CLASS_OF_STATUS[status]
+            return TrailerVerdict(kind, Cause.CYCLE_CRC, said)
+        if not self.is_trusted(slot):
+            return TrailerVerdict(FrameClass.NOT_TRUSTED, Cause.NOT_TRUSTED, said)
+        return TrailerVerdict(status=said)
+
+    def is_trusted(self, slot: int) -> bool:
+        """Tell whether the E2E state of a frame is VALID; a strain frame under a trailer has the trailer's."""
+        if self.trailer is not None and slot < self.n_strain:
+            slot = self.trailer
+        return self._machines[slot].state is E2EState.VALID or not self._guards.state_machine
+
+    def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
+        """Return (n_d,) gauges whose frame has arrived and is trusted."""
+        trusted = np.zeros(self._layout.n_gauges, dtype=bool)
+        for slot in arrivals:
+            if slot < self.n_strain and self.is_trusted(slot):
+                trusted[self._gauges[slot]] = True
+        return trusted
+
+    def miss(self, arrivals: Mapping[int, Arrival]) -> bool:
+        """Note which strain frames a closed cycle lacks; tell whether there are any."""
+        missing = [slot for slot in range(self.n_strain) if slot not in arrivals]
+        for slot in missing:
+            self._machines[slot].add(E2EStatus.NO_NEW_DATA)
+        return bool(missing)
+
+    def miss_cycle(self) -> None:
+        """Note that a whole cycle did not come."""
+        for machine in self._of_strains():
+            machine.add(E2EStatus.NO_NEW_DATA)
+
+    def forget(self) -> None:
+        """Begin anew with the sender of the strains."""
+        for machine in self._of_strains():
+            machine.reset()
+
+    def _of_strains(self) -> list[E2EStateMachine]:
+        return self._machines[: self.n_strain + (self.trailer is not None)]
+
+    def _is_of_other_configuration(self, slot: int, raw: IntArray) -> bool:
+        item = self._layout.frames[slot]
+        if item.configuration is None or not self._guards.configuration:
+            return False
+        return unsigned(raw, item.configuration) != item.layout.signals[item.configuration].initial
+
+
+def _selector(frame: InputFrame) -> tuple[SignalPlan, int] | None:
+    """Return how a multiplexed frame is told from others of its identifier."""
+    if frame.layout.multiplexer is None:
+        return None
+    signal, number = frame.layout.multiplexer
+    return SignalPlan(replace(frame.layout, signals=(signal,))), number
+
+
+def _reception_check(frame: InputFrame, settings: BridgeSettings, guards: Guards) -> ReceptionCheck | None:
+    if frame.layout.protection is None:
+        return None
+    return ReceptionCheck(frame.layout.protection, settings.max_delta, guards.crc, guards.counter)

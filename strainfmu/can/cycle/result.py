@@ -1,0 +1,123 @@
+"""What the bridge says once per cycle, before it becomes frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.health import HealthState
+
+
+class StepRefused(StrainfmuError):
+    """The FMU could not do this one step; the next may be tried."""
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """Outputs of one step of the estimator.
+
+    Attributes
+    ----------
+    coefficients, coefficients_std : (5,) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
+    health : ``health.state``, a number of :class:`HealthState`.
+    chi_square : ``health.chi_square`` [1].
+    """
+
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+    health: int
+    chi_square: float
+
+
+Step = Callable[[FloatArray, float, float], StepResult]
+"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]. Raises StepRefused."""
+
+
+def no_numbers() -> FloatArray:
+    """Return (5,) NaN."""
+    return np.full(5, np.nan)
+
+
+@dataclass(frozen=True)
+class CycleResult:
+    """One published result.
+
+    Attributes
+    ----------
+    time : when it was ready, local monotonic clock [s].
+    quality, causes : how far to believe it, and why not further.
+    valid : (n_d,) gauges that were used.
+    strain : (n_d,) strains that were used [m/m]; NaN where not valid.
+    dynamic_pressure : q_inf that was used [Pa], or NaN.
+    age : of the strains at ``time`` [s]; NaN if there are none.
+    sample_time : sender's clock at the sample [ticks], None if not known.
+    counter : E2E counter of the cycle it answers, None if not known.
+    coefficients, coefficients_std, chi_square, health : the estimate; NaN and None without one.
+    arrival : when the last frame of the cycle came [s], None of a status without frames.
+    """
+
+    time: float
+    quality: Quality
+    causes: Cause
+    valid: BoolArray
+    strain: FloatArray
+    dynamic_pressure: float = np.nan
+    age: float = np.nan
+    sample_time: int | None = None
+    counter: int | None = None
+    coefficients: FloatArray = field(default_factory=no_numbers)
+    coefficients_std: FloatArray = field(default_factory=no_numbers)
+    chi_square: float = np.nan
+    health: int | None = None
+    arrival: float | None = None
+
+
+def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
+    """Return ``result`` as it is by the time ``now`` [s] at which it goes out.
+
+    A bridge that stood still has believed what was fresh on reception. Strains older than ``max_age`` [s] by now
+    are STALE all the same, and their coefficients do not go out.
+    """
+    age = result.age + max(now - result.time, 0.0)
+    later = replace(result, time=max(now, result.time), age=age)
+    if not result.quality.has_coefficients or age <= max_age:
+        return later
+    return replace(
+        later,
+        quality=Quality.STALE,
+        causes=result.causes | Cause.OLD | Cause.OVERLOAD,
+        coefficients=no_numbers(),
+        coefficients_std=no_numbers(),
+    )
+
+
+_NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
+_SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT})
+_DEGRADING = (
+    Cause.PARTIAL_CYCLE
+    | Cause.GAUGE_INVALID
+    | Cause.NOT_TRUSTED
+    | Cause.SENDER_STATUS
+    | Cause.OVERLOAD
+    | Cause.BUS
+)
+
+
+def quality_of_step(step: StepResult, causes: Cause, protected: bool, use_health: bool) -> tuple[Quality, Cause]:
+    """Return the quality of a step's outputs, and the causes with what the estimator itself adds."""
+    if use_health and step.health != HealthState.OK:
+        causes |= Cause.HEALTH
+        if step.health in _NO_ESTIMATE:
+            return Quality.INVALID, causes
+        # A state that this version does not know is never better than suspect.
+        if step.health in _SUSPECT or step.health != HealthState.DEGRADED:
+            return Quality.SUSPECT, causes
+        return Quality.DEGRADED, causes
+    if causes & _DEGRADING:
+        return Quality.DEGRADED, causes
+    return (Quality.VALID if protected else Quality.UNPROTECTED), causes

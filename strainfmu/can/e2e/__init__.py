@@ -1,0 +1,1 @@
+"""End-to-end protection: CRC and counter checks, state machine, sample clock."""

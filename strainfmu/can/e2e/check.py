@@ -1,0 +1,68 @@
+"""The check of one protected frame against the one before it.
+
+Status names, their order of precedence and what happens to the stored counter are those of AUTOSAR's E2E_P05Check
+(PRS_E2EProtocol, profile 5); profile 1 is reported in the same terms, its first reception as WRONG_SEQUENCE.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of
+
+
+class E2EStatus(Enum):
+    """Result of one check."""
+
+    __hash__ = object.__hash__  # in C, and by identity as equality is
+
+    OK = "OK"
+    """Right, and the next in sequence."""
+    OK_SOME_LOST = "OKSOMELOST"
+    """Right; up to max_delta - 1 frames before it are missing."""
+    REPEATED = "REPEATED"
+    """Right, but its counter is that of the frame before."""
+    WRONG_SEQUENCE = "WRONGSEQUENCE"
+    """Right, but its counter is further off than max_delta."""
+    ERROR = "ERROR"
+    """The CRC does not fit: altered, or of another sender or meaning."""
+    NO_NEW_DATA = "NONEWDATA"
+    """Nothing was received when something was due."""
+
+
+USABLE = frozenset({E2EStatus.OK, E2EStatus.OK_SOME_LOST})
+
+
+class ReceptionCheck:
+    """CRC and counter of successive receptions of one frame.
+
+    Parameters
+    ----------
+    protection : of this frame.
+    max_delta : largest counter step that is still believed (MaxDeltaCounter).
+    with_crc, with_counter : false only where a test shows what happens without that guard.
+    """
+
+    def __init__(
+        self, protection: Protection, max_delta: int, with_crc: bool = True, with_counter: bool = True
+    ) -> None:
+        self._protection = protection
+        self._max_delta = max_delta
+        self._with_crc, self._with_counter = with_crc, with_counter
+        self.counter = protection.counter_modulus - 1
+
+    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
+        """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
+        protection = self._protection
+        if self._with_crc and crc_in(data, protection) != crc_of(data, protection, covered):
+            return E2EStatus.ERROR
+        counter = counter_in(data, protection)
+        if counter >= protection.counter_modulus:
+            return E2EStatus.ERROR
+        delta = (counter - self.counter) % protection.counter_modulus
+        self.counter = counter
+        if not self._with_counter or delta == 1:
+            return E2EStatus.OK
+        if delta == 0:
+            return E2EStatus.REPEATED
+        return E2EStatus.OK_SOME_LOST if delta <= self._max_delta else E2EStatus.WRONG_SEQUENCE

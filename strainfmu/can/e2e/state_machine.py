@@ -1,0 +1,89 @@
+"""Whether the communication of one frame can be believed: AUTOSAR's E2E state machine (E2E_SMCheck).
+
+Source: AUTOSAR PRS_E2EProtocol (document 849), section on the E2E state machine: one window, in which OK
+and OKSOMELOST count as good, ERROR counts as bad, all others count as neither.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+
+from strainfmu.can.e2e.check import USABLE, E2EStatus
+
+
+class E2EState(Enum):
+    """State of the communication; data are used in VALID alone."""
+
+    NO_DATA = "NODATA"
+    INIT = "INIT"
+    VALID = "VALID"
+    INVALID = "INVALID"
+
+
+@dataclass(frozen=True)
+class StateMachineSettings:
+    """AUTOSAR's E2E_SMConfigType.
+
+    Attributes
+    ----------
+    window_size : checks that are looked back at (WindowSize).
+    min_ok_init, min_ok_valid, min_ok_invalid : least number of good checks in the window to become or stay VALID.
+    max_error_init, max_error_valid, max_error_invalid : largest number of bad ones.
+    """
+
+    window_size: int = 10
+    min_ok_init: int = 3
+    max_error_init: int = 1
+    min_ok_valid: int = 1
+    max_error_valid: int = 2
+    min_ok_invalid: int = 3
+    max_error_invalid: int = 1
+
+
+class E2EStateMachine:
+    """NODATA -> INIT -> VALID <-> INVALID over the statuses of successive checks."""
+
+    def __init__(self, settings: StateMachineSettings) -> None:
+        self._settings = settings
+        self._window: deque[E2EStatus] = deque()
+        self._ok = self._errors = 0
+        self.state = E2EState.NO_DATA
+
+    def reset(self) -> None:
+        """Forget everything, as after a restart of the sender or of the bus."""
+        self._window.clear()
+        self._ok = self._errors = 0
+        self.state = E2EState.NO_DATA
+
+    def add(self, status: E2EStatus) -> E2EState:
+        """Take in the status of one check and return the state."""
+        limits = self._settings
+        if self.state is E2EState.NO_DATA:
+            if status not in (E2EStatus.ERROR, E2EStatus.NO_NEW_DATA):
+                self.state = E2EState.INIT
+            return self.state
+        self._slide(status)
+        ok, errors = self._ok, self._errors
+        if self.state is E2EState.INIT:
+            if errors > limits.max_error_init:
+                self.state = E2EState.INVALID
+            elif ok >= limits.min_ok_init:
+                self.state = E2EState.VALID
+        elif self.state is E2EState.VALID:
+            if errors > limits.max_error_valid or ok < limits.min_ok_valid:
+                self.state = E2EState.INVALID
+        elif errors <= limits.max_error_invalid and ok >= limits.min_ok_invalid:
+            self.state = E2EState.VALID
+        return self.state
+
+    def _slide(self, status: E2EStatus) -> None:
+        """Take ``status`` into the window, and the oldest out of it if it is full."""
+        self._window.append(status)
+        self._ok += status in USABLE
+        self._errors += status is E2EStatus.ERROR
+        if len(self._window) > self._settings.window_size:
+            oldest = self._window.popleft()
+            self._ok -= oldest in USABLE
+            self._errors -= oldest is E2EStatus.ERROR

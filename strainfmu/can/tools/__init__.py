@@ -1,0 +1,1 @@
+"""Bus tools: send, replay, record, inject faults."""

@@ -1,0 +1,381 @@
+"""Seeded faults on a stream of strain frames, as sensors, senders, gateways and buses cause them.
+
+Names follow ISO 26262-6 (annex D) and IEC 61784-3 where they have one. A faulty sender is driven cycle by cycle,
+in any time: a test in virtual time and a sender on a real bus inject the same faults.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import count
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.can.wire.crc import Protection, protect
+from strainfmu.can.wire.frame import FD_LENGTHS, Frame
+from strainfmu.can.wire.frame_layout import FLOAT, InputFrame, InputLayout
+from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
+from strainfmu.errors import InputError
+
+
+class FaultKind(Enum):
+    """What can go wrong; values are the words of the command line."""
+
+    LOSS = "loss"
+    """Single frames are lost."""
+    SILENCE = "silence"
+    """The sender is off."""
+    REPETITION = "repetition"
+    """Frames come twice or more often."""
+    SEQUENCE = "sequence"
+    """Frames of a cycle come after the first of the next."""
+    REPLAY = "replay"
+    """A recorded cycle of before is inserted."""
+    LENGTH = "length"
+    """Frames with other lengths."""
+    FORMAT = "format"
+    """Classic frames for CAN FD frames and the other way round."""
+    IDENTIFIER_WIDTH = "identifier-width"
+    """29 bit identifiers for 11 bit ones and the other way round."""
+    CORRUPTION = "corruption"
+    """Up to three bits are flipped."""
+    BURST_ERROR = "burst-error"
+    """Bits within eight neighbouring ones are flipped."""
+    MASQUERADE = "masquerade"
+    """Another sender's frames, with another DataID, on our identifiers."""
+    CONFIGURATION = "configuration"
+    """A sender with another assignment of gauges."""
+    DELAY = "delay"
+    """A gateway holds frames back, then lets them go on in order."""
+    FREEZE = "freeze"
+    """The sender sends the same strains again and again, with new counters and times."""
+    STUCK_GAUGE = "stuck-gauge"
+    """One gauge does not change any more."""
+    ZERO_GAUGE = "zero-gauge"
+    """One gauge reads exactly zero, as amplifiers send on an error."""
+    NO_VALUE = "no-value"
+    """Gauges say "not available"."""
+    OUT_OF_RANGE = "out-of-range"
+    """A gauge is at the end of its converter's range; a float is 2.0E15."""
+    JUMP = "jump"
+    """A gauge jumps by more than any structure."""
+    SENDER_STATUS = "sender-status"
+    """The sender says that its values are not to be used, and they are not."""
+    BABBLING = "babbling"
+    """A node fills one of our identifiers with garbage."""
+    UNKNOWN_IDENTIFIER = "unknown-identifier"
+    """A node fills the bus with identifiers that are nobody's."""
+    OWN_IDENTIFIER = "own-identifier"
+    """The bridge's own frames come back."""
+    ERROR_FRAMES = "error-frames"
+    """The controller reports errors, on identifiers that look like ours."""
+    BUS_OFF = "bus-off"
+    """The controller goes off the bus."""
+    REMOTE_FRAMES = "remote-frames"
+    """Requests on our identifiers."""
+    RESTART = "restart"
+    """The sender is restarted: counter and clock begin at zero."""
+    CLOCK_JUMP = "clock-jump"
+    """The sender's clock jumps ahead."""
+    JITTER = "jitter"
+    """Frames are late by a fraction of a cycle."""
+    PRESSURE_SILENCE = "pressure-silence"
+    """The dynamic pressure is not sent."""
+    PRESSURE_NONE = "pressure-none"
+    """The dynamic pressure says "not available", or is negative."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault from cycle ``start`` on for ``cycles`` cycles; ``seed`` decides all that is random in it."""
+
+    kind: FaultKind
+    start: int
+    cycles: int
+    seed: int = 0
+
+    def is_active(self, cycle: int) -> bool:
+        """Tell whether the fault acts in ``cycle``."""
+        return self.start <= cycle < self.start + self.cycles
+
+
+def random_faults(
+    n_faults: int, kinds: tuple[FaultKind, ...], seed: int, gap: int, longest: int = 12, first: int = 40
+) -> list[Fault]:
+    """Return ``n_faults`` faults one after the other, ``gap`` cycles apart; a fifth of the time two at once."""
+    if not kinds:
+        raise InputError("faults: none found, at least one kind wanted")
+    random = np.random.default_rng(seed)
+    faults: list[Fault] = []
+    start = first
+    while len(faults) < n_faults:
+        cycles = int(random.integers(1, longest + 1))
+        for _ in range(2 if random.random() < 0.2 and len(faults) + 1 < n_faults else 1):
+            kind = kinds[int(random.integers(len(kinds)))]
+            faults.append(Fault(kind, start, cycles, int(random.integers(1 << 31))))
+        start += cycles + gap
+    return faults
+
+
+@dataclass
+class Sample:
+    """What the sender of one cycle would send; faults of sensors and senders change it."""
+
+    strain: FloatArray
+    dynamic_pressure: float
+    counter: int
+    sample_time: float
+    status: int = 0
+
+
+class FaultySender:
+    """Encodes cycles of strains and injects faults into them.
+
+    Parameters
+    ----------
+    layout : frames to send.
+    faults : in any order.
+    own : a frame of the bridge, for OWN_IDENTIFIER.
+    """
+
+    def __init__(self, layout: InputLayout, faults: list[Fault], own: Frame | None = None) -> None:
+        self._layout, self._own = layout, own
+        self._faults = sorted(faults, key=lambda fault: fault.start)
+        self._next = 0
+        self._active: list[Fault] = []
+        self._encoder = StrainEncoder(layout)
+        self._waiting: list[tuple[float, int, Frame]] = []
+        self._order = count()
+        self._held: dict[Fault, Sample] = {}
+        self._history: list[list[Frame]] = []
+        self._counter_shift = 0
+        self._clock_shift = 0.0
+        self._release = 0.0
+        self.bus_off = False
+
+    def cycle(self, number: int, time: float, strain: FloatArray, dynamic_pressure: float) -> list[Frame]:
+        """Return the frames that go out from ``time`` [s] until a cycle later, with their times, in order.
+
+        Parameters
+        ----------
+        number : of the cycle; one more each call.
+        strain : (n_d,) true strains [m/m].
+        dynamic_pressure : true q_inf [Pa].
+        """
+        self._activate(number)
+        sample = Sample(
+            np.array(strain, dtype=float), dynamic_pressure, number + self._counter_shift, time + self._clock_shift
+        )
+        for fault in self._active:
+            self._falsify(fault, number, time, sample)
+        frames = self._encoder.encode(
+            sample.strain, sample.dynamic_pressure, sample.counter, sample.sample_time, sample.status
+        )
+        spacing = 0.2 * self._layout.cycle_time / len(frames)
+        frames = [replace(frame, time=time + place * spacing) for place, frame in enumerate(frames)]
+        self._history.append(frames)
+        del self._history[:-60]
+        self.bus_off = any(fault.kind is FaultKind.BUS_OFF for fault in self._active)
+        for fault in self._active:
+            random = np.random.default_rng((fault.seed, number))
+            frames = self._disturb(fault, number, time, frames, random)
+        for frame in frames:
+            heapq.heappush(self._waiting, (frame.time, next(self._order), frame))
+        sent = []
+        while self._waiting and self._waiting[0][0] < time + self._layout.cycle_time:
+            sent.append(heapq.heappop(self._waiting)[2])
+        return sent
+
+    def _activate(self, number: int) -> None:
+        """Bring the list of active faults up to date."""
+        self._active = [fault for fault in self._active if fault.is_active(number)]
+        while self._next < len(self._faults) and self._faults[self._next].start <= number:
+            fault = self._faults[self._next]
+            self._next += 1
+            if fault.is_active(number):
+                self._active.append(fault)
+        self._held = {fault: held for fault, held in self._held.items() if fault in self._active}
+
+    # --- faults of sensors and senders ------------------------------------------------------------------------
+
+    def _falsify(self, fault: Fault, number: int, time: float, sample: Sample) -> None:
+        """Change what is sent."""
+        random = np.random.default_rng(fault.seed)
+        gauge = int(random.integers(len(sample.strain)))
+        first = number == fault.start
+        held = self._held.setdefault(fault, replace(sample, strain=sample.strain.copy()))
+        match fault.kind:
+            case FaultKind.FREEZE:
+                sample.strain = held.strain.copy()
+            case FaultKind.STUCK_GAUGE:
+                sample.strain[gauge] = held.strain[gauge]
+            case FaultKind.ZERO_GAUGE:
+                sample.strain[gauge] = 0.0
+            case FaultKind.NO_VALUE:
+                sample.strain[random.random(len(sample.strain)) < 0.3] = np.nan
+            case FaultKind.JUMP:
+                sample.strain[gauge] += 4e-3 if (number - fault.start) % 2 == 0 else -4e-3
+            case FaultKind.SENDER_STATUS:
+                sample.status = 2
+                sample.strain *= random.normal(size=len(sample.strain))
+            case FaultKind.RESTART if first:
+                self._counter_shift = -number
+                self._clock_shift = -time
+                sample.counter, sample.sample_time = 0, 0.0
+            case FaultKind.CLOCK_JUMP if first:
+                self._clock_shift += float(random.uniform(5.0, 1000.0)) * self._layout.cycle_time
+                sample.sample_time = time + self._clock_shift
+            case FaultKind.PRESSURE_NONE:
+                sample.dynamic_pressure = float("nan")
+            case _:
+                return
+
+    # --- faults of buses and gateways ---------------------------------------------------------------------------
+
+    def _disturb(
+        self, fault: Fault, number: int, time: float, frames: list[Frame], random: np.random.Generator
+    ) -> list[Frame]:
+        """Change the frames of one cycle."""
+        one = int(random.integers(len(frames))) if frames else 0
+        end = time + self._layout.cycle_time
+        match fault.kind:
+            case FaultKind.LOSS:
+                return [frame for frame in frames if random.random() < 0.6]
+            case FaultKind.SILENCE | FaultKind.BUS_OFF:
+                off = Frame(0x40, bytes(8), time, is_error=True)
+                return [off] if fault.kind is FaultKind.BUS_OFF and number == fault.start else []
+            case FaultKind.REPETITION:
+                return sorted((f for f in frames for _ in range(int(random.integers(1, 4)))), key=lambda f: f.time)
+            case FaultKind.SEQUENCE if frames:
+                late = replace(frames[one], time=end + 0.05 * self._layout.cycle_time)
+                return [*frames[:one], *frames[one + 1 :], late]
+            case FaultKind.REPLAY:
+                old = self._history[int(random.integers(len(self._history)))]
+                shift = 0.5 * self._layout.cycle_time
+                return [*frames, *(replace(f, time=time + shift + i * 1e-6) for i, f in enumerate(old))]
+            case FaultKind.PRESSURE_SILENCE if self._layout.pressure_frame is not None:
+                return [frame for frame in frames if frame.key != self._layout.pressure_frame.layout.key]
+            case FaultKind.DELAY:
+                self._release = max(self._release, (fault.start + fault.cycles) * self._layout.cycle_time)
+                held = max(self._release, time)
+                behind = 1e-5 * (number - fault.start)  # in order among those held back
+                return [replace(frame, time=held + behind + i * 1e-6) for i, frame in enumerate(frames)]
+            case FaultKind.JITTER:
+                jitter = 0.4 * self._layout.cycle_time * random.random()
+                return [replace(frame, time=frame.time + jitter) for frame in frames]
+            case _:
+                return self._insert(fault, time, frames, random)
+
+    def _insert(self, fault: Fault, time: float, frames: list[Frame], random: np.random.Generator) -> list[Frame]:
+        """Change frames one by one, or put others beside them."""
+        at = time + 0.4 * self._layout.cycle_time
+        known = [frame_of(item.layout, bytes(item.layout.length)) for item in self._layout.frames]
+        match fault.kind:
+            case FaultKind.LENGTH:
+                return [replace(f, data=_other_length(f, random)) for f in frames]
+            case FaultKind.FORMAT:
+                return [replace(f, is_fd=not f.is_fd) for f in frames]
+            case FaultKind.IDENTIFIER_WIDTH:
+                return [replace(f, is_extended=not f.is_extended) for f in frames]
+            case FaultKind.CORRUPTION | FaultKind.BURST_ERROR:
+                wide = fault.kind is FaultKind.CORRUPTION
+                return [
+                    replace(f, data=_flipped(f.data, wide, random)) if random.random() < 0.5 else f for f in frames
+                ]
+            case FaultKind.OUT_OF_RANGE:
+                return self._end_of_range(frames, fault)
+            case FaultKind.MASQUERADE | FaultKind.CONFIGURATION:
+                return self._of_other_sender(fault, frames)
+            case FaultKind.BABBLING:
+                own = known[int(random.integers(len(known)))]
+                garbage = [replace(own, data=random.bytes(len(own.data)), time=at + i * 1e-7) for i in range(200)]
+                return [*frames, *garbage]
+            case FaultKind.UNKNOWN_IDENTIFIER:
+                return [*frames, *(Frame(0x7FF - i % 50, bytes(8), at + i * 1e-7) for i in range(100))]
+            case FaultKind.OWN_IDENTIFIER if self._own is not None:
+                return [*frames, replace(self._own, time=at)]
+            case FaultKind.ERROR_FRAMES:
+                return [*frames, *(replace(f, time=at, is_error=True, data=f.data[::-1]) for f in known)]
+            case FaultKind.REMOTE_FRAMES:
+                return [*frames, *(replace(f, time=at, is_remote=True, data=b"", is_fd=False) for f in known)]
+            case _:
+                return frames
+
+    def _end_of_range(self, frames: list[Frame], fault: Fault) -> list[Frame]:
+        """Put one gauge to the end of its range, under a right CRC: the converter is overdriven, not the bus."""
+        item = self._layout.strain_frames[fault.seed % len(self._layout.strain_frames)]
+        signal = item.layout.signals[item.places[fault.seed % len(item.places)]]
+        raw = int.from_bytes(np.float32(2.0e15).tobytes(), "little") if signal.kind == FLOAT else 0x7FFF
+        return self._rewritten(frames, item, signal.bits, raw)
+
+    def _rewritten(self, frames: list[Frame], item: InputFrame, bits: tuple[int, ...], raw: int) -> list[Frame]:
+        """Write ``raw`` into ``bits`` of one frame and renew the CRC over it."""
+        trailer = self._layout.trailer
+        changed, covered = [], b""
+        strain_keys = {frame.layout.key for frame in self._layout.strain_frames}
+        for frame in frames:
+            data = frame.data
+            if frame.key == item.layout.key and len(data) == item.layout.length:
+                number = int.from_bytes(data, "little")
+                for place, bit in enumerate(bits):
+                    number = number & ~(1 << bit) | (raw >> place & 1) << bit
+                data = number.to_bytes(len(data), "little")
+                if item.layout.protection is not None:
+                    data = protect(data, item.layout.protection, data[2])
+            covered += data if frame.key in strain_keys else b""
+            if trailer is not None and frame.key == trailer.layout.key and len(data) == trailer.layout.length:
+                assert trailer.layout.protection is not None
+                data = protect(data, trailer.layout.protection, data[2], covered)
+            changed.append(replace(frame, data=data))
+        return changed
+
+    def _of_other_sender(self, fault: Fault, frames: list[Frame]) -> list[Frame]:
+        """Return the frames of a sender with its gauges in another order, and another DataID or configuration."""
+        protections = {f.layout.key: (f, f.layout.protection) for f in self._layout.frames}
+        changed = []
+        for frame in frames:
+            item, protection = protections.get(frame.key, (None, None))
+            data = bytearray(frame.data)
+            if item is None or len(data) != item.layout.length:
+                changed.append(frame)
+                continue
+            if item.places:
+                # The strains of this frame in another order.
+                bits = [bit for place in item.places for bit in item.layout.signals[place].bits]
+                first, last = min(bits) // 8, max(bits) // 8 + 1
+                size = len(item.layout.signals[item.places[0]].bits) // 8
+                data[first:last] = data[first + size : last] + data[first : first + size]
+            if fault.kind is FaultKind.CONFIGURATION and item.configuration is not None:
+                first = item.layout.signals[item.configuration].bits[0] // 8
+                data[first] ^= 0x5A
+            elif protection is not None:
+                protection = Protection(protection.profile, protection.data_id ^ 0x0101)
+            if protection is not None:
+                counter = data[1] & 0x0F if protection.profile == 1 else data[2]
+                data = bytearray(protect(bytes(data), protection, counter))
+            changed.append(replace(frame, data=bytes(data)))
+        return changed
+
+
+def _other_length(frame: Frame, random: np.random.Generator) -> bytes:
+    """Return the data cut or padded to another length that the format allows."""
+    lengths = [n for n in (FD_LENGTHS if frame.is_fd else FD_LENGTHS[:9]) if n != len(frame.data)]
+    length = lengths[int(random.integers(len(lengths)))]
+    return frame.data.ljust(length, b"\0")[:length]
+
+
+def _flipped(data: bytes, wide: bool, random: np.random.Generator) -> bytes:
+    """Return the data with up to three bits flipped anywhere, or any within eight neighbouring ones."""
+    if not data:
+        return data
+    number = int.from_bytes(data, "little")
+    size = 8 * len(data)
+    if wide:
+        for bit in random.choice(size, size=int(random.integers(1, 4)), replace=False):
+            number ^= 1 << int(bit)
+    else:
+        number ^= int(random.integers(1, 256)) << int(random.integers(size - 7))
+    return number.to_bytes(len(data), "little")

@@ -1,0 +1,90 @@
+"""A bridge with a recorder and a publisher beside it, if they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from strainfmu.can.bridge.publisher import Publisher, gauge_places, parsed_address
+from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.e2e.clock import monotonic
+from strainfmu.can.tools.recording import MicrosecondClock, Recorder
+from strainfmu.errors import InputError
+
+
+@dataclass
+class ObservedBridge:
+    """A bridge that is ready, and what watches it."""
+
+    ready: ReadyBridge
+    recorder: Recorder | None
+    publisher: Publisher | None
+
+    def notes(self) -> list[str]:
+        """Close the recording and return a line on each watcher."""
+        lines = []
+        if self.recorder is not None:
+            bridge = self.ready.bridge
+            self.recorder.close(bridge.known, bridge.skips, bridge.unanswered)
+            lines.append(
+                f"{self.recorder.path}: {self.recorder.recorded} frames recorded, {self.recorder.lost} lost"
+            )
+            if self.recorder.failure:
+                lines.append(f"{self.recorder.path}: recording ended early: {self.recorder.failure}")
+        if self.publisher is not None:
+            lines.append(f"datagrams: {self.publisher.sent} sent, {self.publisher.dropped} dropped")
+        return lines
+
+
+@contextmanager
+def observed_bridge(
+    fmu: Path,
+    options: BridgeOptions,
+    record: Path | None,
+    publish: str | None,
+    publish_rate: float,
+    also: Callable[[CycleResult], None] | None = None,
+) -> Iterator[ObservedBridge]:
+    """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
+
+    ``also`` is told every result before the publisher.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`~strainfmu.can.bridge.setup.make_bridge`, :class:`Recorder` and :class:`Publisher`.
+    """
+    if publish is not None and not 0.0 < publish_rate <= 10_000.0:
+        raise InputError(f"--publish-rate: {publish_rate:g} Hz found, more than 0 to 10,000 Hz allowed")
+    address = None if publish is None else parsed_address(publish, "--publish")
+    places = () if address is None else gauge_places(fmu)
+    watchers = [] if also is None else [also]
+    publisher = None
+
+    def on_result(result: CycleResult) -> None:
+        for watcher in watchers:
+            watcher(result)
+
+    with ExitStack() as stack:
+        recorder = None
+        if record is not None:
+            recorder = Recorder(record, MicrosecondClock())
+            stack.callback(recorder.close)
+        taps = Taps(
+            monotonic if recorder is None else recorder.clock,
+            None if recorder is None else recorder.received,
+            None if recorder is None else recorder.sent,
+            on_result,
+        )
+        ready = stack.enter_context(make_bridge(fmu, options, taps))
+        if recorder is not None:
+            recorder.describe(fmu, options, ready.start)
+        if address is not None:
+            bridge = ready.bridge
+            publisher = Publisher(address, places, publish_rate, bridge.account, lambda: bridge.bus_state)
+            watchers.append(publisher.result)
+            stack.callback(publisher.close)
+        yield ObservedBridge(ready, recorder, publisher)

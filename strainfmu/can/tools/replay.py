@@ -1,0 +1,200 @@
+"""A log through the same state machines as the live run, off line: its time stamps are the clock."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.can.bridge.result_frames import ResultFrames
+from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult, Step
+from strainfmu.can.tools.log_frames import LogState, log_frames
+from strainfmu.can.tools.recording import load_description
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import FrameLayout
+from strainfmu.can.wire.signal_plan import SignalPlan
+
+_OF_THE_MOMENT = ("E2E_CRC", "Age")
+"""Signals of a result that hold when it went out, which no replay knows."""
+
+_UNMATCHED = 10_000
+"""Result frames kept at most without their like: a log without sent frames has none."""
+
+
+@dataclass
+class ReplaySummary:
+    """What a replay was.
+
+    Attributes
+    ----------
+    duration : of the log [s].
+    account, qualities : as of a live run.
+    compared, equal : result frames in the log, and how many of them the replay gave again bit by bit, but for the
+        age at the time of sending and the CRC over it.
+    notes : lines for the user.
+    """
+
+    duration: float = 0.0
+    account: FrameAccount = field(default_factory=FrameAccount)
+    qualities: Counter[Quality] = field(default_factory=Counter)
+    compared: int = 0
+    equal: int = 0
+    notes: list[str] = field(default_factory=list)
+
+
+def replay_log(
+    log: Path,
+    source: Path,
+    step: Step,
+    gauge_names: Sequence[str],
+    options: Callable[[BridgeOptions | None], BridgeOptions],
+    on_result: Callable[[CycleResult], None],
+    progress: Callable[[int, int], None] | None = None,
+) -> ReplaySummary:
+    """Send the received frames of ``log`` through a core; tell ``on_result`` every result.
+
+    Parameters
+    ----------
+    source : file of the estimator, compared with that of the recording.
+    step, gauge_names : of it.
+    options : makes the options from those of the recording, None if the log has no description beside it.
+
+    Raises
+    ------
+    InputError
+        The log, its description or an option is wrong.
+    StrainfmuError
+        The FMU failed for good.
+    """
+    described = load_description(log)
+    chosen = options(None if described is None else described["options"])
+    summary, state = ReplaySummary(), LogState()
+    frames = log_frames(log, 0.0 if described is None else described["log_start"], state, progress)
+    first = next(frames, None)
+    if first is None:
+        summary.notes.append(f"{log}: holds no frame")
+        return summary
+    start = first[0].time if described is None else described["start"]
+    core, layouts, configuration = make_core(step, chosen, gauge_names, start)
+    comparison = _Comparison(layouts, configuration)
+    door = Acceptance(core.layout, [layout.key for layout in layouts], core.settings)
+    account = FrameAccount()
+
+    def give(results: list[CycleResult]) -> None:
+        for result in results:
+            summary.qualities[result.quality] += 1
+            comparison.replayed(result)
+            on_result(result)
+
+    time = start
+    skips = dict(described.get("skips", ())) if described else {}
+    unanswered = deque(described.get("unanswered", ()) if described else ())
+    for frame, is_received in chain([first], frames):
+        time = frame.time
+        if is_received:
+            give(_received(core, door, account, frame, skips, unanswered))
+        else:
+            comparison.logged(frame)
+    end = described.get("end") if described else None
+    give(_advanced(core, time if end is None else end, skips))
+    core.finish(time)
+    summary.duration = time - start
+    summary.account = account.plus(core.account)
+    summary.compared, summary.equal = comparison.compared, comparison.equal
+    summary.notes += _notes(log, source, state, described)
+    return summary
+
+
+def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[CycleResult]:
+    """Advance event by event, as a live bridge does but where it stood still (see ``BridgeCore.skips``)."""
+    results = []
+    while core.next_event <= time:
+        results += core.advance(skips.get(core.next_event, core.next_event))
+    return results
+
+
+def _received(
+    core: BridgeCore,
+    door: Acceptance,
+    account: FrameAccount,
+    frame: Frame,
+    skips: dict[float, float],
+    unanswered: deque[Sequence[float]],
+) -> list[CycleResult]:
+    """Take a frame past the door, as the live receiver does, and into the core; it is answered if it was then."""
+    refused = door.refused(frame)
+    if refused is None or refused is FrameClass.ERROR_FRAME:
+        while unanswered and unanswered[0][1] < frame.time:
+            unanswered.popleft()
+        is_answered = not unanswered or frame.time < unanswered[0][0]
+        return _advanced(core, frame.time, skips) + core.receive(frame, is_answered)
+    account.received += 1
+    if refused is FrameClass.UNKNOWN_IDENTIFIER:
+        account.settle_unknown(frame.key, frame.time)
+    else:
+        account.settle(refused, frame.time)
+    if refused is FrameClass.SHED:
+        core.note(Cause.OVERLOAD)
+    return []
+
+
+class _Comparison:
+    """Result frames of the log against those of the replay, frame by frame in their order."""
+
+    def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
+        self._frames = ResultFrames(layouts, configuration)
+        self._plans = {layout.key: SignalPlan(layout) for layout in layouts if layout.cycle_time is not None}
+        self._kept = {
+            key: np.array([signal.name not in _OF_THE_MOMENT for signal in plan.signals])
+            for key, plan in self._plans.items()
+        }
+        self._logged: dict[int, list[bytes]] = {key: [] for key in self._plans}
+        self._replayed: dict[int, list[bytes]] = {key: [] for key in self._plans}
+        self.compared = self.equal = 0
+
+    def logged(self, frame: Frame) -> None:
+        self._add(self._logged, frame)
+
+    def replayed(self, result: CycleResult) -> None:
+        for frame in self._frames.of_result(result):
+            self._add(self._replayed, frame)
+
+    def _add(self, side: dict[int, list[bytes]], frame: Frame) -> None:
+        plan = self._plans.get(frame.key)
+        if plan is None or len(frame.data) != plan.length:
+            return
+        if len(side[frame.key]) >= _UNMATCHED:
+            return
+        side[frame.key].append(frame.data)
+        mine, other = self._logged[frame.key], self._replayed[frame.key]
+        while mine and other:
+            self.compared += 1
+            raw = [plan.raw(data.pop(0))[self._kept[frame.key]] for data in (mine, other)]
+            self.equal += bool(np.array_equal(raw[0], raw[1]))
+
+
+def _notes(log: Path, source: Path, state: LogState, described: dict[str, Any] | None) -> list[str]:
+    """Return what a user should know."""
+    notes = []
+    if described is None:
+        notes.append(f"{log}: no description beside it; the bridge is taken to have started with the first frame")
+    elif described["fmu_sha256"] != hashlib.sha256(source.read_bytes()).hexdigest():
+        notes.append(f"{source}: is not the FMU of the recording, '{described['fmu']}'")
+    if described is not None and described.get("lost"):
+        notes.append(f"{log}: {described['lost']} frames of the live run were not recorded")
+    if state.ends_early:
+        notes.append(f"{log}: {state.ends_early}")
+    if state.backwards:
+        notes.append(f"{log}: {state.backwards} frames with a time before the last, taken as of that time")
+    return notes

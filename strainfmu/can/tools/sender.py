@@ -1,0 +1,141 @@
+"""A virtual sender: samples as frames on a bus, paced by a monotonic clock, with faults if asked for."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.can.bridge.bus import import_can
+from strainfmu.can.e2e.clock import Clock, monotonic
+from strainfmu.can.tools.fault_injection import Fault, FaultKind, FaultySender, random_faults
+from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.can.wire.frame import Frame, to_message
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.errors import InputError, StrainfmuError
+
+SETTLING_CYCLES = 40
+"""Cycles without faults at the start, in which the bridge comes to believe its input."""
+
+FAILURES_IN_A_ROW = 200
+"""Frames in a row that the bus did not take, after which the sender gives up."""
+
+_SHORTEST_SLEEP = 1e-4
+
+
+@dataclass
+class SentFlight:
+    """What was sent.
+
+    Attributes
+    ----------
+    cycles, frames, not_sent : numbers; a bus may refuse what a fault made of a frame.
+    duration : [s].
+    lateness : [s] of each cycle's first frame behind its time.
+    truth : true coefficients (5,) by cycle.
+    faults : how many of each kind began.
+    """
+
+    cycles: int = 0
+    frames: int = 0
+    not_sent: int = 0
+    duration: float = 0.0
+    lateness: list[float] = field(default_factory=list)
+    truth: list[FloatArray] = field(default_factory=list)
+    faults: Counter[str] = field(default_factory=Counter)
+
+
+def send_flight(
+    bus: Any,
+    layout: InputLayout,
+    samples: Iterable[FlownSample],
+    faults: Sequence[Fault] = (),
+    clock: Clock = monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+    stopped: Callable[[], bool] = lambda: False,
+    own: Frame | None = None,
+) -> SentFlight:
+    """Send one sample per cycle of ``layout`` on ``bus`` until there are no more, or ``stopped`` says so.
+
+    Every cycle has its own time, counted from the start, so that no lateness adds up; a sender that is late sends
+    without a pause until it is not.
+
+    Parameters
+    ----------
+    own : a frame of the bridge, for the fault OWN_IDENTIFIER.
+
+    Raises
+    ------
+    StrainfmuError
+        The bus takes no frames any more.
+    """
+    sender = FaultySender(layout, list(faults), own)
+    can = import_can()
+    sent = SentFlight()
+    start = clock()
+    in_a_row = 0
+    for cycle, sample in zip(count(), samples, strict=False):
+        if stopped():
+            break
+        begin = cycle * layout.cycle_time
+        for place, frame in enumerate(sender.cycle(cycle, begin, sample.strain, sample.dynamic_pressure)):
+            wait = start + frame.time - clock()
+            if wait > _SHORTEST_SLEEP:
+                sleep(wait)
+            if place == 0:
+                sent.lateness.append(max(clock() - start - begin, 0.0))
+            try:
+                bus.send(to_message(frame))
+            except (can.CanError, OSError, ValueError) as error:
+                sent.not_sent += 1
+                in_a_row += 1
+                if in_a_row >= FAILURES_IN_A_ROW:
+                    raise StrainfmuError(f"the bus takes no frames: {' '.join(str(error).split())}") from error
+                continue
+            in_a_row = 0
+            sent.frames += 1
+        sent.cycles += 1
+        sent.truth.append(sample.truth)
+        wait = start + (cycle + 1) * layout.cycle_time - clock()
+        if wait > _SHORTEST_SLEEP:
+            sleep(wait)
+    sent.duration = clock() - start
+    sent.faults = Counter(fault.kind.value for fault in faults if fault.start < sent.cycles)
+    return sent
+
+
+def planned_faults(kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int) -> list[Fault]:
+    """Return ``n_faults`` faults of ``kinds`` (all if there are none), spread over ``n_cycles``.
+
+    Raises
+    ------
+    InputError
+        There is no such kind, or the flight is too short for so many.
+    """
+    known = {kind.value: kind for kind in FaultKind}
+    for name in kinds:
+        if name not in known:
+            raise InputError(f"fault: '{name}' found, one of {', '.join(known)} wanted")
+    if n_faults == 0:
+        return []
+    longest = 12
+    gap = (n_cycles - SETTLING_CYCLES) // n_faults - longest
+    if gap < 1:
+        wanted = SETTLING_CYCLES + n_faults * (longest + 1)
+        raise InputError(f"faults: {n_faults} in {n_cycles} cycles found, at least {wanted} cycles wanted")
+    chosen = tuple(known[name] for name in kinds) or tuple(FaultKind)
+    return random_faults(n_faults, chosen, seed, gap, longest, SETTLING_CYCLES)
+
+
+def lateness_text(sent: SentFlight) -> str:
+    """Return percentiles of the lateness in words."""
+    if not sent.lateness:
+        return "-"
+    values = 1e3 * np.percentile(sent.lateness, (50.0, 99.0, 100.0))
+    return ", ".join(f"p{p} {v:.2f}" for p, v in zip((50, 99, 100), values, strict=True)) + " ms"

@@ -1,0 +1,138 @@
+"""What a virtual sender sends: a plant FMU, a flown scenario, or recorded strains, sample by sample."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.interface.fmi_variables import strain_names
+
+
+@dataclass(frozen=True)
+class FlownSample:
+    """What the gauges of the vehicle read, and what a flight alone knows.
+
+    Attributes
+    ----------
+    strain : (n_d,) [m/m].
+    dynamic_pressure : q_inf [Pa].
+    truth : (5,) true coefficients C_A, C_N, C_Y, M_P, M_Y [1], NaN where nobody knows them.
+    """
+
+    strain: FloatArray
+    dynamic_pressure: float
+    truth: FloatArray
+
+
+@contextmanager
+def plant_samples(
+    path: Path, n_gauges: int, cycle_time: float, duration: float
+) -> Iterator[Iterator[FlownSample]]:
+    """Step a plant FMU from time 0 every ``cycle_time`` [s], for ``duration`` [s].
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged, or no plant of ``n_gauges`` gauges.
+    StrainfmuError
+        It cannot be loaded on this machine, or fails.
+    """
+    from strainfmu.cosim.instance import Instance, read_description, safe_temporary_parent, unzip
+
+    description = read_description(path)
+    variables = _plant_outputs(path, description, n_gauges)
+    with ExitStack() as stack:
+        parent = safe_temporary_parent()
+        folder = stack.enter_context(
+            tempfile.TemporaryDirectory(prefix="strainfmu_", dir=parent, ignore_cleanup_errors=True)
+        )
+        unzip(path, Path(folder))
+        instance = Instance("plant", path, description, Path(folder))
+        stack.callback(instance.close)
+        instance.begin(duration + cycle_time)
+        instance.end_initialization()
+        yield _stepped(instance, variables, n_gauges, cycle_time, round(duration / cycle_time))
+
+
+def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:
+    """Return strains, dynamic pressure and, where there are all of them, true coefficients."""
+    found = {v.name: v for v in description.modelVariables if v.causality == "output"}
+    names = [*strain_names(n_gauges), "dynamic_pressure"]
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise InputError(f"{path}: no output '{missing[0]}' found: not a plant of {n_gauges} gauges")
+    if f"strain[{n_gauges + 1}]" in found:
+        raise InputError(f"{path}: output 'strain[{n_gauges + 1}]' found, a plant of {n_gauges} gauges wanted")
+    truth = [name for name in COEFFICIENT_NAMES if name in found]
+    return [found[name] for name in (*names, *(truth if len(truth) == 5 else ()))]
+
+
+def _stepped(
+    instance: Any, variables: Sequence[Any], n_gauges: int, cycle_time: float, n_cycles: int
+) -> Iterator[FlownSample]:
+    blocks = instance.block("Get", variables, range(len(variables)))
+    step = instance.stepper()
+    values = np.full(n_gauges + 6, np.nan)
+    for cycle in range(n_cycles):
+        if cycle:
+            begin, end = (cycle - 1) * cycle_time, cycle * cycle_time
+            step(begin, end - begin)
+        for block in blocks:
+            block.call()
+            values[block.columns] = block.buffer
+        yield FlownSample(values[:n_gauges].copy(), float(values[n_gauges]), values[n_gauges + 1 :].copy())
+
+
+@contextmanager
+def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Iterator[Iterator[FlownSample]]:
+    """Fly a scenario in closed loop first, at the rate of the bus, then give what its plant put out.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As the scenario's own flight.
+    """
+    from strainfmu.cosim.flight import export_flight, fly
+    from strainfmu.cosim.instance import safe_temporary_parent
+    from strainfmu.cosim.scenario import load_scenario
+
+    scenario = replace(load_scenario(path, files), step_size=cycle_time)
+    with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
+        fmus = export_flight(scenario, Path(folder))
+        recording = fly(scenario, fmus, scenario.feedback[-1])
+    n_gauges = sum(name.startswith("plant.strain[") for name in recording.names)
+    strain = np.column_stack([recording[f"plant.{name}"] for name in strain_names(n_gauges)])
+    truth = np.column_stack([recording[f"plant.{name}"] for name in COEFFICIENT_NAMES])
+    pressure = recording["plant.dynamic_pressure"]
+    yield (FlownSample(d, float(q), c) for d, q, c in zip(strain, pressure, truth, strict=True))
+
+
+@contextmanager
+def recorded_samples(
+    path: Path, gauge_names: Sequence[str], dynamic_pressure: float | None
+) -> Iterator[Iterator[FlownSample]]:
+    """Give the rows of a file of recorded strains, one per cycle whatever their times.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`~strainfmu.recorded.strain_files.open_strains`.
+    """
+    from strainfmu.recorded.strain_files import open_strains
+
+    unknown = np.full(5, np.nan)
+    with open_strains(path, gauge_names, dynamic_pressure) as opened:
+        yield (
+            FlownSample(d, float(q), unknown)
+            for block, _ in opened.blocks
+            for d, q in zip(block.strain, block.dynamic_pressure, strict=True)
+        )

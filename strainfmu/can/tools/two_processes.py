@@ -1,0 +1,121 @@
+"""Sender and bridge as two processes over udp_multicast: the end of ``strainfmu demo --can``."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from strainfmu.can.bridge.answers import Score
+from strainfmu.can.bridge.bus import BusSettings, open_bus, shut_down
+from strainfmu.errors import StrainfmuError
+
+GROUP = "239.74.163.9"
+"""Multicast group of the demonstration, of those free for use within an organisation (RFC 2365)."""
+
+FIRST_PORT, PORTS = 43_300, 500
+CYCLE_TIME = 0.01
+
+_COMMAND = (sys.executable, "-c", "from strainfmu.cli.main import main; main()")
+_PATIENCE = 30.0
+
+
+@dataclass(frozen=True)
+class BusFlight:
+    """What the two processes said: the sender's score and lines, and the bridge's summary."""
+
+    score: Score
+    sender: str
+    bridge: str
+
+
+def fly_over_bus(folder: Path, duration: float) -> BusFlight:
+    """Fly the plant of a finished demonstration for ``duration`` [s] at 100 Hz against a bridge of its estimator.
+
+    Raises
+    ------
+    StrainfmuError
+        There is no route for multicast, or a process failed; its own words are in the line.
+    """
+    port = private_port()
+    check_multicast(port)
+    bus = ("--interface", "udp_multicast", "--channel", GROUP, "--bus-option", f"port={port}")
+    cycle = ("--cycle-time", f"{1e3 * CYCLE_TIME:g}")
+    with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
+        report = Path(temporary) / "score.json"
+        # Wide enough for the tables, whatever the terminal.
+        environment = {**os.environ, "COLUMNS": "120"}
+        with _running([*_COMMAND, "bridge", str(folder / "estimator.fmu"), *bus, *cycle], environment) as bridge:
+            sender = subprocess.run(
+                [
+                    *(*_COMMAND, "send", str(folder / "map.h5"), "--plant", str(folder / "plant.fmu")),
+                    *(*bus, *cycle, "--duration", f"{duration:g}", "--report", str(report)),
+                ],
+                capture_output=True,
+                text=True,
+                env=environment,
+                timeout=duration + 2.0 * _PATIENCE,
+                check=False,
+            )
+            bridge.send_signal(signal.SIGTERM)
+            summary, errors = bridge.communicate(timeout=_PATIENCE)
+        for name, code, text in (
+            ("sender", sender.returncode, sender.stderr),
+            ("bridge", bridge.returncode, errors),
+        ):
+            if code:
+                raise StrainfmuError(
+                    f"CAN {name}: ended with exit code {code}: {text.strip() or 'without a word'}"
+                )
+        score = Score(**json.loads(report.read_text()))
+    return BusFlight(score, sender.stdout, summary)
+
+
+@contextmanager
+def _running(command: list[str], environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """Start the bridge and wait for its first line; whatever happens, it does not outlive this."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    try:
+        assert process.stdout is not None
+        if not process.stdout.readline():
+            errors = process.communicate(timeout=_PATIENCE)[1]
+            raise StrainfmuError(f"CAN bridge: did not start: {errors.strip()}")
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+
+
+def private_port() -> int:
+    """Return a port that another demonstration on this host hardly uses."""
+    return FIRST_PORT + os.getpid() % PORTS
+
+
+def check_multicast(port: int) -> None:
+    """Send one frame to the group, to find out before the flight whether there is a way.
+
+    Raises
+    ------
+    StrainfmuError
+        There is none; the line says what helps.
+    """
+    import can
+
+    bus = open_bus(BusSettings("udp_multicast", GROUP, {"port": port}))
+    try:
+        bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+    except (can.CanError, OSError) as error:
+        raise StrainfmuError(
+            "no route for multicast on this host, so sender and bridge cannot meet: "
+            "ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
+        ) from error
+    finally:
+        shut_down(bus)

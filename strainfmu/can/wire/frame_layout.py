@@ -1,0 +1,162 @@
+"""What the bytes of a frame mean: signals, as a DBC file describes them, and the frames that hold them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from strainfmu.can.wire.crc import Protection
+from strainfmu.can.wire.frame import frame_key
+
+UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
+LITTLE, BIG = "little", "big"
+
+
+@dataclass(frozen=True)
+class SignalLayout:
+    """One signal: physical value = raw * scale + offset.
+
+    Attributes
+    ----------
+    start : bit number as in DBC: of the least significant bit if little, of the most if big endian;
+        bit b of byte B has number 8 B + b.
+    length : bits, 1 to 64; 16, 32 or 64 of a float.
+    kind : UNSIGNED, SIGNED (two's complement) or FLOAT (IEEE 754).
+    minimum, maximum : physical values outside are invalid; None for no limit.
+    not_available : raw value that stands for "no value", and is sent for it; a float says it by NaN.
+    other_no_value : further raw values that stand for "no value".
+    initial : raw value that a sender starts with and, of a configuration, must keep.
+    """
+
+    name: str
+    start: int
+    length: int
+    byte_order: str = LITTLE
+    kind: str = UNSIGNED
+    scale: float = 1.0
+    offset: float = 0.0
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    not_available: int | None = None
+    initial: int | None = None
+    comment: str = ""
+    choices: tuple[tuple[int, str], ...] = ()
+    other_no_value: tuple[int, ...] = ()
+
+    @property
+    def no_value_codes(self) -> tuple[int, ...]:
+        """All raw values that stand for "no value"."""
+        return (*(() if self.not_available is None else (self.not_available,)), *self.other_no_value)
+
+    @property
+    def bits(self) -> tuple[int, ...]:
+        """Numbers of its bits from the least significant on."""
+        if self.byte_order == LITTLE:
+            return tuple(range(self.start, self.start + self.length))
+        # Big endian runs from the most significant bit down through a byte, then on to the next byte's bit 7.
+        place = 8 * (self.start // 8) + 7 - self.start % 8
+        return tuple(8 * (p // 8) + 7 - p % 8 for p in range(place + self.length - 1, place - 1, -1))
+
+
+@dataclass(frozen=True)
+class FrameLayout:
+    """One frame.
+
+    Attributes
+    ----------
+    length : data bytes.
+    protection : end-to-end protection, None for none.
+    cycle_time : nominal period [s], None if it is sent on demand.
+    sender : name of the node that sends it.
+    multiplexer : signal and raw value that single this layout out among those of one identifier, or None.
+    """
+
+    name: str
+    identifier: int
+    length: int
+    signals: tuple[SignalLayout, ...]
+    is_extended: bool = False
+    is_fd: bool = False
+    protection: Protection | None = None
+    cycle_time: float | None = None
+    sender: str = ""
+    comment: str = ""
+    multiplexer: tuple[SignalLayout, int] | None = None
+
+    @property
+    def key(self) -> int:
+        """Identifier and its width in one number."""
+        return frame_key(self.identifier, self.is_extended)
+
+    def place(self, name: str) -> int:
+        """Return the place of the signal ``name``."""
+        return next(place for place, signal in enumerate(self.signals) if signal.name == name)
+
+
+@dataclass(frozen=True)
+class InputFrame:
+    """A frame that the bridge reads, and what its signals are to it; places count in ``layout.signals``.
+
+    Attributes
+    ----------
+    layout : the frame.
+    places : (k,) places of strain signals.
+    gauges : (k,) gauge of each, from 0.
+    to_strain : (k,) factor from the signal's unit to m/m.
+    dynamic_pressure : place of q_inf, or None; ``to_pascal`` its factor to Pa.
+    sample_time : place of the sender's clock, or None; ``tick`` its unit [s], its range is its length in bits.
+    status : place of the sender's own verdict (0 good, 1 degraded, others: do not use), or None.
+    configuration : place of the number that must be its signal's ``initial``, or None.
+    is_trailer : the frame ends a cycle, and its CRC covers the data of all strain frames.
+    """
+
+    layout: FrameLayout
+    places: tuple[int, ...] = ()
+    gauges: tuple[int, ...] = ()
+    to_strain: tuple[float, ...] = ()
+    dynamic_pressure: int | None = None
+    to_pascal: float = 1.0
+    sample_time: int | None = None
+    tick: float = 1e-6
+    status: int | None = None
+    configuration: int | None = None
+    is_trailer: bool = False
+
+
+@dataclass(frozen=True)
+class InputLayout:
+    """All frames that the bridge reads.
+
+    Attributes
+    ----------
+    name : of the profile or the DBC file.
+    n_gauges : n_d; every gauge has one signal.
+    strain_frames : one cycle of strains.
+    pressure_frame : the frame of q_inf, or None.
+    trailer : the frame that ends a cycle, or None.
+    cycle_time : nominal period [s].
+    """
+
+    name: str
+    n_gauges: int
+    strain_frames: tuple[InputFrame, ...]
+    pressure_frame: InputFrame | None = None
+    trailer: InputFrame | None = None
+    cycle_time: float = 0.01
+    frames: tuple[InputFrame, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        others = [frame for frame in (self.trailer, self.pressure_frame) if frame is not None]
+        object.__setattr__(self, "frames", (*self.strain_frames, *others))
+
+    @property
+    def is_timed(self) -> bool:
+        """Every strain frame holds a sample time, by which cycles are told apart."""
+        return all(frame.sample_time is not None for frame in self.strain_frames)
+
+    @property
+    def is_protected(self) -> bool:
+        """Every byte that decides the result is under a CRC with counter."""
+        strains = self.trailer is not None or all(frame.layout.protection for frame in self.strain_frames)
+        pressure = self.pressure_frame is None or self.pressure_frame.layout.protection is not None
+        return strains and pressure

@@ -1,0 +1,225 @@
+"""All signals of a frame decoded and encoded, for any start, length, byte order and kind.
+
+Frames of whole bytes are decoded by one call of ``struct``, all others bit by bit through numpy. Frames are
+encoded as one long integer.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.errors import InputError
+
+_WIDTH = 64
+_FLOAT_TYPES = {16: "<f2", 32: "<f4", 64: "<f8"}
+_FLOATS = {16: struct.Struct("<e"), 32: struct.Struct("<f"), 64: struct.Struct("<d")}
+_UNSIGNED_CODES = {8: "B", 16: "H", 32: "I", 64: "q"}
+_SIGNED_CODES = {8: "b", 16: "h", 32: "i", 64: "q"}
+"""Codes of ``struct``; 64 bits always as what int64 makes of them."""
+
+
+class SignalPlan:
+    """The signals of one frame, ready for the loop.
+
+    Raises
+    ------
+    InputError
+        A signal does not fit into the frame or into 64 bits, or is of a kind that does not exist.
+    """
+
+    def __init__(self, layout: FrameLayout) -> None:
+        for signal in layout.signals:
+            _check(signal, layout)
+        self.length = layout.length
+        self.signals = layout.signals
+        self._packed = _packed(layout)
+        index = [_gather(signal, 8 * layout.length) for signal in layout.signals]
+        self._index = np.array(index, dtype=np.intp).reshape(-1)
+        # Only unsigned numbers of all 64 bits do not fit into int64.
+        self._unsigned = np.array([s.kind == UNSIGNED and s.length == _WIDTH for s in layout.signals], dtype=bool)
+        self._any_unsigned = bool(self._unsigned.any())
+        self._floats = [
+            (place, _FLOAT_TYPES[s.length]) for place, s in enumerate(layout.signals) if s.kind == FLOAT
+        ]
+        self._scale = np.array([s.scale for s in layout.signals])
+        self._offset = np.array([s.offset for s in layout.signals])
+        self._encoders = [_encoder(signal, layout.length) for signal in layout.signals]
+        # The last bit stays 0: it pads unsigned numbers.
+        self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
+
+    def raw(self, data: bytes) -> IntArray:
+        """Return the (k,) raw numbers in ``data``, sign extended; of floats, their bit patterns.
+
+        Raises
+        ------
+        ValueError
+            ``data`` has not the length of the frame.
+        """
+        if self._packed is not None:
+            if len(data) != self.length:
+                raise ValueError(f"{len(data)} bytes found, {self.length} wanted")
+            return np.array(self._packed.unpack(data), dtype=np.int64)
+        self._bits[:-1] = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
+        return np.packbits(self._bits[self._index], bitorder="little").view("<i8")
+
+    def physical(self, raw: IntArray) -> FloatArray:
+        """Return the (k,) values of ``raw`` in the signals' units; NaN of a float that is none."""
+        number = raw.astype(np.float64)
+        if self._any_unsigned:
+            number = np.where(self._unsigned, raw.view("<u8").astype(np.float64), number)
+        for place, kind in self._floats:
+            number[place] = raw[place : place + 1].view(kind)[0]
+        with np.errstate(over="ignore", invalid="ignore"):  # what a float64 cannot hold is refused as out of range
+            return number * self._scale + self._offset
+
+    def value(self, raw: IntArray, place: int) -> float:
+        """Return the value of one signal of ``raw``, as :meth:`physical` does."""
+        signal, number = self.signals[place], float(raw[place])
+        if signal.kind == FLOAT:
+            number = float(raw[place : place + 1].view(_FLOAT_TYPES[signal.length])[0])
+        elif signal.kind == UNSIGNED and number < 0.0:
+            number = float(int(raw[place]) + (1 << _WIDTH))
+        return number * signal.scale + signal.offset
+
+    def encode(self, values: FloatArray | Sequence[float]) -> bytes:
+        """Return the frame that holds the (k,) ``values`` [the signals' units], nearest raw number.
+
+        What is not finite or out of range becomes the signal's "not available".
+
+        Raises
+        ------
+        InputError
+            Such a value belongs to a signal that has no way to say so.
+        """
+        little = big = 0
+        numbers = values.tolist() if isinstance(values, np.ndarray) else values
+        for encoder, value in zip(self._encoders, numbers, strict=True):
+            placed = (encoder.raw(value) & encoder.mask) << encoder.shift
+            if encoder.is_big:
+                big |= placed
+            else:
+                little |= placed
+        if big:
+            little |= int.from_bytes(big.to_bytes(self.length, "big"), "little")
+        return little.to_bytes(self.length, "little")
+
+
+@dataclass(frozen=True, slots=True)
+class _Encoder:
+    """One signal on its way into a frame taken for one integer, of the signal's byte order.
+
+    Attributes
+    ----------
+    shift, mask : where its least significant bit goes, and its bits.
+    low, high : smallest and largest value; ``raw_low``, ``raw_high`` : smallest and largest raw number.
+    packed : of a float, else None.
+    """
+
+    signal: SignalLayout
+    shift: int
+    mask: int
+    is_big: bool
+    low: float
+    high: float
+    raw_low: float
+    raw_high: float
+    packed: struct.Struct | None
+
+    def raw(self, value: float) -> int:
+        """Return the raw number of ``value``; of a float its bit pattern."""
+        signal = self.signal
+        scaled = (value - signal.offset) / signal.scale
+        # Half a number more than there is, so that only what can be rounded is; false of NaN.
+        usable = self.low <= value <= self.high and self.raw_low - 0.5 <= scaled <= self.raw_high + 0.5
+        if self.packed is not None:
+            held = scaled if usable and abs(scaled) <= self.raw_high else nan
+            return int.from_bytes(self.packed.pack(held), "little")
+        if usable:
+            number = round(scaled)
+            if self.raw_low <= number <= self.raw_high:
+                return number
+        if signal.not_available is None:
+            raise InputError(
+                f"signal '{signal.name}': {value:g} {signal.unit} found, what fits into "
+                f"{signal.length} bits of {signal.scale:g} {signal.unit} wanted"
+            )
+        return signal.not_available
+
+
+def unsigned(raw: IntArray, place: int) -> int:
+    """Return the raw number of an unsigned signal; of 64 bits too, which :meth:`SignalPlan.raw` gives as int64."""
+    return int(raw[place]) % (1 << _WIDTH)
+
+
+def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
+    """Return how ``signal`` goes into a frame of ``n_bytes``."""
+    lowest = signal.bits[0]
+    is_big = signal.byte_order == BIG
+    # Bits of a big endian integer count from the last byte on.
+    shift = 8 * (n_bytes - 1 - lowest // 8) + lowest % 8 if is_big else lowest
+    return _Encoder(
+        signal,
+        shift,
+        (1 << signal.length) - 1,
+        is_big,
+        -np.inf if signal.minimum is None else signal.minimum,
+        np.inf if signal.maximum is None else signal.maximum,
+        *_raw_range(signal),
+        _FLOATS[signal.length] if signal.kind == FLOAT else None,
+    )
+
+
+def _packed(layout: FrameLayout) -> struct.Struct | None:
+    """Return what unpacks a frame of whole bytes, of one byte order, signals in their order; None of others."""
+    orders = {signal.byte_order for signal in layout.signals}
+    if len(orders) != 1:
+        return None
+    is_little = orders == {LITTLE}
+    code, end = "<" if is_little else ">", 0
+    for signal in layout.signals:
+        first, bit = divmod(signal.start, 8)
+        if signal.length not in _UNSIGNED_CODES or bit != (0 if is_little else 7) or first < end:
+            return None
+        kinds = _SIGNED_CODES if signal.kind == SIGNED else _UNSIGNED_CODES
+        code += f"{first - end}x{kinds[signal.length]}"
+        end = first + signal.length // 8
+    return struct.Struct(f"{code}{layout.length - end}x")
+
+
+def _check(signal: SignalLayout, layout: FrameLayout) -> None:
+    """Refuse a signal that cannot be decoded."""
+    where = f"frame '{layout.name}', signal '{signal.name}'"
+    if not 1 <= signal.length <= _WIDTH:
+        raise InputError(f"{where}: {signal.length} bits found, 1 to {_WIDTH} allowed")
+    if signal.kind not in (UNSIGNED, SIGNED, FLOAT):
+        raise InputError(f"{where}: kind '{signal.kind}' found, unsigned, signed or float wanted")
+    if signal.kind == FLOAT and signal.length not in _FLOAT_TYPES:
+        raise InputError(f"{where}: a float of {signal.length} bits found, 16, 32 or 64 allowed")
+    if not (np.isfinite(signal.scale) and signal.scale != 0.0 and np.isfinite(signal.offset)):
+        raise InputError(f"{where}: scale {signal.scale:g}, offset {signal.offset:g} found, finite numbers wanted")
+    if min(signal.bits) < 0 or max(signal.bits) >= 8 * layout.length:
+        raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
+
+
+def _gather(signal: SignalLayout, padding: int) -> list[int]:
+    """Return which bit of the frame each of the 64 bits of the number is."""
+    bits = list(signal.bits)
+    fill = bits[-1] if signal.kind == SIGNED else padding
+    return bits + [fill] * (_WIDTH - len(bits))
+
+
+def _raw_range(signal: SignalLayout) -> tuple[float, float]:
+    """Return the smallest and largest raw number that a value may be encoded as."""
+    if signal.kind == FLOAT:
+        largest = float(np.finfo(_FLOAT_TYPES[signal.length]).max)
+        return -largest, largest
+    if signal.kind == SIGNED:
+        return -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
+    return 0, (1 << signal.length) - 1

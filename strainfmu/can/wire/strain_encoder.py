@@ -1,0 +1,96 @@
+"""Strains as frames of a layout: what a sender does. Counters and CRCs are put in, times are the caller's."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.can.wire.crc import protect
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import FrameLayout, InputFrame, InputLayout
+from strainfmu.can.wire.signal_plan import SignalPlan
+
+
+class StrainEncoder:
+    """Composes the frames of successive cycles in the order of their transmission: q_inf, strains, trailer."""
+
+    def __init__(self, layout: InputLayout) -> None:
+        self._layout = layout
+        self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
+
+    def encode(
+        self, strain: ArrayLike, dynamic_pressure: float, cycle: int, sample_time: float, status: int = 0
+    ) -> list[Frame]:
+        """Return the frames of one cycle.
+
+        Parameters
+        ----------
+        strain : (n_d,) strains [m/m], NaN for "not available".
+        dynamic_pressure : q_inf [Pa], NaN for "not available".
+        cycle : number of the cycle; the counter of every frame.
+        sample_time : sender's clock [s].
+        status : 0 good, 1 degraded, 2 do not use.
+
+        Raises
+        ------
+        InputError
+            A value does not fit into its signal, and the signal has no way to say so.
+        """
+        d = np.asarray(strain, dtype=float)
+        frames, covered = [], b""
+        if self._layout.pressure_frame is not None:
+            frames.append(
+                self._frame(self._layout.frames[-1], -1, d, dynamic_pressure, cycle, sample_time, status)
+            )
+        for place, item in enumerate(self._layout.strain_frames):
+            frames.append(self._frame(item, place, d, dynamic_pressure, cycle, sample_time, status))
+            covered += frames[-1].data
+        if self._layout.trailer is not None:
+            place = len(self._layout.strain_frames)
+            frames.append(
+                self._frame(self._layout.trailer, place, d, dynamic_pressure, cycle, sample_time, status, covered)
+            )
+        return frames
+
+    def _frame(
+        self,
+        item: InputFrame,
+        place: int,
+        strain: np.ndarray,
+        dynamic_pressure: float,
+        cycle: int,
+        sample_time: float,
+        status: int,
+        covered: bytes = b"",
+    ) -> Frame:
+        """Return one frame."""
+        layout = item.layout
+        values = np.array([float(s.initial or 0) * s.scale + s.offset for s in layout.signals])
+        if item.places:
+            values[list(item.places)] = strain[list(item.gauges)] / np.array(item.to_strain)
+        if item.dynamic_pressure is not None:
+            values[item.dynamic_pressure] = dynamic_pressure / item.to_pascal
+        if item.status is not None:
+            values[item.status] = status
+        if item.sample_time is not None:
+            signal = layout.signals[item.sample_time]
+            ticks = round(sample_time / item.tick) % (1 << signal.length)
+            values[item.sample_time] = ticks * signal.scale + signal.offset
+        if layout.multiplexer is not None:
+            selector, number = layout.multiplexer
+            values[layout.place(selector.name)] = number * selector.scale + selector.offset
+        data = self._plans[place].encode(values)
+        if layout.protection is not None:
+            data = protect(data, layout.protection, cycle, covered)
+        return frame_of(layout, data)
+
+
+def frame_of(layout: FrameLayout, data: bytes) -> Frame:
+    """Return a frame of ``layout`` with ``data``."""
+    return Frame(
+        layout.identifier,
+        data,
+        is_extended=layout.is_extended,
+        is_fd=layout.is_fd,
+        bitrate_switch=layout.is_fd,
+    )

@@ -1,0 +1,1 @@
+"""The command ``strainfmu``: the only place of this package that imports ``builder``."""

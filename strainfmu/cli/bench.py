@@ -1,0 +1,73 @@
+"""How long one step takes, and what of it is the mathematics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from strainfmu.cosim.master import matching_connections, simulate
+from strainfmu.cosim.system import System
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.step import Estimator
+from strainfmu.fmu.step_cost import step_costs
+
+STOP_TIME = 2.0
+COMMUNICATION_STEP_SIZE = 1e-3
+
+LOST = 3
+"""Gauges that fail, the first ones, where the cost of a step without some is timed."""
+
+
+def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[str, float]:
+    """Return the time per step [s] of the bare product, the numpy estimator and FMUs of every kind.
+
+    The estimator is timed with all gauges and with three of them lost, as in every step after the first such one.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged.
+    """
+    inverse_map = load_inverse_map(map_path)
+    estimator = Estimator(inverse_map)
+    n = inverse_map.n_gauges
+    rows = inverse_map.load_gain
+    strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
+    broken = strain.copy()
+    broken[: min(LOST, n - 1)] = np.nan
+    out = np.empty(len(COEFFICIENT_NAMES))
+    fmus = {"plant": plant_path, "estimator": estimator_path}
+    flown = simulate(
+        System(fmus, matching_connections("plant", "estimator", fmus)),
+        STOP_TIME,
+        COMMUNICATION_STEP_SIZE,
+        record=[f"estimator.{name}" for name in COEFFICIENT_NAMES],
+    )
+    cost = dict(zip(flown.instances, np.median(flown.step_cost, axis=0).tolist(), strict=True))
+    return {
+        f"bare product 5 x {n}, numpy": time_per_call(lambda: np.dot(rows, strain, out=out)),
+        f"Estimator.estimate, {n} gauges, with health": time_per_call(
+            lambda: estimator.estimate(strain, pressure)
+        ),
+        f"Estimator.estimate, {LOST} gauges lost": time_per_call(lambda: estimator.estimate(broken, pressure)),
+        f"estimator FMU in the demo's simulation: set {n + 1}, step, get {len(out)}": cost["estimator"],
+        f"plant FMU: step, get {n + 1}": cost["plant"],
+        **step_costs(map_path, time_per_call),
+    }
+
+
+def time_per_call(call: Callable[[], object], repeats: int = 30, calls: int = 500) -> float:
+    """Return the median over ``repeats`` of the mean time of ``calls`` calls [s]."""
+    for _ in range(calls):
+        call()
+    means = []
+    for _ in range(repeats):
+        start = perf_counter()
+        for _ in range(calls):
+            call()
+        means.append((perf_counter() - start) / calls)
+    return median(means)

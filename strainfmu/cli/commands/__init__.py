@@ -1,0 +1,69 @@
+"""The sub-commands of ``strainfmu``: arguments in, calls into the packages, tables out; one file per theme."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from strainfmu import __version__
+from strainfmu.cli.commands import (
+    can_bus,
+    can_data,
+    can_send,
+    flights,
+    flows,
+    maps,
+    reproduction,
+    structures,
+    whole_way,
+)
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Aerodynamic loads in real time from structural strain.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"strainfmu {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and leave."),
+    ] = False,
+) -> None:
+    """Aerodynamic loads in real time from structural strain."""
+
+
+for command in (
+    whole_way.demo,
+    whole_way.check,
+    reproduction.reproduce,
+    flows.snapshots,
+    flows.surface,
+    flows.convert,
+    structures.structure,
+    maps.build,
+    maps.export,
+    maps.crosscheck,
+    maps.inspect,
+    maps.bench,
+    flights.fly,
+    flights.plant,
+    can_bus.bridge,
+    can_bus.dbc,
+    can_send.send,
+    can_data.replay,
+    can_data.estimate,
+    can_data.monitor,
+):
+    app.command()(command)

@@ -1,0 +1,111 @@
+"""The options that all commands of the bus share, held against what they may be before anything is opened."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterable
+from importlib import import_module
+
+from strainfmu.can.settings import checked_cycle_time
+from strainfmu.errors import InputError
+
+_QUOTED = re.compile(r"""(["'])(\w+)\1""")
+
+
+def cycle_time_of(milliseconds: float) -> float:
+    """Return ``--cycle-time`` [ms] in seconds.
+
+    Raises
+    ------
+    InputError
+        It is shorter or longer than the bridge allows.
+    """
+    return checked_cycle_time(milliseconds / 1e3, "--cycle-time")
+
+
+def check_run(duration: float | None, stuck_cycles: int, max_age: float) -> None:
+    """Refuse a run that cannot be: ``duration`` [s] or None for without end, ``max_age`` [cycles].
+
+    Raises
+    ------
+    InputError
+        One of them is no positive finite number, or ``stuck_cycles`` is negative.
+    """
+    if duration is not None and not 0.0 < duration < float("inf"):
+        raise InputError(f"--duration: {duration:g} s found, a positive number wanted")
+    if stuck_cycles < 0:
+        raise InputError(f"--stuck-cycles: {stuck_cycles} found, 0 for never or a positive number wanted")
+    if not 0.0 < max_age < float("inf"):
+        raise InputError(f"--max-age: {max_age:g} cycles found, a positive number wanted")
+
+
+def check_dynamic_pressure(pressure: float | None) -> None:
+    """Refuse a fixed q_inf [Pa] that is none; None is for none stated.
+
+    Raises
+    ------
+    InputError
+        It is not a positive finite number.
+    """
+    if pressure is not None and not 0.0 < pressure < float("inf"):
+        raise InputError(f"--dynamic-pressure: {pressure:g} Pa found, a positive number wanted")
+
+
+def check_bus_options(interface: str, names: Iterable[str]) -> None:
+    """Refuse options that nothing of the interface reads: python-can passes over them without a word.
+
+    Raises
+    ------
+    InputError
+        An option is not one of the interface's.
+    """
+    known = known_bus_options(interface)
+    for name in names:
+        if known is not None and name not in known:
+            stated = ", ".join(sorted(_parameters(interface)))
+            raise InputError(f"--bus-option: {interface} knows no '{name}'; it takes {stated}")
+
+
+def known_bus_options(interface: str) -> frozenset[str] | None:
+    """Return every name that an interface of python-can may read, None where that cannot be told.
+
+    Some read further options out of their keyword arguments: these stand in quotes in their source. A bit timing's
+    parameters may always be stated one by one. Interfaces of others, and what does not load here, cannot be told.
+    """
+    from strainfmu.can.bridge.bus import import_can
+
+    can = import_can()
+    classes = _classes(interface)
+    if not classes or not all(one.__module__.startswith("can.") for one in classes):
+        return None
+    names = {*_parameters(interface), "config_context", "ignore_config"}
+    for one in (can.BitTiming, can.BitTimingFd):
+        names |= set(inspect.signature(one).parameters)
+    try:
+        for module in {one.__module__ for one in classes}:
+            names |= {match[2] for match in _QUOTED.finditer(inspect.getsource(import_module(module)))}
+    except OSError:  # installed without its source
+        return None
+    return frozenset(names)
+
+
+def _parameters(interface: str) -> set[str]:
+    """Return what the constructors of an interface name, but for channel and what is no name."""
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    stated = [inspect.signature(one).parameters.values() for one in _classes(interface)]
+    return {entry.name for entries in stated for entry in entries if entry.kind in kinds} - {"channel"}
+
+
+def _classes(interface: str) -> list[type]:
+    """Return the class of an interface and its bases, none if it does not load: opening it says why."""
+    from can.interfaces import BACKENDS
+
+    if interface not in BACKENDS:
+        return []
+    module, name = BACKENDS[interface]
+    try:
+        found: type = getattr(import_module(module), name)
+    except Exception:  # each vendor's driver is missing in its own way
+        return []
+    return [one for one in found.__mro__ if one.__module__.split(".")[0] not in ("builtins", "abc")]

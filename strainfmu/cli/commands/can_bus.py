@@ -1,0 +1,174 @@
+"""The CAN bus: ``strainfmu bridge`` and ``strainfmu dbc``."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from strainfmu.cli.commands.bus_options import (
+    check_bus_options,
+    check_dynamic_pressure,
+    check_run,
+    cycle_time_of,
+)
+from strainfmu.errors import InputError
+
+if TYPE_CHECKING:
+    from strainfmu.can.bridge.bridge import Bridge
+    from strainfmu.can.wire.profiles import Identifiers
+
+ProfileOption = Annotated[str, typer.Option(help="fd64, classic-le, classic-be or float2.")]
+CycleTimeOption = Annotated[float, typer.Option(metavar="MS", help="Period of the strain frames.")]
+BaseOption = Annotated[str, typer.Option(metavar="ID", help="Identifier of the first input frame.")]
+ResultBaseOption = Annotated[str, typer.Option(metavar="ID", help="Identifier of the first result frame.")]
+ExtendedOption = Annotated[bool, typer.Option("--extended", help="29 bit identifiers.")]
+
+
+def bridge(
+    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU.")],
+    interface: Annotated[str, typer.Option(help="python-can interface: socketcan, udp_multicast, pcan ...")],
+    channel: Annotated[str, typer.Option(help="Its channel: can0, 239.74.163.2 ...")],
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--bus-option", metavar="KEY=VALUE", help="Further option of the interface, as bitrate=500000."
+        ),
+    ] = None,
+    profile: ProfileOption = "fd64",
+    dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames, instead of a profile.")] = None,
+    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
+    cycle_time: CycleTimeOption = 10.0,
+    id_base: BaseOption = "0x300",
+    result_base: ResultBaseOption = "0x380",
+    extended: ExtendedOption = False,
+    dynamic_pressure: Annotated[
+        float | None, typer.Option(metavar="PA", help="Fixed dynamic pressure, instead of its frame.")
+    ] = None,
+    result: Annotated[
+        str | None, typer.Option(help="Form of the results: fd, classic-le, classic-be. Default: the input's.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Stop after so long.")] = None,
+    stuck_cycles: Annotated[
+        int, typer.Option(help="Equal values in a row after which a gauge is left out; 0: never.")
+    ] = 25,
+    max_age: Annotated[float, typer.Option(metavar="CYCLES", help="Largest age of strains that are used.")] = 5.0,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record the bus: X.blf, X.asc or X.log (candump).")
+    ] = None,
+    publish: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Send results as UDP-JSON: to 'strainfmu monitor' ...")
+    ] = None,
+    publish_rate: Annotated[
+        float, typer.Option(metavar="HZ", help="With --publish: most datagrams a second.")
+    ] = 50.0,
+) -> None:
+    """Estimate loads from strain frames on a CAN bus, and send them back as frames.
+
+    Ends on SIGINT or SIGTERM with a summary. What is on the bus: docs/can.md; 'strainfmu dbc' writes it down.
+
+    Examples:
+
+        strainfmu bridge estimator.fmu --interface socketcan --channel can0
+
+        strainfmu bridge estimator.fmu --interface udp_multicast --channel 239.74.163.2 --bus-option port=43200
+
+        strainfmu bridge estimator.fmu --interface pcan --channel PCAN_USBBUS1 --dbc rack.dbc --mapping rack.toml
+    """
+    from strainfmu.can.bridge.setup import BridgeOptions, bus_settings
+    from strainfmu.can.bridge.summary import summary_table
+    from strainfmu.can.tools.observed import observed_bridge
+
+    if (dbc is None) != (mapping is None):
+        raise InputError("--dbc and --mapping: one found without the other, both wanted")
+    check_run(duration, stuck_cycles, max_age)
+    check_dynamic_pressure(dynamic_pressure)
+    options = BridgeOptions(
+        interface,
+        channel,
+        tuple(option or ()),
+        profile,
+        dbc,
+        mapping,
+        cycle_time_of(cycle_time),
+        identifiers_of(id_base, result_base, extended),
+        dynamic_pressure,
+        result,
+        stuck_cycles,
+        max_age,
+    )
+    check_bus_options(interface, bus_settings(options).options)
+    console = Console()
+    with observed_bridge(fmu, options, record, publish, publish_rate) as observed:
+        running = observed.ready
+        console.print(
+            f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {interface}:{channel}; stop with Ctrl-C",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
+        with _stopped_by_signals(running.bridge):
+            summary = running.bridge.run(duration)
+    console.print(summary_table(summary))
+    for note in observed.notes():
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
+
+
+def dbc(
+    source: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5), or the FMU made of it.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="DBC file to write.")] = Path("strainfmu.dbc"),
+    profile: ProfileOption = "fd64",
+    cycle_time: CycleTimeOption = 10.0,
+    id_base: BaseOption = "0x300",
+    result_base: ResultBaseOption = "0x380",
+    extended: ExtendedOption = False,
+) -> None:
+    """Write the DBC file of the bridge's frames: strains in, results out.
+
+    Examples:
+
+        strainfmu dbc results/map.h5 -o strains.dbc
+
+        strainfmu dbc results/map.h5 -o strains.dbc --profile classic-be --id-base 0x100 --cycle-time 20
+    """
+    from strainfmu.can.bridge.setup import write_dbc
+
+    identifiers = identifiers_of(id_base, result_base, extended)
+    n_frames = write_dbc(source, output, profile, cycle_time_of(cycle_time), identifiers)
+    Console().print(f"{output}: written, {n_frames} frames", highlight=False, markup=False, soft_wrap=True)
+
+
+def identifiers_of(base: str, result_base: str, extended: bool) -> Identifiers:
+    """Return the identifiers that the options state, in any of Python's notations."""
+    from strainfmu.can.wire.profiles import Identifiers
+
+    numbers = []
+    for name, text in (("--id-base", base), ("--result-base", result_base)):
+        try:
+            numbers.append(int(text, 0))
+        except ValueError as error:
+            raise InputError(f"{name}: '{text}' found, a number such as 0x300 wanted") from error
+    return Identifiers(numbers[0], numbers[1], extended)
+
+
+@contextmanager
+def _stopped_by_signals(running: Bridge) -> Iterator[None]:
+    """Let SIGINT and SIGTERM stop the bridge in good order; the second one as ever."""
+
+    def stop(number: int, _: object) -> None:
+        signal.signal(number, previous[signal.Signals(number)])
+        running.stop()
+
+    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in previous:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -1,0 +1,199 @@
+"""Recorded data and the live view: ``strainfmu replay``, ``estimate`` and ``monitor``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from strainfmu.cli.commands.bus_options import check_dynamic_pressure, cycle_time_of
+from strainfmu.cli.commands.can_bus import identifiers_of
+from strainfmu.cli.commands.can_send import stop_request
+from strainfmu.cli.console import ConsoleReporter
+from strainfmu.errors import InputError
+
+if TYPE_CHECKING:
+    from strainfmu.recorded.run import EstimationSummary
+
+
+def replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording of a bus: BLF, ASC or candump's log.")],
+    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Results to write: CSV or HDF5.")],
+    profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be or float2.")] = None,
+    dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames.")] = None,
+    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
+    cycle_time: Annotated[float | None, typer.Option(metavar="MS", help="Period of the strain frames.")] = None,
+    id_base: Annotated[str | None, typer.Option(metavar="ID", help="First input identifier.")] = None,
+    result_base: Annotated[str | None, typer.Option(metavar="ID", help="First result identifier.")] = None,
+    extended: Annotated[bool | None, typer.Option("--extended", help="29 bit identifiers.")] = None,
+    dynamic_pressure: Annotated[float | None, typer.Option(metavar="PA", help="Fixed dynamic pressure.")] = None,
+) -> None:
+    """Give the results of a recorded run again, off line, from its time stamps alone.
+
+    What 'strainfmu bridge --record' wrote needs no options; other logs need those of the bridge.
+
+    Examples:
+
+        strainfmu replay run.blf estimator.fmu -o run.csv
+
+        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-be --cycle-time 20
+    """
+    given = _given_options(profile, dbc, mapping, cycle_time, id_base, result_base, extended, dynamic_pressure)
+    _replay(Console(), log, fmu, output, given)
+
+
+def estimate(
+    source: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="CSV, HDF5, MF4, TDMS, or a CAN log: BLF, ASC, log.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Estimates to write: CSV or HDF5.")],
+    dynamic_pressure: Annotated[
+        float | None, typer.Option(metavar="PA", help="Of the whole file, instead of its column.")
+    ] = None,
+) -> None:
+    """Estimate loads from recorded strains.
+
+    Columns are named by the gauges or strain[1] .., the unit in brackets: 'strain[1] \\[um/m]'; without one they
+    are in m/m, Pa and s. HDF5: data sets strain (n, n_d), time, dynamic_pressure with the attribute unit.
+
+    Examples:
+
+        strainfmu estimate map.h5 flight.csv -o loads.csv
+
+        strainfmu estimate estimator.fmu flight.h5 -o loads.h5 --dynamic-pressure 95800
+
+        strainfmu estimate estimator.fmu run.blf -o loads.h5
+    """
+    from strainfmu.can.tools.recording import LOG_SUFFIXES
+    from strainfmu.recorded.run import estimate_file
+
+    check_dynamic_pressure(dynamic_pressure)
+    console = Console()
+    if data.suffix.lower() in LOG_SUFFIXES:
+        given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
+        _replay(console, data, source, output, given)
+        return
+    with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
+        summary = estimate_file(source, data, output, dynamic_pressure, progress)
+    for line in _estimate_lines(summary, data):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
+
+
+def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
+    """Return what a user should know of the data and the estimates."""
+    health = ", ".join(f"{name} {number}" for name, number in sorted(summary.health.items()))
+    lines = [f"health: {health or '-'}"]
+    if summary.missing_strains:
+        total = sum(summary.missing_strains.values())
+        gauge, number = summary.missing_strains.most_common(1)[0]
+        lines.append(
+            f"{data}: {total} strains without a value in {len(summary.missing_strains)} gauges, most in '{gauge}' "
+            f"({number}): left out, sigma says what it costs"
+        )
+    if summary.missing_pressure:
+        lines.append(f"{data}: {summary.missing_pressure} samples without a dynamic pressure: no coefficients")
+    if summary.refused:
+        lines.append(f"{data}: {summary.refused} samples refused by the FMU: no coefficients")
+    return lines
+
+
+def _given_options(
+    profile: str | None,
+    dbc: Path | None,
+    mapping: Path | None,
+    cycle_time: float | None,
+    id_base: str | None,
+    result_base: str | None,
+    extended: bool | None,
+    dynamic_pressure: float | None,
+) -> dict[str, Any]:
+    """Return the bridge's options that were stated."""
+    if (dbc is None) != (mapping is None):
+        raise InputError("--dbc and --mapping: one found without the other, both wanted")
+    check_dynamic_pressure(dynamic_pressure)
+    given: dict[str, Any] = {
+        "profile": profile,
+        "dbc": dbc,
+        "mapping": mapping,
+        "cycle_time": None if cycle_time is None else cycle_time_of(cycle_time),
+        "dynamic_pressure": dynamic_pressure,
+    }
+    if id_base is not None or result_base is not None or extended is not None:
+        given["identifiers"] = identifiers_of(id_base or "0x300", result_base or "0x380", bool(extended))
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[str, Any]) -> None:
+    """Replay a log and say what came of it."""
+    from dataclasses import replace as replaced
+    from time import perf_counter
+
+    from strainfmu.can.bridge.setup import BridgeOptions
+    from strainfmu.recorded.log_estimates import estimate_log
+
+    def options(recorded: BridgeOptions | None) -> BridgeOptions:
+        return replaced(recorded or BridgeOptions("replay", log.name), **given)
+
+    begin = perf_counter()
+    with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:
+        summary = estimate_log(fmu, log, output, options, progress)
+    took = perf_counter() - begin
+    table = Table(title="Replay", show_header=False)
+    table.add_row("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast")
+    for quality, number in sorted(summary.qualities.items()):
+        table.add_row(f"results {quality.name}", str(number))
+    for name, number in summary.account.rows():
+        table.add_row(f"frames: {name}", str(number))
+    table.add_row("frames: not accounted for", str(summary.account.unaccounted))
+    if summary.compared:
+        table.add_row("result frames of the log given again", f"{summary.equal} of {summary.compared}")
+    console.print(table)
+    for note in summary.notes:
+        console.print(note, highlight=False, markup=False, soft_wrap=True)
+    console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+
+
+def monitor(
+    listen: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Where 'strainfmu bridge --publish' sends to.")
+    ] = "127.0.0.1:9870",
+    http: Annotated[
+        str, typer.Option(metavar="HOST:PORT", help="Address of the page; beyond loopback it is open to all.")
+    ] = "127.0.0.1:8780",
+) -> None:
+    """Show live strains, coefficients, health and the frame account in a browser.
+
+    A process of its own: it may start before or after the bridge, and goes on when that restarts.
+
+    Examples:
+
+        strainfmu monitor
+
+        strainfmu bridge estimator.fmu --interface socketcan --channel can0 --publish 127.0.0.1:9870
+    """
+    from time import sleep
+
+    from strainfmu.can.bridge.publisher import parsed_address
+    from strainfmu.monitor.server import Monitor, shown_address
+
+    console = Console()
+    with stop_request() as stopped:
+        running = Monitor(parsed_address(listen, "--listen"), parsed_address(http, "--http"))
+        try:
+            wanted = shown_address(running.listens_at)
+            line = f"{running.url}: open it in a browser; datagrams wanted at {wanted}; stop with Ctrl-C"
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            while not stopped():
+                sleep(0.1)
+        finally:
+            running.close()
+    state = running.state
+    console.print(
+        f"{state.datagrams} datagrams, {state.refused} refused", highlight=False, markup=False, soft_wrap=True
+    )

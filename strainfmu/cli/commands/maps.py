@@ -1,0 +1,202 @@
+"""Inverse maps: ``strainfmu build``, ``export``, ``inspect``, ``bench``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from strainfmu.cli.console import ConsoleReporter
+
+
+def build(
+    vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for what is made.")] = Path("map"),
+) -> None:
+    """Build the inverse map of a vehicle: snapshots.h5, map.h5, and report.html on what the gauges can tell.
+
+    The report says what the layout sees, what it is blind to, how sure each coefficient is, which gauge matters
+    most and what a lost one costs. Its numbers are in report.json and, as CSV, in report_tables.
+
+    Example:
+
+        strainfmu build my_vehicle.toml -o results
+    """
+    from builder.pipeline.map_stages import run_build
+
+    console = Console()
+    path = run_build(vehicle, output, ConsoleReporter(console))
+    for written in (path, path.with_name("report.html")):
+        if written.is_file():
+            console.print(f"{written}: written", highlight=False, markup=False, soft_wrap=True)
+
+
+def export(
+    inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write.")] = Path("estimator.fmu"),
+    kind: Annotated[
+        str, typer.Option(help="native: compiled, needs nothing of its host; python: PythonFMU.")
+    ] = "native",
+    fmi: Annotated[str, typer.Option(help="Version of FMI: 2 or, native only, 3.")] = "2",
+    platforms: Annotated[
+        str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
+    ] = "all",
+) -> None:
+    """Package an inverse map as a co-simulation FMU. Two exports of one map are equal to the byte.
+
+    Examples:
+
+        strainfmu export results/map.h5 -o estimator.fmu
+
+        strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
+    """
+    from strainfmu.fmu.export import ExportOptions, export_estimator
+
+    wanted = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
+    export_estimator(inverse_map, output, ExportOptions(kind, fmi.removesuffix(".0"), wanted))
+    Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+
+
+def crosscheck(
+    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Any FMU exported by this program.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("crosscheck"),
+) -> None:
+    """Run an FMU in every importer that is installed; leave input, reference, options and results.
+
+    Importers: fmpy; ecospy and libcosimpy where they are installed. Ends with exit code 1 if a result differs from
+    the reference.
+
+    Example:
+
+        strainfmu crosscheck estimator.fmu -o compatibility
+    """
+    from strainfmu.fmu.crosscheck import check_results, write_crosscheck
+
+    results = write_crosscheck(fmu, output)
+    for result in results:
+        Console().print(result.line, highlight=False, markup=False, soft_wrap=True)
+    Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+    check_results(results)
+
+
+def inspect(
+    artefact: Annotated[
+        Path, typer.Argument(metavar="FILE", help="map.h5, structure.h5, snapshots.h5 or an FMU.")
+    ],
+    figures: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--figures", help="Folder for figures. Default: FILE's name with _figures; none of a map."
+        ),
+    ] = None,
+) -> None:
+    """Show what a map, a structure, a file of snapshots or an FMU holds.
+
+    Of a map: gauges, validity range, uncertainty, provenance; with -o figures of what gauges are worth.
+
+    Of a structure: gauges, what each layout can see, strain patterns.
+
+    Of snapshots: conditions, coefficients, health of the flows; figures of pressure and forces.
+
+    Of an FMU, whoever made it: kind, platforms, variables, files; of an estimator also its map and validity.
+
+    Examples:
+
+        strainfmu inspect results/map.h5
+
+        strainfmu inspect estimator.fmu
+
+        strainfmu inspect results/snapshots.h5 -o figures
+    """
+    from strainfmu.cli.inspection.files import inspect_artefact
+
+    inspect_artefact(artefact, figures, Console())
+
+
+def bench(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a finished demo: its map and its FMUs are timed.")
+    ] = Path("demo"),
+    structure: Annotated[
+        Path | None,
+        typer.Option(metavar="VEHICLE", help="Time the 3-D structure of this vehicle file instead, size by size."),
+    ] = None,
+    solver: Annotated[
+        list[str] | None, typer.Option(help="Solver of the structure; may be given several times.")
+    ] = None,
+    largest: Annotated[int, typer.Option(help="Largest number of degrees of freedom.")] = 5_000_000,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="VEHICLE", help="Compare meshes of this vehicle file instead: strains, and maps built on them."
+        ),
+    ] = None,
+    snapshots: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="With --mesh: its snapshots.h5, of `strainfmu build`.")
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="With --mesh: table to write (CSV).")
+    ] = Path("mesh_study.csv"),
+) -> None:
+    """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
+
+    Or say what the mesh of the structure costs: gauge strains of the snapshots against the Fourier model, in units
+    of the gauges' noise, and the errors of a map built on each mesh and fed with the Fourier model's strains.
+
+    Examples:
+
+        strainfmu bench demo
+
+        strainfmu bench --structure my_vehicle.toml --solver cyclic --solver superlu
+
+        strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
+    """
+    if mesh is not None:
+        _compare_meshes(mesh, snapshots, output, solver[0] if solver else None)
+        return
+    if structure is not None:
+        from builder.structure.solid.growth import SIZES, growth_rows, growth_table
+
+        sizes = [size for size in SIZES if size <= largest]
+        rows_of_sizes = []
+        for row in growth_rows(structure, solver or ["cyclic"], sizes):
+            rows_of_sizes.append(row)
+            print(f"{row.solver}, {row.n_dof:,} degrees of freedom: done", flush=True)
+        print(growth_table(rows_of_sizes))
+        return
+    from strainfmu.cli.bench import bench_loop
+
+    rows = bench_loop(folder / "map.h5", folder / "estimator.fmu", folder / "plant.fmu")
+    table = Table(title=escape(f"One step, {folder}: median of repeated runs in one process"))
+    for heading in ("what", "time per step", "of the bare product"):
+        table.add_column(heading, justify="left" if heading == "what" else "right")
+    for name, seconds in rows.items():
+        table.add_row(name, f"{1e6 * seconds:.2f} us", f"{seconds / next(iter(rows.values())):.1f} x")
+    Console().print(table)
+
+
+def _compare_meshes(vehicle: Path, snapshots: Path | None, output: Path, solver: str | None) -> None:
+    """Run the mesh study, print its table and write it."""
+    from builder.campaign.snapshots import load_snapshots
+    from builder.structure.mesh_study import mesh_study, study_csv, study_meshes, study_table
+    from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
+    from builder.vehicle.file import load_vehicle
+    from strainfmu.errors import InputError
+    from strainfmu.files import write_bytes_atomically
+
+    if snapshots is None:
+        raise InputError(
+            "bench --mesh: --snapshots FILE is missing: `strainfmu build VEHICLE` leaves snapshots.h5"
+        )
+    loaded, pressure = load_vehicle(vehicle), load_snapshots(snapshots)
+    if solver not in (None, CYCLIC) and not (back_end := named_back_end(solver)).installed():
+        raise back_end.missing()
+    reporter = ConsoleReporter(Console())
+    rows = list(mesh_study(loaded, pressure, reporter, study_meshes(reporter.note), solver))
+    print(study_table(rows))
+    write_bytes_atomically(output, study_csv(rows).encode())
+    print(f"{output}: written")

@@ -1,0 +1,141 @@
+"""A vehicle file from one end to the other: ``strainfmu demo`` and ``strainfmu check``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from strainfmu.cli.console import ConsoleReporter
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+if TYPE_CHECKING:
+    from builder.pipeline.demo import DemoResult
+
+VehicleArgument = Annotated[
+    Path | None,
+    typer.Option("--vehicle", help="Vehicle file (TOML). Default: the IC3X surrogate that is shipped."),
+]
+
+
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path("demo"),
+    vehicle: VehicleArgument = None,
+    can: Annotated[
+        bool, typer.Option("--can", help="Then fly once more over a CAN bus: sender and bridge as two processes.")
+    ] = False,
+    can_duration: Annotated[float, typer.Option(metavar="S", help="With --can: duration of that flight.")] = 20.0,
+) -> None:
+    """From a vehicle file to an FMU flying in a system simulation.
+
+    Solves the flow, builds the inverse map, packages it as an FMU, and flies it against an independent, finer
+    model of the vehicle. A second run reuses what is up to date.
+
+    Examples:
+
+        strainfmu demo
+
+        strainfmu demo -o results --vehicle my_vehicle.toml
+
+        strainfmu demo --can
+    """
+    from builder.pipeline.demo import run_demo
+    from builder.vehicle.file import IC3X
+
+    console = Console()
+    start = perf_counter()
+    if can:
+        from strainfmu.can.tools.two_processes import check_multicast, private_port
+
+        # Refused before the long work, not after it.
+        check_multicast(private_port())
+    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console))
+    _show_result(console, result)
+    if can:
+        _fly_over_bus(console, output, can_duration)
+    console.print(f"{perf_counter() - start:.1f} s in all", highlight=False, soft_wrap=True)
+
+
+def _fly_over_bus(console: Console, folder: Path, duration: float) -> None:
+    """Fly plant and estimator as sender and bridge, and show what both of them say."""
+    from strainfmu.can.tools.two_processes import CYCLE_TIME, fly_over_bus
+    from strainfmu.cli.commands.can_send import score_table
+
+    with ConsoleReporter(console).stage(f"CAN bus: sender -> bridge, {duration:g} s at {1.0 / CYCLE_TIME:g} Hz"):
+        flown = fly_over_bus(folder, duration)
+    console.print(score_table(flown.score, "Over the CAN bus: the bridge's results against truth"))
+    console.print(flown.bridge, highlight=False, markup=False, soft_wrap=True)
+
+
+def _show_result(console: Console, result: DemoResult) -> None:
+    score = result.score
+    table = Table(title=escape(f"{result.vehicle}: the FMU's estimate against truth, independent finer model"))
+    for heading in ("coefficient [1]", "rms error", "of its range", "mean sigma", "truth within 3 sigma"):
+        table.add_column(escape(heading), justify="left" if heading.startswith("coefficient") else "right")
+    for i, name in enumerate(COEFFICIENT_NAMES):
+        table.add_row(
+            name,
+            f"{score.rms_error[i]:.2e}",
+            f"{score.rms_error_of_range[i]:.2%}" if score.rms_error_of_range[i] >= 0.0 else "-",
+            f"{score.mean_sigma[i]:.2e}",
+            f"{100.0 * score.coverage[i]:.2f} %",
+        )
+    console.print(table)
+    times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in score.step_time.items())
+    console.print(
+        f"Time per step (median, through fmpy): {times}. Health OK in {score.healthy:.2%} of the samples.",
+        highlight=False,
+        soft_wrap=True,
+    )
+    files = Table(title=escape(f"Files in {result.folder}"), show_header=False, box=None)
+    for name, holds in result.files.items():
+        files.add_row(name, holds, "reused" if name in result.reused else "new")
+    console.print(files)
+
+
+def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]) -> None:
+    """Check a vehicle file, its gauges and its manoeuvre without solving anything.
+
+    Example:
+
+        strainfmu check my_vehicle.toml
+    """
+    from math import degrees
+
+    from builder.aero.engines import make_engine
+    from builder.pipeline.build import check_noise
+    from builder.pipeline.flight_tables import truth_knots
+    from builder.structure.model import check_gauges, check_map_size
+    from builder.vehicle.file import load_vehicle
+    from strainfmu.cosim.flight_model import check_envelope
+    from strainfmu.cosim.trajectory import load_trajectory
+    from strainfmu.estimator.validity import condition_ranges, valid_conditions
+
+    loaded = load_vehicle(vehicle)
+    body = loaded.body()
+    gauges = check_gauges(loaded)
+    check_map_size(loaded, gauges[loaded.gauges.layout])
+    check_noise(loaded)
+    manoeuvre = loaded.beside(loaded.truth.manoeuvre)
+    trajectory = load_trajectory(manoeuvre)
+    check_envelope(*truth_knots(loaded), trajectory, manoeuvre)
+    table = Table(title=escape(f"{vehicle}: {loaded.name}"), show_header=False)
+    table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
+    table.add_row("tip half-angle", f"{degrees(body.tip_angle):.4g} deg")
+    table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
+    for name, count in gauges.items():
+        in_use = " (in use)" if name == loaded.gauges.layout else ""
+        table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
+    engine = make_engine(loaded, None, loaded.resolution.map)
+    conditions = engine.conditions() or loaded.flight_conditions()
+    flows = len({engine.flow_key(condition) for condition in conditions})
+    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
+    for one in valid_conditions(condition_ranges(conditions)):
+        table.add_row(f"valid over {one.quantity}", one.text)
+    table.add_row("manoeuvre", f"{trajectory.stop_time:.4g} s")
+    Console().print(table)

@@ -1,0 +1,1 @@
+"""Tables of what a file holds, one module for each kind of file."""

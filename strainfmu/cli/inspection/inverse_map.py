@@ -1,0 +1,226 @@
+"""What a map holds, shown on the console and drawn: ``strainfmu inspect map.h5``."""
+
+from __future__ import annotations
+
+from math import degrees
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.detectability import detectable_noncentrality, minimal_detectable_bias
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.innovation import inverse_cholesky
+from strainfmu.estimator.inverse_map import (
+    COEFFICIENT_NAMES,
+    LOAD_NAMES,
+    SCHEMA,
+    SCHEMA_VERSION,
+    InverseMap,
+    load_inverse_map,
+)
+from strainfmu.estimator.masks import LEAST_INFORMATION
+from strainfmu.estimator.validity import valid_ranges
+from strainfmu.files import content_hash_of
+
+MICRO = 1e6
+MISS_PROBABILITY = 0.01
+EIGENVALUES_SHOWN = 12
+LOAD_UNITS = ("N", "N", "N", "N m", "N m")
+CASE_NAMES = {"1": "1, least squares on POD modes", "2": "2, low-rank Gaussian prior"}
+
+OF_CONDITIONS = (
+    "mach_number",
+    "angle_of_attack_deg",
+    "sideslip_angle_deg",
+    "altitude_m",
+    "dynamic_pressure_Pa",
+)
+SHOWN_APART = (*OF_CONDITIONS, "noise_terms", "hessian_eigenvalues", "gamma", "gamma_rule", "recoverable_modes")
+"""Entries of the provenance that have tables or rows of their own."""
+
+
+def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
+    """Show what the map at ``path`` holds; draw figures into ``folder`` if one is given.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or of another version.
+    StrainfmuError
+        A figure could not be written, or matplotlib is missing.
+    """
+    loaded = load_inverse_map(path)
+    content_hash = content_hash_of(path, SCHEMA, SCHEMA_VERSION)
+    console.print(_summary(loaded, f"{path}: {loaded.vehicle}", content_hash))
+    console.print(_validity(loaded))
+    console.print(_noise(loaded))
+    if loaded.case == "2":
+        console.print(_eigenvalues(loaded))
+    console.print(_coefficients(loaded))
+    console.print(_gauges(loaded))
+    if folder is not None:
+        for name in _draw(loaded, folder):
+            console.print(f"{folder / name}: written", highlight=False, markup=False, soft_wrap=True)
+
+
+def hessian_eigenvalues(inverse_map: InverseMap) -> FloatArray:
+    """Return (k,) lambda of the prior-preconditioned Hessian of a map of Case 2, falling [1]."""
+    whitened = inverse_cholesky(inverse_map.noise_covariance) @ inverse_map.state_operator
+    return np.asarray(np.linalg.svd(whitened, compute_uv=False) ** 2)
+
+
+def detectable_bias(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d,) the least bias of each gauge [m/m] that its z-score shows in 99 % of the cases.
+
+    At the estimator's rate of false alarms, shared among the gauges; infinite where no other gauge checks one.
+    """
+    whitening = inverse_map.residual_whitening
+    precision = np.diag(np.sum(whitening**2, axis=0))
+    least = LEAST_INFORMATION * np.sum(inverse_cholesky(inverse_map.noise_covariance) ** 2, axis=0)
+    precision[precision < least] = 0.0
+    share = FALSE_ALARM_PROBABILITY / inverse_map.n_gauges
+    return minimal_detectable_bias(precision, detectable_noncentrality(1, share, MISS_PROBABILITY))
+
+
+def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
+    table = Table(title=escape(title), show_header=False, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column()
+    table.add_column(overflow="fold")
+    table.add_row("content hash", content_hash)
+    table.add_row("case", CASE_NAMES[loaded.case])
+    table.add_row("gauges, states", f"{loaded.n_gauges}, {len(loaded.state_offset)}")
+    if loaded.case == "2":
+        rule = str(loaded.provenance.get("gamma_rule", "unknown")).replace("_", " ")
+        table.add_row("gamma, found by", f"{loaded.regularisation:.6g}, {escape(rule)}")
+    table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
+    table.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
+    table.add_row("pressure field", "held" if loaded.field_modes is not None else "not held")
+    for key, value in loaded.provenance.items():
+        if key not in SHOWN_APART:
+            table.add_row(*map(escape, _with_unit(key, value)))
+    return table
+
+
+_UNIT_ENDINGS = {"_m": "m", "_mm": "mm", "_Pa": "Pa", "_deg": "deg"}
+
+
+def _with_unit(key: str, value: Any) -> tuple[str, str]:
+    """Return an entry's name in words, and its value with the unit that the name ends on."""
+    unit = next((unit for ending, unit in _UNIT_ENDINGS.items() if key.endswith(ending)), "")
+    name = key.removesuffix(f"_{unit}") if unit else key
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, dict):
+        text = ", ".join(" ".join(_with_unit(*entry)) for entry in value.items())
+    return name.replace("_", " "), f"{text} {unit}".strip()
+
+
+def _validity(loaded: InverseMap) -> Table:
+    table = _table("Valid over what the snapshots cover", ("quantity", "range"))
+    for one in valid_ranges(loaded):
+        table.add_row(escape(one.quantity), one.text)
+    return table
+
+
+def _noise(loaded: InverseMap) -> Table:
+    """Return the noise terms; of a map that does not name them, the gauges' own noise."""
+    table = _table("Noise, terms of its covariance", ("term",), "share [%]", "rms [um/m]")
+    rms = MICRO * float(np.sqrt(np.mean(loaded.noise_std**2)))
+    known = loaded.provenance.get("noise_terms") or [{"name": "gauge noise", "rms_strain": rms / MICRO}]
+    for term in known:
+        share = f"{100.0 * term['share']:.1f}" if "share" in term else "-"
+        table.add_row(escape(str(term["name"])), share, f"{MICRO * term['rms_strain']:.3g}")
+    return table
+
+
+def _eigenvalues(loaded: InverseMap) -> Table:
+    values, gamma = hessian_eigenvalues(loaded), loaded.regularisation
+    above = int(np.sum(values >= gamma))
+    title = (
+        f"Eigenvalues of the prior-preconditioned Hessian: {above} of {len(values)} at least gamma, {gamma:.4g}"
+    )
+    shown = min(EIGENVALUES_SHOWN, len(values))
+    table = _table(title, (), "number", "eigenvalue [1]", "decided by the data [%]")
+    for number, value in enumerate(values[:shown], start=1):
+        table.add_row(str(number), f"{value:.4g}", f"{100.0 * value / (value + gamma):.1f}")
+    if shown < len(values):
+        table.add_row(f"{len(values)}", f"{values[-1]:.4g}", f"{100.0 * values[-1] / (values[-1] + gamma):.1f}")
+    return table
+
+
+def _coefficients(loaded: InverseMap) -> Table:
+    q = loaded.nominal_dynamic_pressure
+    per_force = q * loaded.reference_area
+    scale = per_force * np.array([1.0, 1.0, 1.0, loaded.reference_length, loaded.reference_length])
+    std = np.sqrt(np.diag(loaded.load_covariance))
+    numbers = ("least [1]", "greatest [1]", "sigma [1]", "of range [%]", "sigma of load")
+    title = f"Coefficients over the snapshots, and sigma at q_inf = {1e-3 * q:.4g} kPa"
+    table = _table(title, ("coefficient",), *numbers, last=("load",))
+    rows = zip(COEFFICIENT_NAMES, loaded.coefficient_range, std, std / scale, LOAD_NAMES, LOAD_UNITS, strict=True)
+    for name, (low, high), of_load, sigma, load, unit in rows:
+        share = f"{100.0 * sigma / (high - low):.2f}" if high - low > 1e-6 * sigma else "-"
+        values = *(_rounded(one) for one in (low, high, sigma)), share, f"{of_load:.4g} {unit}"
+        table.add_row(name, *values, load.replace("_", " "))
+    return table
+
+
+def _rounded(value: float) -> str:
+    """Return four decimals; what rounds to 0 has no sign."""
+    return f"{round(value, 4) + 0.0:.4f}"
+
+
+def _gauges(loaded: InverseMap) -> Table:
+    numbers = ("x [m]", "y [m]", "z [m]", "roll [deg]", "sigma [um/m]", "noticed bias [um/m]", "|strain| [um/m]")
+    title = "Gauges: place, noise, least bias noticed in 99 % of the cases, greatest |strain| of the snapshots"
+    table = _table(title, ("gauge",), *numbers)
+    bias = MICRO * detectable_bias(loaded)
+    for i, name in enumerate(loaded.gauge_names):
+        x, y, z = loaded.gauge_position[i]
+        roll = degrees(np.arctan2(y, z)) % 360.0
+        table.add_row(
+            escape(name),
+            *(f"{value:.4g}" for value in (x, y, z)),
+            f"{roll if roll < 360.0 - 1e-9 else 0.0:.4g}",
+            f"{MICRO * loaded.noise_std[i]:.3g}",
+            f"{bias[i]:.3g}" if np.isfinite(bias[i]) else "never",
+            f"{MICRO * loaded.strain_range[i]:.3g}",
+        )
+    return table
+
+
+def _draw(loaded: InverseMap, folder: Path) -> list[str]:
+    """Draw what the map alone tells and return the names of the files."""
+    from builder.figures.pressure import save
+    from builder.reports import build_figures
+    from builder.reports.gauge_value import gauge_value
+
+    value = gauge_value(loaded)
+    figures = {
+        "gauge_loss.png": build_figures.gauge_loss(loaded, value),
+        "pair_loss.png": build_figures.pair_loss(loaded, value),
+        "correlations.png": build_figures.correlations(loaded),
+    }
+    if loaded.case == "2":
+        values = hessian_eigenvalues(loaded)
+        figures["eigenvalues.png"] = build_figures.eigenvalues(values, loaded.regularisation)
+    for name, figure in figures.items():
+        save(figure, folder / name)
+    return list(figures)
+
+
+def _table(title: str, words: tuple[str, ...], *numbers: str, last: tuple[str, ...] = ()) -> Table:
+    """Return an empty table; headings are shown as they are, units in brackets are no markup."""
+    table = Table(title=escape(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    justified: list[tuple[str, Literal["left", "right"]]] = [
+        *((one, "left") for one in words),
+        *((one, "right") for one in numbers),
+        *((one, "left") for one in last),
+    ]
+    for heading, justify in justified:
+        table.add_column(escape(heading), justify=justify, overflow="fold")
+    return table

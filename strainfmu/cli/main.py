@@ -1,0 +1,52 @@
+"""The command ``strainfmu``.
+
+Whatever goes wrong ends in one line on standard error: exit code 2 for an input, 1 for anything else.
+Set STRAINFMU_TRACEBACK=1 to see where an error came from.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from typing import NoReturn
+
+from strainfmu.errors import StrainfmuError
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run the command line and leave the process with its exit code."""
+    try:
+        from typer.main import get_command
+
+        from strainfmu.cli.commands import app
+
+        code = get_command(app).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
+    except KeyboardInterrupt:
+        _fail("interrupted; what was finished is kept", 130)
+    except StrainfmuError as error:
+        _fail(str(error), error.exit_code)
+    except ImportError as error:
+        _fail(
+            f"'{(error.name or str(error)).partition('.')[0]}' is not installed: pip install 'strainfmu[all]'", 1
+        )
+    except OSError as error:
+        _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 1)
+    except Exception as error:
+        say = getattr(error, "format_message", None)  # a wrong option or argument
+        if say is not None and say():
+            _fail(f"{say()} Try 'strainfmu --help'.", 2)
+        if say is not None:
+            sys.exit(2)  # no arguments at all: the help has been printed
+        if type(error).__name__ == "Abort":
+            _fail("interrupted; what was finished is kept", 130)
+        _fail(f"internal error, please report it: {type(error).__name__}: {error}", 1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str, exit_code: int) -> NoReturn:
+    """Print one line and leave."""
+    if os.environ.get("STRAINFMU_TRACEBACK"):
+        traceback.print_exc()
+    print(f"strainfmu: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(exit_code)

@@ -1,0 +1,1 @@
+"""The estimator: map file, gains, masks, isolation, health, settings; the numpy reference of every FMU."""

@@ -1,0 +1,297 @@
+"""The artefact ``map.h5``: everything that turns strain into loads, and what it was made from.
+
+Model: d = m + A q + e with cov(e) = Gamma; m is the strain of the mean pressure. Case 1: A = Z V with the kept
+POD modes V, q free [Pa]. Case 2: A = Z F with the factor F of the prior covariance, q standard normal [1]. The
+estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, L L' = Gamma (Pham et al., eq.
+segmented-ls-solution). The loads are f = M q + f_mean and what the residual tells of load outside the states
+(:mod:`strainfmu.estimator.load_errors`). T and the residual whitening W follow from A, Gamma and
+gamma, and so does the estimate without any of the gauges; the file holds both, and a map in which they disagree is
+refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.innovation import estimate_gain, inverse_cholesky
+from strainfmu.estimator.load_errors import load_error_model, load_gain
+from strainfmu.records import load_record, save_record
+
+SCHEMA = "strainfmu.estimator.inverse_map"
+SCHEMA_VERSION = 3
+
+LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
+COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+
+CASES = ("1", "2")
+"""Least squares on POD modes; low-rank Gaussian prior."""
+
+_CONSISTENCY = 1e-6
+"""Largest disagreement, relative, between what the file holds twice: far above round-off, far below sigma."""
+
+
+@dataclass(frozen=True)
+class InverseMap:
+    """A finished inverse map for n_d gauges and n_q pressure states.
+
+    Loads are ordered as :data:`LOAD_NAMES` [N, N, N, N m, N m], coefficients as :data:`COEFFICIENT_NAMES`.
+
+    Attributes
+    ----------
+    vehicle : name of the vehicle and what it stands for.
+    case : "1", least squares on POD modes, or "2", low-rank Gaussian prior.
+    gauge_names : n_d names, unique.
+    gauge_position : (n_d, 3) position in body axes [m].
+    gauge_direction : (n_d, 3) unit vectors of the measured strain.
+    noise_std : (n_d,) standard deviation sigma of each gauge's noise [m/m].
+    state_operator : (n_d, n_q) A [(m/m)/state]; the unit of a state is Pa in Case 1, 1 in Case 2.
+    noise_covariance : (n_d, n_d) Gamma [1]: gauge noise and all that is marginalised, as truncated modes.
+    regularisation : gamma [1], 0 in Case 1, positive in Case 2.
+    strain_gain : (n_q, n_d) T = (A' Gamma^-1 A + gamma I)^-1 A' Gamma^-1 [state/(m/m)].
+    state_offset : (n_q,) k = -T m [state].
+    load_per_state : (5, n_q) M, G C_map V or G C_map F [N/state, N m/state].
+    load_of_mean : (5,) f_mean, loads of the mean pressure [N, N m].
+    load_covariance : (5, 5) covariance of the error of the estimated loads [(N, N m)^2].
+    mean_strain : (n_d,) m, strain of the mean pressure [m/m].
+    residual_whitening : (n_d, n_d) W [1/(m/m)]; chi-square of strain d is |W (d - m)|^2. W' W is the precision of
+        d - m under the model, (A A' + Gamma)^-1 in Case 2 whatever gamma, its limit for a free state in Case 1.
+    residual_degrees_of_freedom : expected value of that chi-square.
+    strain_range : (n_d,) largest |strain| over the snapshots [m/m].
+    coefficient_range : (5, 2) smallest and largest coefficient over the snapshots.
+    reference_area : S [m2].
+    reference_length : L [m].
+    nominal_dynamic_pressure : mean q_inf of the snapshots [Pa].
+    provenance : what the map was built from: settings, versions, hashes, the flight envelope.
+    strain_load_covariance : (n_d, 5) covariance of e with the load that no state holds, as of truncated modes
+        [m/m (N, N m)]; None where there is none.
+    field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q, or None.
+    point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
+    """
+
+    vehicle: str
+    case: str
+    gauge_names: tuple[str, ...]
+    gauge_position: FloatArray
+    gauge_direction: FloatArray
+    noise_std: FloatArray
+    state_operator: FloatArray
+    noise_covariance: FloatArray
+    regularisation: float
+    strain_gain: FloatArray
+    state_offset: FloatArray
+    load_per_state: FloatArray
+    load_of_mean: FloatArray
+    load_covariance: FloatArray
+    mean_strain: FloatArray
+    residual_whitening: FloatArray
+    residual_degrees_of_freedom: int
+    strain_range: FloatArray
+    coefficient_range: FloatArray
+    reference_area: float
+    reference_length: float
+    nominal_dynamic_pressure: float
+    provenance: dict[str, Any] = field(default_factory=dict)
+    strain_load_covariance: FloatArray | None = None
+    field_mean: NDArray[np.float32] | None = None
+    field_modes: NDArray[np.float32] | None = None
+    point: NDArray[np.float32] | None = None
+    triangle: NDArray[np.int32] | None = None
+
+    def __post_init__(self) -> None:
+        _check_arrays(self)
+        _check_field(self)
+        _check_values(self)
+        try:
+            _check_consistency(self)
+        except InputError as error:
+            raise InputError(f"inverse map: {error}") from error
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return len(self.gauge_names)
+
+    @cached_property
+    def load_gain(self) -> FloatArray:
+        """(5, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
+        return load_gain(
+            self.load_per_state,
+            self.strain_gain,
+            self.state_operator,
+            self.noise_covariance,
+            self.strain_load_covariance,
+        )
+
+
+def _check_arrays(inverse_map: InverseMap) -> None:
+    """Check shapes, and that every number is finite."""
+    n_d, n_q = len(inverse_map.gauge_names), len(inverse_map.state_offset)
+    expected = {
+        "gauge_position": (n_d, 3),
+        "gauge_direction": (n_d, 3),
+        "noise_std": (n_d,),
+        "state_operator": (n_d, n_q),
+        "noise_covariance": (n_d, n_d),
+        "strain_gain": (n_q, n_d),
+        "state_offset": (n_q,),
+        "load_per_state": (5, n_q),
+        "load_of_mean": (5,),
+        "load_covariance": (5, 5),
+        "mean_strain": (n_d,),
+        "residual_whitening": (n_d, n_d),
+        "strain_range": (n_d,),
+        "coefficient_range": (5, 2),
+    }
+    if inverse_map.strain_load_covariance is not None:
+        expected["strain_load_covariance"] = (n_d, 5)
+    for name, shape in expected.items():
+        value = getattr(inverse_map, name)
+        if value.shape != shape:
+            raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"inverse map: {name} holds values that are not finite")
+
+
+def _check_field(inverse_map: InverseMap) -> None:
+    """Check the pressure field: all of it or nothing."""
+    parts = {name: getattr(inverse_map, name) for name in ("field_mean", "field_modes", "point", "triangle")}
+    missing = [name for name, value in parts.items() if value is None]
+    if len(missing) == len(parts):
+        return
+    if missing:
+        raise InputError(f"inverse map: {', '.join(missing)} missing, the pressure field needs {', '.join(parts)}")
+    n_p, n_t = len(parts["field_mean"]), len(parts["triangle"])
+    shapes = ((n_p,), (n_p, len(inverse_map.state_offset)), (n_p, 3), (n_t, 3))
+    for (name, value), shape in zip(parts.items(), shapes, strict=True):
+        if value.shape != shape:
+            raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"inverse map: {name} holds values that are not finite")
+    if n_t and not (parts["triangle"].min() >= 0 and parts["triangle"].max() < n_p):
+        raise InputError(f"inverse map: triangle names nodes outside 0 .. {n_p - 1}")
+
+
+def _check_values(inverse_map: InverseMap) -> None:
+    """Check what must be positive, named once, or one of a few."""
+    for name in ("reference_area", "reference_length", "nominal_dynamic_pressure"):
+        if not 0.0 < getattr(inverse_map, name) < np.inf:
+            raise InputError(f"inverse map: {name} is {getattr(inverse_map, name)}, must be positive")
+    n_d, n_q = len(inverse_map.gauge_names), len(inverse_map.state_offset)
+    if len(set(inverse_map.gauge_names)) != n_d or n_d == 0:
+        raise InputError("inverse map: gauge_names must hold at least one name and none twice")
+    if not np.all(inverse_map.noise_std > 0.0):
+        raise InputError("inverse map: noise_std must be positive")
+    if not np.all(np.diag(inverse_map.load_covariance) > 0.0):
+        raise InputError("inverse map: load_covariance must have positive variances")
+    if inverse_map.case not in CASES:
+        raise InputError(f"inverse map: case is '{inverse_map.case}', must be one of {', '.join(CASES)}")
+    gamma, free = inverse_map.regularisation, inverse_map.case == "1"
+    if not (gamma == 0.0 if free else 0.0 < gamma < np.inf):
+        wanted = "0" if free else "positive"
+        raise InputError(f"inverse map: regularisation is {gamma}, must be {wanted} in Case {inverse_map.case}")
+    freedom = n_d - n_q if free else n_d
+    if freedom < 1:
+        raise InputError(f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more")
+    if inverse_map.residual_degrees_of_freedom != freedom:
+        raise InputError(
+            f"inverse map: residual_degrees_of_freedom is {inverse_map.residual_degrees_of_freedom}, "
+            f"must be {freedom}"
+        )
+
+
+def _check_consistency(inverse_map: InverseMap) -> None:
+    """Check T, k and W against A, Gamma, gamma and m."""
+    a, gamma = inverse_map.state_operator, inverse_map.noise_covariance
+    if not np.all(np.diag(gamma) >= (1.0 - _CONSISTENCY) * inverse_map.noise_std**2):
+        raise InputError("noise_covariance has variances below noise_std squared, must hold the gauge noise")
+    whitening = inverse_cholesky(gamma)
+    gain = inverse_map.strain_gain
+    # In the norm of the noise that T lets through.
+    error, size = (
+        np.linalg.norm(np.linalg.solve(whitening, t.T), axis=0)
+        for t in (gain - estimate_gain(a, gamma, inverse_map.regularisation), gain)
+    )
+    # Under a prior the gain of a state that no gauge sees is round-off.
+    if not np.all(error <= _CONSISTENCY * (size if inverse_map.case == "1" else np.maximum(size, 1e-3))):
+        raise InputError("strain_gain is not that of state_operator, noise_covariance and regularisation")
+    offset_error = np.abs(inverse_map.state_offset + gain @ inverse_map.mean_strain)
+    if not np.all(offset_error <= _CONSISTENCY * (np.abs(gain) @ np.abs(inverse_map.mean_strain))):
+        raise InputError("state_offset is not -strain_gain mean_strain")
+    w, freedom = inverse_map.residual_whitening, inverse_map.residual_degrees_of_freedom
+    of_states = w @ a
+    expected = float(np.sum((w @ np.linalg.inv(whitening)) ** 2))
+    if inverse_map.case == "2":
+        expected += float(np.sum(of_states**2))
+    elif not np.all(np.linalg.norm(of_states, axis=0) <= _CONSISTENCY * np.linalg.norm(whitening @ a, axis=0)):
+        raise InputError("residual_whitening sees the states, must be blind to state_operator")
+    if not abs(expected - freedom) <= _CONSISTENCY * freedom:
+        raise InputError(
+            f"residual_whitening gives chi-square a mean of {expected:.6g}, must be {freedom} (degrees of freedom)"
+        )
+    load_error_model(
+        inverse_map.load_covariance,
+        a,
+        gamma,
+        inverse_map.load_per_state,
+        inverse_map.load_gain,
+        inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == "2",
+    )
+
+
+def _units(case: str) -> dict[str, str]:
+    """Return the unit of each field; a state is a pressure in Case 1 and a number in Case 2."""
+    state = "Pa" if case == "1" else "1"
+    return {
+        "gauge_position": "m",
+        "gauge_direction": "1",
+        "noise_std": "m/m",
+        "state_operator": f"(m/m)/{state}",
+        "noise_covariance": "(m/m)^2",
+        "strain_gain": f"{state}/(m/m)",
+        "state_offset": state,
+        "load_per_state": f"N/{state}, N.m/{state}",
+        "load_of_mean": "N, N.m",
+        "load_covariance": "(N, N.m)^2",
+        "mean_strain": "m/m",
+        "residual_whitening": "1/(m/m)",
+        "strain_range": "m/m",
+        "coefficient_range": "1",
+        "reference_area": "m2",
+        "reference_length": "m",
+        "nominal_dynamic_pressure": "Pa",
+        "strain_load_covariance": "(m/m) (N, N.m)",
+        "field_mean": "Pa",
+        "field_modes": f"Pa/{state}",
+        "point": "m",
+    }
+
+
+def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
+    """Write ``inverse_map`` to ``path`` atomically and return its content hash.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+    return save_record(inverse_map, path, SCHEMA, SCHEMA_VERSION, _units(inverse_map.case))
+
+
+def load_inverse_map(path: Path) -> InverseMap:
+    """Read and check a map.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    return load_record(InverseMap, path, SCHEMA, SCHEMA_VERSION)

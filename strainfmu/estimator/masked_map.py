@@ -1,0 +1,89 @@
+"""All that a step needs of an inverse map, for the gauges that are valid: computed once per set of gauges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.isolation import ambiguous_groups, correlations, inverse_root, outlier_threshold
+from strainfmu.estimator.load_errors import load_error_covariance
+from strainfmu.estimator.map_parts import MapParts
+from strainfmu.estimator.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
+
+
+@dataclass(frozen=True)
+class MaskedMap:
+    """An inverse map for the gauges that are valid, ready for the loop; columns of the others are zero.
+
+    Attributes
+    ----------
+    valid : (n_d,) gauges in use.
+    load_gain : (5, n_d) loads per strain [N, N m].
+    load_covariance : (5, 5) [(N, N m)^2].
+    loads_std : (5,) roots of its diagonal.
+    whitening : (n_d, n_d) W [1/(m/m)].
+    z_whitening : (n_d, n_d) z of the whitened residual [1].
+    degrees_of_freedom : of the residual.
+    chi_square_limit : its alarm level.
+    outlier_threshold : alarm level of the largest |z|.
+    ambiguous_groups : gauges, by index, that cannot be told apart.
+    """
+
+    valid: BoolArray
+    load_gain: FloatArray
+    load_covariance: FloatArray
+    loads_std: FloatArray
+    whitening: FloatArray
+    z_whitening: FloatArray
+    degrees_of_freedom: int
+    chi_square_limit: float
+    outlier_threshold: float
+    ambiguous_groups: tuple[tuple[int, ...], ...]
+
+
+def complete_map(parts: MapParts) -> MaskedMap:
+    """Return the matrices for all gauges."""
+    everything = np.ones(parts.inverse_map.n_gauges, dtype=bool)
+    return _ready(parts, everything, parts.load_gain, parts.inverse_map.load_covariance.copy())
+
+
+def masked_map(parts: MapParts, valid: BoolArray) -> MaskedMap | None:
+    """Return the matrices for the gauges ``valid`` (n_d,); None if they do not identify the state.
+
+    In Case 2 the prior identifies the state, with any gauge at all; without gauges there is no estimate.
+    """
+    if not valid.any():
+        return None
+    if parts.inverse_map.case == "1":
+        share = information_left(parts.gain_whitening, parts.noise_whitening, ~valid)
+        if share < LEAST_INFORMATION:
+            return None
+    gain = masked_gain(parts.load_gain, parts.gain_whitening, ~valid)
+    return _ready(parts, valid, gain, load_error_covariance(parts.error_model, gain))
+
+
+def _ready(parts: MapParts, valid: BoolArray, load_gain: FloatArray, load_covariance: FloatArray) -> MaskedMap:
+    """Add the statistics of health to the gain for the gauges ``valid``."""
+    whitening = masked_whitening(parts.inverse_map.residual_whitening, ~valid)
+    freedom = parts.inverse_map.residual_degrees_of_freedom - int(np.sum(~valid))
+    precision = whitening.T @ whitening
+    # Less than this is round-off: no other gauge checks this one.
+    least = LEAST_INFORMATION * np.sum(parts.noise_whitening**2, axis=0)
+    ready = MaskedMap(
+        valid,
+        load_gain,
+        load_covariance,
+        np.sqrt(np.diag(load_covariance)),
+        whitening,
+        inverse_root(np.diag(precision), least)[:, None] * whitening.T,
+        freedom,
+        chi_square_limit(freedom) if freedom > 0 else np.inf,
+        outlier_threshold(int(valid.sum()), FALSE_ALARM_PROBABILITY),
+        ambiguous_groups(correlations(precision, least)),
+    )
+    for array in (valid, ready.loads_std, load_covariance):  # handed out with every estimate
+        array.flags.writeable = False
+    return ready

@@ -1,0 +1,67 @@
+"""What of an estimator may be set without another map: sensor range, alarm level, references."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap
+
+SENSOR_RANGE = 0.05
+"""|strain| [m/m] that foil gauges stand, 5 %: what reads more is broken. Amplifiers often end far earlier."""
+
+LARGEST_SENSOR_RANGE = 1e100
+"""Strain [m/m] above which its square could overflow."""
+
+LARGEST_SETTING = 1e100
+"""Bound on every other setting, in its unit, so that no product with loads overflows."""
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """Settings of an estimator.
+
+    Attributes
+    ----------
+    reference_area : S [m2] that coefficients are referred to.
+    reference_length : L [m] that moment coefficients are referred to besides.
+    moment_station : x [m] of the moment point on the axis, aft from the nose tip.
+    sensor_range : largest |strain| of a working gauge [m/m].
+    alarm_scale : factor on the alarm level of chi-square, and on the square of that of the largest |z| [1]. 4 is
+        twice the noise in every gauge before the same share of false alarms.
+    """
+
+    reference_area: float
+    reference_length: float
+    moment_station: float
+    sensor_range: float = SENSOR_RANGE
+    alarm_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            fault = setting_fault(entry.name, getattr(self, entry.name))
+            if fault:
+                raise InputError(fault)
+
+
+def setting_fault(name: str, value: float) -> str:
+    """Return what is wrong with ``value`` for the setting ``name``, in one line; "" if nothing is."""
+    if name == "moment_station":
+        if isfinite(value) and abs(value) <= LARGEST_SETTING:
+            return ""
+        return f"{name}: {value} found, must be between {-LARGEST_SETTING:g} and {LARGEST_SETTING:g}"
+    largest = LARGEST_SENSOR_RANGE if name == "sensor_range" else LARGEST_SETTING
+    return "" if 0.0 < value <= largest else f"{name}: {value} found, must be positive and at most {largest:g}"
+
+
+def default_settings(inverse_map: InverseMap) -> EstimatorSettings:
+    """Return the settings that ``inverse_map`` was built with.
+
+    A map that does not say where its moment point is counts stations from that point.
+    """
+    return EstimatorSettings(
+        inverse_map.reference_area,
+        inverse_map.reference_length,
+        float(inverse_map.provenance.get("moment_station_m", 0.0)),
+    )

@@ -1,0 +1,73 @@
+"""Where a map holds: the ranges that its snapshots cover, each with its unit as a user reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from strainfmu.flight_condition import FlightCondition
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.inverse_map import InverseMap
+
+
+@dataclass(frozen=True)
+class ValidRange:
+    """A quantity from ``least`` to ``greatest`` [``unit``]; they are equal where it was held."""
+
+    quantity: str
+    least: float
+    greatest: float
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """The range as one text, with its unit."""
+        least, greatest = f"{self.least:.6g}", f"{self.greatest:.6g}"
+        numbers = least if least == greatest else f"{least} to {greatest}"
+        return numbers if self.unit == "1" else f"{numbers} {self.unit}"
+
+
+_OF_CONDITIONS = (
+    ("Mach number", "mach_number", "1", 1.0),
+    ("angle of attack", "angle_of_attack_deg", "deg", 1.0),
+    ("sideslip angle", "sideslip_angle_deg", "deg", 1.0),
+    ("altitude", "altitude_m", "km", 1e-3),
+    ("dynamic pressure", "dynamic_pressure_Pa", "kPa", 1e-3),
+)
+"""Quantity, its name in a map's provenance, unit for the reader, factor to that unit."""
+
+
+def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
+    """Return least and greatest of each quantity over ``conditions``, by its name in a map's provenance."""
+    values = {
+        "mach_number": [c.mach_number for c in conditions],
+        "angle_of_attack_deg": [degrees(c.angle_of_attack) for c in conditions],
+        "sideslip_angle_deg": [degrees(c.sideslip_angle) for c in conditions],
+        "altitude_m": [c.altitude for c in conditions],
+        "dynamic_pressure_Pa": [c.dynamic_pressure for c in conditions],
+    }
+    return {name: [min(found), max(found)] for name, found in values.items()}
+
+
+def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
+    """Return what :func:`condition_ranges` found, for a reader; quantities that are not there are left out."""
+    return [
+        ValidRange(quantity, factor * ranges[name][0], factor * ranges[name][1], unit)
+        for quantity, name, unit, factor in _OF_CONDITIONS
+        if name in ranges
+    ]
+
+
+def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
+    """Return flight conditions and strains that the snapshots of ``inverse_map`` cover."""
+    names = [name for _, name, _, _ in _OF_CONDITIONS]
+    held = {name: inverse_map.provenance[name] for name in names if name in inverse_map.provenance}
+    # Earlier maps hold the altitude as one number.
+    ranges = {name: value if isinstance(value, list) else [value, value] for name, value in held.items()}
+    strain = 1e6 * float(np.max(inverse_map.strain_range))
+    return [*valid_conditions(ranges), ValidRange("|strain| of the gauge that strains most", 0.0, strain, "um/m")]

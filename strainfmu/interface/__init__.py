@@ -1,0 +1,1 @@
+"""The variables of every FMU: names, types, units, value references."""

@@ -1,0 +1,327 @@
+"""The interface of the estimator FMU: every variable described once.
+
+:func:`estimator_interface` gives the variables in the order of ``ModelVariables`` of FMI 2.0, scalar by scalar;
+the value reference of a variable is its place in that order. :func:`estimator_arrays` turns the list into that of
+FMI 3.0. The model descriptions, the documentation page and the FMUs' code all follow these lists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import atan2, degrees
+from typing import TYPE_CHECKING
+
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.step import LoadEstimate
+
+LOADS = {
+    "force.axial": ("Axial force, positive aft, fore-body", "N"),
+    "force.normal": ("Normal force, positive up", "N"),
+    "force.side": ("Side force, positive to starboard", "N"),
+    "moment.pitch": ("Pitching moment, positive nose-up", "N.m"),
+    "moment.yaw": ("Yawing moment, positive nose to starboard", "N.m"),
+}
+HEALTH_TYPE = "HealthState"
+
+HEALTH_ITEMS = (
+    (HealthState.OK, "Strains and dynamic pressure are valid and the residual is as expected"),
+    (
+        HealthState.INCONSISTENT,
+        "The residual's chi-square is above its limit: the strains fit no known pressure",
+    ),
+    (
+        HealthState.NO_COEFFICIENTS,
+        "Dynamic pressure is below 1e-6 Pa or not finite, or its deviation impossible: no coefficients",
+    ),
+    (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
+    (HealthState.DEGRADED, "Gauges are missing, the others identify the state: sigma has grown accordingly"),
+    (
+        HealthState.UNIDENTIFIED,
+        "Gauges are missing, the others do not identify the state: nothing is computed",
+    ),
+    (HealthState.SUSPECT, "The chi-square is in order, but one gauge does not fit the others"),
+)
+
+PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
+"""Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
+
+
+def valid_names(n_gauges: int) -> tuple[str, ...]:
+    """Return ``valid[1]`` .. ``valid[n]``."""
+    return tuple(f"valid[{i}]" for i in range(1, n_gauges + 1))
+
+
+def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return the variables of the estimator FMU in the order of their value references.
+
+    Outputs come first, the coefficients before all others, because FMI tools plot what comes first. A gauge that
+    goes invalid changes the gain, so that every output depends on every strain and on every ``valid``.
+    """
+    gauges = (*strain_names(inverse_map.n_gauges), *valid_names(inverse_map.n_gauges))
+    return (
+        *_estimated_coefficients(inverse_map, gauges),
+        *_estimated_loads(inverse_map, gauges),
+        *_health(inverse_map, gauges),
+        *_gauge_inputs(inverse_map),
+        *_flow_inputs(inverse_map),
+        *_parameters(inverse_map),
+    )
+
+
+def output_values(estimate: LoadEstimate) -> list[float]:
+    """Return the outputs of ``estimate`` in the order of their value references."""
+    return [
+        *estimate.coefficients.tolist(),
+        *estimate.coefficients_std.tolist(),
+        *estimate.loads.tolist(),
+        *estimate.loads_std.tolist(),
+        float(estimate.health),
+        estimate.chi_square,
+        estimate.chi_square_limit,
+        float(estimate.valid.sum()),
+        float(estimate.suspects[0] + 1) if estimate.suspects else 0.0,
+        float(len(estimate.suspects)),
+    ]
+
+
+def estimator_arrays(interface: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return the variables of the FMI 3.0 estimator in the order of their value references."""
+    return with_arrays(interface, ARRAYS)
+
+
+ARRAYS = {
+    "coefficients": "C_A, C_N, C_Y, M_P, M_Y: force coefficients axial, normal, side; moment pitching, yawing",
+    "sigma.coefficients": "Standard deviations of the coefficients, same order",
+    "force": "Axial (positive aft, fore-body), normal (up) and side (to starboard) force",
+    "moment": "Pitching (positive nose-up) and yawing (nose to starboard) moment",
+    "sigma.force": "Standard deviations of the forces, same order",
+    "sigma.moment": "Standard deviations of the moments, same order",
+    "strain": "Strain of each gauge; names and places in the documentation",
+    "valid": "Whether each gauge may be used; same order as strain",
+}
+
+
+def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
+    """Return strain and validity of every gauge.
+
+    Strains have no minimum and no maximum: what lies beyond the sensor range is a state of health, not an error.
+    """
+    strains = [
+        Variable(
+            f"strain[{i}]",
+            f"Strain of gauge {gauge} at x = {x:.4g} m, roll angle {degrees(atan2(y, z)) % 360.0:.4g} deg",
+            "input",
+            unit="1",
+            display_unit="um/m",
+            nominal=_nominal(strain_range, noise),
+            start=0.0,
+            array="strain",
+        )
+        for i, (gauge, (x, y, z), strain_range, noise) in enumerate(
+            zip(
+                inverse_map.gauge_names,
+                inverse_map.gauge_position,
+                inverse_map.strain_range,
+                inverse_map.noise_std,
+                strict=True,
+            ),
+            start=1,
+        )
+    ]
+    valid = [
+        Variable(
+            f"valid[{i}]",
+            f"Whether gauge {gauge} may be used",
+            "input",
+            "discrete",
+            "Boolean",
+            start=True,
+            array="valid",
+        )
+        for i, gauge in enumerate(inverse_map.gauge_names, start=1)
+    ]
+    return [*strains, *valid]
+
+
+def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
+    """Return dynamic pressure and its uncertainty."""
+    nominal = inverse_map.nominal_dynamic_pressure
+    return [
+        Variable(
+            "dynamic_pressure",
+            "Free-stream dynamic pressure; turns loads into coefficients",
+            "input",
+            unit="Pa",
+            display_unit="kPa",
+            nominal=nominal,
+            minimum=0.0,
+            start=nominal,
+        ),
+        Variable(
+            "dynamic_pressure_std",
+            "Standard deviation of the error of dynamic_pressure; widens sigma of the coefficients",
+            "input",
+            unit="Pa",
+            display_unit="kPa",
+            nominal=nominal,
+            minimum=0.0,
+            start=0.0,
+        ),
+    ]
+
+
+def _parameters(inverse_map: InverseMap) -> list[Variable]:
+    """Return the tunable parameters; their ranges are those that the estimator refuses to leave."""
+    default = default_settings(inverse_map)
+    smallest = 1e-300  # above 0, which is refused; FMI's minimum is a value that is allowed
+    rows = (
+        ("sensor_range", "Largest |strain| of a working gauge; one beyond it is left out", "1", "um/m"),
+        ("alarm_scale", "Factor on the limit of chi-square, and on the square of that of one gauge", "1", None),
+        ("reference_area", "Area S that coefficients are referred to", "m2", None),
+        ("reference_length", "Length L that moment coefficients are referred to besides", "m", None),
+        ("moment_station", "Station x of the moment point, aft from the nose tip", "m", None),
+    )
+    return [
+        Variable(
+            name,
+            text,
+            "parameter",
+            "tunable",
+            unit=unit,
+            display_unit=shown,
+            minimum=-LARGEST_SETTING if name == "moment_station" else smallest,
+            maximum=LARGEST_SENSOR_RANGE if name == "sensor_range" else LARGEST_SETTING,
+            start=getattr(default, name),
+        )
+        for name, text, unit, shown in rows
+    ]
+
+
+def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
+    """Return the five coefficients and their standard deviations."""
+    nominals = [_nominal(max(abs(low), abs(high))) for low, high in inverse_map.coefficient_range]
+    of_force = ("sensor_range", "reference_area")
+    of_moment = (*of_force, "reference_length", "moment_station")
+    values = [
+        Variable(
+            name,
+            text,
+            "output",
+            unit="1",
+            nominal=nominal,
+            depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+            initially_depends_on=of_moment if name.startswith("M_") else of_force,
+            array="coefficients",
+        )
+        for (name, text), nominal in zip(COEFFICIENTS.items(), nominals, strict=True)
+    ]
+    deviations = [
+        replace(
+            value,
+            name=f"sigma.{value.name}",
+            description=f"Standard deviation of {value.name}",
+            nominal=None,
+            minimum=0.0,
+            array="sigma.coefficients",
+        )
+        for value in values
+    ]
+    return [*values, *deviations]
+
+
+def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
+    """Return the five forces and moments and their standard deviations."""
+    area, length = inverse_map.reference_area, inverse_map.reference_length
+    scale = inverse_map.nominal_dynamic_pressure * area
+    values = [
+        Variable(
+            name,
+            text,
+            "output",
+            unit=unit,
+            display_unit=f"k{unit}",
+            nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
+            depends_on=gauges,
+            initially_depends_on=("sensor_range", "moment_station") if unit == "N.m" else ("sensor_range",),
+            array=name.partition(".")[0],
+        )
+        for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
+    ]
+    deviations = [
+        replace(
+            value,
+            name=f"sigma.{value.name}",
+            description=f"Standard deviation of {value.name}",
+            nominal=None,
+            minimum=0.0,
+            array=f"sigma.{value.array}",
+        )
+        for value in values
+    ]
+    return [*values, *deviations]
+
+
+def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
+    """Return what tells how far the estimate may be believed."""
+    freedom, n = inverse_map.residual_degrees_of_freedom, inverse_map.n_gauges
+    alarms = ("sensor_range", "alarm_scale")
+    state = Variable(
+        "health.state",
+        "State of the estimate",
+        "output",
+        "discrete",
+        "Enumeration",
+        declared_type=HEALTH_TYPE,
+        depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+        initially_depends_on=alarms,
+    )
+    chi_square = Variable(
+        "health.chi_square",
+        f"Chi-square of the residual, {freedom} expected with all gauges",
+        "output",
+        unit="1",
+        nominal=_nominal(freedom),
+        minimum=0.0,
+        depends_on=gauges,
+        initially_depends_on=("sensor_range",),
+    )
+    limit = replace(
+        chi_square,
+        name="health.chi_square_limit",
+        description="Alarm level of the chi-square: 1 false alarm in 10,000, times alarm_scale",
+        initially_depends_on=alarms,
+    )
+    counts = [
+        Variable(
+            f"health.{name}",
+            text,
+            "output",
+            "discrete",
+            "Integer",
+            minimum=0,
+            maximum=n,
+            depends_on=gauges,
+            initially_depends_on=parameters,
+        )
+        for name, text, parameters in (
+            ("valid_gauges", "Number of gauges in use", ("sensor_range",)),
+            (
+                "suspect_gauge",
+                "Number, from 1, of the first gauge that does not fit; 0 for none",
+                alarms,
+            ),
+            ("suspects", "How many gauges share that suspicion because they cannot be told apart", alarms),
+        )
+    ]
+    return [state, chi_square, limit, *counts]
+
+
+def _nominal(*candidates: float) -> float | None:
+    """Return the first positive candidate: FMI tools scale by nominal, so zero is never one."""
+    return next((float(value) for value in candidates if value > 0.0), None)

@@ -1,0 +1,84 @@
+"""The results of a replayed CAN log, written as estimates are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.tools.replay import ReplaySummary, replay_log
+from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
+from strainfmu.recorded.steps import open_step
+
+LOG_COLUMNS = (
+    *ESTIMATE_COLUMNS,
+    ("quality", "1"),
+    ("causes", "1"),
+    ("age", "s"),
+    ("counter", "1"),
+    ("sample_time", "tick"),
+)
+"""Columns of a replay's output."""
+
+_BLOCK = 2000
+
+
+def estimate_log(
+    source: Path,
+    log: Path,
+    output: Path,
+    options: Callable[[BridgeOptions | None], BridgeOptions],
+    progress: Callable[[int, int], None] | None = None,
+) -> ReplaySummary:
+    """Replay ``log`` with the FMU or map ``source`` and write every result to ``output``.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`~strainfmu.can.tools.replay.replay_log`.
+    """
+    check_output(output)
+    with open_step(source) as ready, estimate_writer(output, LOG_COLUMNS) as writer:
+        rows = _Rows(writer)
+        summary = replay_log(log, source, ready.step, ready.gauge_names, options, rows.add, progress)
+        rows.flush()
+    return summary
+
+
+class _Rows:
+    """Collects results and writes them block by block."""
+
+    def __init__(self, writer: EstimateWriter) -> None:
+        self._writer = writer
+        self._rows: list[list[float]] = []
+
+    def add(self, result: CycleResult) -> None:
+        self._rows.append(_row(result))
+        if len(self._rows) == _BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        if self._rows:
+            self._writer.write(np.array(self._rows))
+            self._rows.clear()
+
+
+def _row(result: CycleResult) -> list[float]:
+    nan = float("nan")
+    return [
+        result.time,
+        *result.coefficients.tolist(),
+        *result.coefficients_std.tolist(),
+        result.dynamic_pressure,
+        result.chi_square,
+        nan if result.health is None else result.health,
+        int(result.valid.sum()),
+        int(result.quality),
+        int(result.causes),
+        result.age,
+        nan if result.counter is None else result.counter,
+        nan if result.sample_time is None else result.sample_time,
+    ]

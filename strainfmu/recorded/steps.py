@@ -1,0 +1,52 @@
+"""One step of an estimator, be it an FMU or a map: strains and dynamic pressure in, coefficients out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from strainfmu.arrays import FloatArray
+from strainfmu.can.cycle.result import Step, StepResult
+from strainfmu.errors import InputError
+
+
+@dataclass(frozen=True)
+class ReadyStep:
+    """A step, and the names of its gauges in the order of its strains."""
+
+    step: Step
+    gauge_names: tuple[str, ...]
+
+
+@contextmanager
+def open_step(source: Path) -> Iterator[ReadyStep]:
+    """Load an estimator FMU or an inverse map; free it at the end.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or neither.
+    StrainfmuError
+        The FMU cannot be loaded on this machine.
+    """
+    if source.suffix.lower() == ".fmu":
+        from strainfmu.can.cycle.fmu_step import FmuStep
+
+        with FmuStep(source) as fmu:
+            yield ReadyStep(fmu, fmu.gauge_names)
+        return
+    if source.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputError(f"{source}: an estimator FMU (X.fmu) or an inverse map (map.h5) wanted")
+    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.step import Estimator
+
+    inverse_map = load_inverse_map(source)
+    estimator = Estimator(inverse_map)
+
+    def step(strain: FloatArray, dynamic_pressure: float, step_size: float) -> StepResult:
+        found = estimator.estimate(strain, dynamic_pressure)
+        return StepResult(found.coefficients, found.coefficients_std, int(found.health), found.chi_square)
+
+    yield ReadyStep(step, tuple(inverse_map.gauge_names))
