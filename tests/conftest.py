@@ -9,11 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from synthetic_vehicle import SyntheticFiles, make_synthetic_files
 
 from strainfmu.cli.main import main
 
 # Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+pytest_plugins = ["coarse_vehicle"]
 
 OGIVE = Path(__file__).parent / "acceptance" / "ogive" / "ogive.toml"
 
@@ -74,3 +77,9 @@ def ogive_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ogive") / "demo"
     (folder.parent / "printed.txt").write_text(_demo(folder, "--vehicle", str(OGIVE)), encoding="utf-8")
     return folder
+
+
+@pytest.fixture(scope="session")
+def synthetic(tmp_path_factory: pytest.TempPathFactory) -> SyntheticFiles:
+    """Return the paths of synthetic maps, a flight model, a trajectory and FMUs of them."""
+    return make_synthetic_files(tmp_path_factory.mktemp("synthetic"))

@@ -16,9 +16,6 @@ from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
-ENGINE_NAMES = ("euler", "newtonian", "table")
-"""Names at the user's edge; :data:`builder.aero.engines.ENGINES` makes them."""
-
 FlowKey = tuple[float, ...]
 """What tells one flow from another: conditions with equal keys share one solution."""
 

@@ -61,9 +61,10 @@ def make_engine(
 
 
 def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, note: Note) -> Engine:
+    from builder.aero.euler.marching_grid import marching_grid_of
     from builder.aero.euler_engine import EulerEngine
 
-    grid = resolution.marching_grid if grid_level is None else _level(grid_level)
+    grid = marching_grid_of(resolution) if grid_level is None else _level(grid_level)
     return EulerEngine(vehicle.body(), grid, own_surface(vehicle, resolution))
 
 

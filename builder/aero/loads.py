@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 
 # Gauss-Legendre on 0..1: exact for the cubic integrands of linear pressure on a linear meridian.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _POINTS, _WEIGHTS = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS
-
-
-@dataclass(frozen=True)
-class ReferenceQuantities:
-    """What coefficients are referred to: S [m2], L [m] and the moment point on the axis [m from the tip]."""
-
-    area: float
-    length: float
-    moment_station: float
 
 
 def load_operator(grid: SurfaceGrid, moment_station: float) -> FloatArray:

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 from builder.aero.engine import Engine, Flow, FlowKey
-from builder.aero.loads import ReferenceQuantities
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
 from builder.reporting import Reporter
 from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import fingerprint

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.engine import Flow
-from builder.aero.loads import ReferenceQuantities, coefficient_scale, load_operator
+from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
 from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically

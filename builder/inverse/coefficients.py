@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.loads import ReferenceQuantities, coefficient_scale
+from builder.aero.loads import coefficient_scale
 from builder.inverse.noise_model import NoiseModel
 from builder.inverse.state_map import StateMap
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.load_errors import load_gain, residual_load_gain
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from builder.inverse.case_1 import least_squares_map, relative_condition
 from builder.inverse.case_2 import gaussian_map, whitened_spectrum
-from builder.inverse.gamma_rules import Rule
 from builder.inverse.noise_model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.prior import prior_of_modes, prior_of_snapshots
 from builder.inverse.regularisation import expected_data, select_gamma
 from builder.inverse.state_map import StateMap
+from builder.vehicle.gamma_rules import Rule
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

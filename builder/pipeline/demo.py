@@ -21,7 +21,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import load_snapshots
 from builder.figures import pressure as figures
-from builder.pipeline.build import check_noise
+from builder.inverse.build import check_noise
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.pipeline.map_stages import make_map

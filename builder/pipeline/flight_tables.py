@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.loads import load_operator
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
@@ -41,7 +42,7 @@ def truth_engine(vehicle: Vehicle) -> EulerEngine:
     settings = vehicle.resolution.truth
     body = vehicle.body()
     surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
-    return EulerEngine(body, settings.marching_grid, surface)
+    return EulerEngine(body, marching_grid_of(settings), surface)
 
 
 def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:

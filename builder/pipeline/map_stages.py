@@ -16,7 +16,7 @@ from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.pipeline.build import AnyStructure, build_inverse_map, check_noise
+from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
 from builder.pipeline.stages import Chain
 from builder.reporting import Reporter
 from builder.reports import build_page

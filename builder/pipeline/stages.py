@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from builder.campaign.snapshots import Snapshots
-from builder.pipeline.build import AnyStructure
+from builder.inverse.build import AnyStructure
 from builder.reporting import Reporter
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace

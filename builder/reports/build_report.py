@@ -9,9 +9,9 @@ import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import AnyStructure, inverse_problem
 from builder.inverse.noise_model import NoiseShare, NoiseTerm
 from builder.inverse.solution import Solution, solve
-from builder.pipeline.build import AnyStructure, inverse_problem
 from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.exclusions import exclusions
 from builder.reports.gamma_choice import GammaChoice, gamma_choice
@@ -88,7 +88,7 @@ def build_report(
     Raises
     ------
     InputError
-        As :func:`builder.pipeline.build.build_inverse_map`; the map was built from something else, or the surface
+        As :func:`builder.inverse.build.build_inverse_map`; the map was built from something else, or the surface
         has too few nodes to tell its symmetries apart.
     """
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)

@@ -9,11 +9,11 @@ import numpy as np
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.inverse.case_2 import GaussianMap, gaussian_map
 from builder.inverse.coefficients import load_error_covariance
-from builder.inverse.gamma_rules import RULES
 from builder.inverse.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
 from builder.reports.symmetry_classes import class_shares, mirror_operators
+from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

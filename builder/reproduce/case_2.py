@@ -9,13 +9,13 @@ import numpy as np
 from builder.aero.loads import load_operator
 from builder.inverse.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 from builder.inverse.field import data_informed_modes, project_on_modes
-from builder.inverse.gamma_rules import RULES, Rule
 from builder.inverse.prior import LowRankPrior
 from builder.inverse.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
 from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
 from builder.reproduce.setups import SetUp
+from builder.vehicle.gamma_rules import RULES, Rule
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads import ReferenceQuantities, coefficient_scale, load_operator
+from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import area_weights
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_SHARE, P1, P2
 from builder.reproduce.readings import SHIPPED
 from builder.reproduce.strain_models import StrainModel
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

@@ -14,6 +14,7 @@ from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.gauge_placement import gauge_layout
 from builder.structure.solid.displaced_gauges import displaced_gauges
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.mesh_choice import MeshChoice
@@ -22,7 +23,7 @@ from builder.structure.solid.solid_mesh import SUPPORT
 from builder.structure.solid.supports import Clamped, Foundation, Support
 from builder.structure.wall import Material, Wall
 from builder.vehicle.file import GaugeLayoutEntry, GaugeRow, Resolution, Vehicle
-from builder.vehicle.gauge_layout import GaugeLayout, gauge_layout
+from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

@@ -23,18 +23,19 @@ from pydantic import (
     model_validator,
 )
 
-from builder.aero.engine import ENGINE_NAMES
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.loads import ReferenceQuantities
 from builder.vehicle.faults import first_fault
 from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.geometry import BodyOfRevolution, chain_segments
 from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 VEHICLES = Path(__file__).parents[1] / "vehicles"
 IC3X = VEHICLES / "ic3x.toml"
+
+ENGINE_NAMES = ("euler", "newtonian", "table")
+"""Sources of surface pressure by name; :data:`builder.aero.engines.ENGINES` makes them."""
 
 
 def one_line(text: str) -> str:
@@ -227,10 +228,6 @@ class Resolution(_Section):
         if 2 * self.harmonics >= self.surface_roll_angles:
             raise ValueError("harmonics must be less than half of surface_roll_angles")
         return self
-
-    @property
-    def marching_grid(self) -> MarchingGrid:
-        return MarchingGrid(n_radial=self.radial_cells, n_circumferential=self.circumferential_cells)
 
 
 class Truth(_Section):

@@ -1,18 +1,14 @@
-"""Gauge layouts of a vehicle file: names, positions and directions in body axes."""
+"""Gauge layout: names, positions and directions in body axes, and the CSV file that holds them."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite, radians
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
-from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.vehicle.file import GaugeRow, Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -33,51 +29,6 @@ class GaugeLayout:
     names: tuple[str, ...]
     position: FloatArray
     direction: FloatArray
-
-
-def gauge_layout(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> GaugeLayout:
-    """Return a layout of the vehicle file, its rows laid on the inner surface of ``mesh``.
-
-    Raises
-    ------
-    InputError
-        A station has no hollow behind it, or the layout's CSV file is missing or wrong.
-    """
-    entry = vehicle.gauges.layouts[layout]
-    if entry.file is not None:
-        return read_layout(vehicle.beside(entry.file))
-    assert entry.rows is not None
-    found = _layout_from_rows(entry.rows, mesh, f"gauges.layouts.{layout}")
-    return found
-
-
-def _layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str) -> GaugeLayout:
-    """Lay rows on the inner surface: axial gauges along its meridian, hoop gauges across."""
-    inner = mesh.node[mesh.inner_edge.ravel(), 0]
-    first, last = float(inner.min()), float(inner.max())
-    names: list[str] = []
-    position: list[list[float]] = []
-    direction: list[list[float]] = []
-    for number, row in enumerate(rows, start=1):
-        phi = radians(row.roll_angle_deg)
-        sine, cosine = np.sin(phi), np.cos(phi)
-        for x in row.stations:
-            if not first <= x <= last:
-                raise InputError(
-                    f"{where}.rows.{number}: station {x:g} m found, the inner surface reaches from "
-                    f"{first:.4g} to {last:.4g} m"
-                )
-        points = inner_surface_points(mesh, np.array(row.stations))
-        for kind in row.directions:
-            for i, x in enumerate(row.stations):
-                along_x, along_r = points.tangent[i]
-                r = points.radius[i]
-                names.append(f"{kind}_{row.roll_angle_deg:g}deg_{i + 1}")
-                position.append([x, r * sine, r * cosine])
-                direction.append(
-                    [along_x, along_r * sine, along_r * cosine] if kind == "axial" else [0.0, cosine, -sine]
-                )
-    return _checked(GaugeLayout(tuple(names), np.array(position), np.array(direction)), where)
 
 
 def read_layout(path: Path) -> GaugeLayout:
@@ -108,7 +59,7 @@ def read_layout(path: Path) -> GaugeLayout:
         for k, column in enumerate(CSV_COLUMNS[1:]):
             values[i, k] = _number(row[column], f"{path}, line {i + 2}, column {column}")
     layout = GaugeLayout(tuple(row["name"] for row in rows), values[:, :3], values[:, 3:])
-    return _checked(layout, str(path))
+    return checked_layout(layout, str(path))
 
 
 def _number(text: str | None, where: str) -> float:
@@ -121,8 +72,14 @@ def _number(text: str | None, where: str) -> float:
     return value
 
 
-def _checked(layout: GaugeLayout, where: str) -> GaugeLayout:
-    """Refuse two gauges of one name."""
+def checked_layout(layout: GaugeLayout, where: str) -> GaugeLayout:
+    """Return ``layout``; ``where`` is the file or entry that it comes from.
+
+    Raises
+    ------
+    InputError
+        Two gauges have one name, or a name is empty or not printable.
+    """
     seen: set[str] = set()
     for name in layout.names:
         if not name.isprintable():

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator, model_validator
 
-from builder.inverse.gamma_rules import RULES
+from builder.vehicle.gamma_rules import RULES
 
 
 class _Section(BaseModel):

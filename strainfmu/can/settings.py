@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from strainfmu.can.e2e.state_machine import StateMachineSettings
 from strainfmu.errors import InputError
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0
@@ -22,6 +21,26 @@ def checked_cycle_time(cycle_time: float, where: str) -> float:
     if not SHORTEST_CYCLE <= cycle_time <= LONGEST_CYCLE:
         raise InputError(f"{where}: {1e3 * cycle_time:g} ms found, 0.1 to 10,000 ms allowed")
     return cycle_time
+
+
+@dataclass(frozen=True)
+class StateMachineSettings:
+    """AUTOSAR's E2E_SMConfigType.
+
+    Attributes
+    ----------
+    window_size : checks that are looked back at (WindowSize).
+    min_ok_init, min_ok_valid, min_ok_invalid : least number of good checks in the window to become or stay VALID.
+    max_error_init, max_error_valid, max_error_invalid : largest number of bad ones.
+    """
+
+    window_size: int = 10
+    min_ok_init: int = 3
+    max_error_init: int = 1
+    min_ok_valid: int = 1
+    max_error_valid: int = 2
+    min_ok_invalid: int = 3
+    max_error_invalid: int = 1
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,6 @@ from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import load_inverse_map
-from strainfmu.fmu.export import export_estimator
-from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.interface.estimator_variables import valid_names
 from strainfmu.interface.fmi_variables import Variable, strain_names
 from strainfmu.interface.plant_variables import GaugeFault, Motion, native_plant_interface
@@ -35,36 +32,6 @@ INSTANCES = ("schedule", "plant", "estimator", "autopilot")
 
 HOLDING = np.radians(1.0)
 """Largest error of the angle of attack just before a new command in a loop that holds [rad]."""
-
-
-def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | None = None) -> dict[str, Path]:
-    """Write the FMUs of a scenario into ``folder``; return their paths by name of the instance.
-
-    Raises
-    ------
-    InputError
-        A file is missing or damaged, map and flight model have different gauges, or a gauge is unknown.
-    StrainfmuError
-        An FMU could not be written.
-    """
-    model, inverse_map = load_flight_model(scenario.flight_model), load_inverse_map(scenario.inverse_map)
-    if model.gauge_names != inverse_map.gauge_names:
-        raise InputError(f"{scenario.inverse_map}: its gauges are not those of {scenario.flight_model}")
-    fmus = {name: folder / f"{name}.fmu" for name in INSTANCES}
-    folder.mkdir(parents=True, exist_ok=True)
-    export_estimator(scenario.inverse_map, fmus["estimator"])
-    export_native_plant(
-        scenario.flight_model,
-        fmus["plant"],
-        Motion.SHORT_PERIOD,
-        scenario.start,
-        None,
-        platforms,
-        scenario.noise_seed,
-    )
-    export_autopilot(scenario.flight_model, fmus["autopilot"], scenario.start, scenario.autopilot, platforms)
-    export_schedule(scheduled_signals(scenario, model), fmus["schedule"], platforms)
-    return fmus
 
 
 def scheduled_signals(scenario: Scenario, model: FlightModel) -> list[ScheduledSignal]:
@@ -146,7 +113,7 @@ def flight_connections(n_gauges: int, signals: Sequence[str], feedback: str) -> 
 
 
 def flight_system(scenario: Scenario, fmus: dict[str, Path], feedback: str) -> System:
-    """Return the connected FMUs of :func:`export_flight`."""
+    """Return the connected FMUs ``fmus`` of a scenario, paths by name of the instance."""
     model = load_flight_model(scenario.flight_model)
     signals = [signal.variable.name for signal in scheduled_signals(scenario, model)]
     return System(fmus, flight_connections(model.n_gauges, signals, feedback))

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
+from strainfmu.archive import write_archive
 from strainfmu.cosim.instance import read_description
 from strainfmu.cosim.system import System, check_connections, find_variable, split_signal
 from strainfmu.errors import InputError
-from strainfmu.fmu.package import write_fmu
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -49,7 +49,7 @@ def write_ssp(
     entries = {"SystemStructure.ssd": tostring(root, encoding="UTF-8", xml_declaration=True)}
     for item, fmu in system.instances.items():
         entries[f"resources/{item}.fmu"] = Path(fmu).read_bytes()
-    write_fmu(path, entries)
+    write_archive(path, entries)
 
 
 def check_ssp_path(path: Path) -> None:

@@ -1,7 +1,8 @@
 """How large a bias of one gauge must be to be noticed, and to be blamed on that gauge.
 
 Design figures of a map, not of a step: with P the precision of the residual (see
-:mod:`strainfmu.estimator.isolation`), a bias b of gauge i moves the chi-square's noncentrality to b^2 P_ii and its own z_i to b sqrt(P_ii).
+:mod:`strainfmu.estimator.isolation`), a bias b of gauge i moves the chi-square's noncentrality to b^2 P_ii
+and its own z_i to b sqrt(P_ii).
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ from platform import machine, system
 
 import numpy as np
 
-from strainfmu.cli.inspection.fmu import read_fmu
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
+from strainfmu.fmu.contents import read_fmu
 from strainfmu.fmu.importers import IMPORTERS, Table, read_table
 
 RELATIVE_TOLERANCE = 1e-5

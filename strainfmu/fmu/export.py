@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu import __version__
+from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
@@ -20,7 +21,7 @@ from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.documentation import documentation_files
 from strainfmu.fmu.estimator_page import all_ranges, estimator_sections
 from strainfmu.fmu.native_package import chosen_libraries, native_entries, native_sources, sources_digest
-from strainfmu.fmu.package import CONTENTS, check_fmu_path, write_fmu
+from strainfmu.fmu.package import CONTENTS, check_fmu_path
 from strainfmu.fmu.plant_page import plant_sections
 from strainfmu.fmu.plant_reference import python_plant_reference
 from strainfmu.fmu.python_package import python_entries, slave_code
@@ -101,7 +102,7 @@ def export_estimator(map_path: Path, fmu_path: Path, options: ExportOptions | No
     inverse_map = load_inverse_map(map_path)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     make = _native_estimator if options.kind == "native" else _python_estimator
-    write_fmu(fmu_path, make(map_path, inverse_map, content_hash, options))
+    write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))
 
 
 def _native_estimator(
@@ -219,4 +220,4 @@ def export_plant(
         **terminal_files(description, {"gauges": ("strain", "Strain of every gauge")}, "plant"),
         **reference.files(description.interface),
     }
-    write_fmu(fmu_path, entries)
+    write_archive(fmu_path, entries)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu import __version__
+from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
 from strainfmu.cosim.flight_model import FlightModel, check_envelope, evaluate, load_flight_model
@@ -25,7 +26,7 @@ from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.documentation import Section, documentation_files
 from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries, sources_digest
-from strainfmu.fmu.package import CONTENTS, check_fmu_path, write_fmu
+from strainfmu.fmu.package import CONTENTS, check_fmu_path
 from strainfmu.fmu.plant_page import native_plant_sections
 from strainfmu.fmu.plant_reference import (
     Reference,
@@ -93,7 +94,7 @@ def export_native_plant(
         {"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
         trajectory.stop_time if trajectory is not None else STOP_TIME,
     )
-    write_fmu(fmu_path, entries)
+    write_archive(fmu_path, entries)
 
 
 def check_start(model: FlightModel, start: FlightStart) -> None:
@@ -160,7 +161,7 @@ def export_autopilot(
         platforms,
         {"vehicle": model.vehicle, "design": asdict(start)},
     )
-    write_fmu(fmu_path, entries)
+    write_archive(fmu_path, entries)
 
 
 def export_schedule(
@@ -186,7 +187,7 @@ def export_schedule(
         platforms,
         {},
     )
-    write_fmu(fmu_path, entries)
+    write_archive(fmu_path, entries)
 
 
 def plant_sources() -> dict[str, bytes]:

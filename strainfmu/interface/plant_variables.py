@@ -5,15 +5,34 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from math import degrees
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from strainfmu.arrays import FloatArray
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
 
-if TYPE_CHECKING:
-    from strainfmu.cosim.flight_model import FlightModel
+
+class StrainedVehicle(Protocol):
+    """What the plant's variables say of a vehicle: its gauges and their noise.
+
+    Attributes
+    ----------
+    n_gauges : number of gauges n_d.
+    gauge_names : n_d names.
+    gauge_roll_angle : (n_d,) roll angle of each gauge [rad].
+    noise_std : standard deviation of the noise on every strain [m/m].
+    """
+
+    @property
+    def n_gauges(self) -> int: ...
+    @property
+    def gauge_names(self) -> tuple[str, ...]: ...
+    @property
+    def gauge_roll_angle(self) -> FloatArray: ...
+    @property
+    def noise_std(self) -> float: ...
 
 
-def plant_interface(flight_model: FlightModel) -> tuple[Variable, ...]:
+def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
     """Return the variables of the plant FMU in the order of their value references."""
     noise = ("noise_std", "seed")
     coefficients = [
@@ -30,9 +49,9 @@ def plant_interface(flight_model: FlightModel) -> tuple[Variable, ...]:
             array="strain",
         )
         for name, gauge, angle in zip(
-            strain_names(flight_model.n_gauges),
-            flight_model.gauge_names,
-            flight_model.gauge_roll_angle,
+            strain_names(vehicle.n_gauges),
+            vehicle.gauge_names,
+            vehicle.gauge_roll_angle,
             strict=True,
         )
     ]
@@ -45,7 +64,7 @@ def plant_interface(flight_model: FlightModel) -> tuple[Variable, ...]:
             unit="1",
             display_unit="um/m",
             minimum=0.0,
-            start=flight_model.noise_std,
+            start=vehicle.noise_std,
         ),
         Variable("seed", "Seed of the noise", "parameter", "fixed", "Integer", minimum=0, start=1),
     ]
@@ -125,17 +144,17 @@ class FlightStart:
 
 
 def native_plant_interface(
-    flight_model: FlightModel, motion: Motion, start: FlightStart, seed: int = 1
+    vehicle: StrainedVehicle, motion: Motion, start: FlightStart, seed: int = 1
 ) -> tuple[Variable, ...]:
     """Return the variables of the native plant FMU in the order of their value references."""
-    n = flight_model.n_gauges
+    n = vehicle.n_gauges
     given = {
         Motion.INPUTS: ("mach_number", "angle_of_attack", "sideslip_angle", "altitude"),
         Motion.TRAJECTORY: (),
         Motion.SHORT_PERIOD: ("mach_number", "sideslip_angle", "altitude"),
     }[motion]
     variables = []
-    for variable in plant_interface(flight_model):
+    for variable in plant_interface(vehicle):
         if variable.name in given:
             variable = replace(variable, causality="input", start=getattr(start, variable.name))
         elif variable.causality == "output":
@@ -144,7 +163,7 @@ def native_plant_interface(
             variable = replace(variable, maximum=2**31 - 1, start=seed)
         variables.append(variable)
     tail = _short_period(start) if motion is Motion.SHORT_PERIOD else []
-    return (*variables, *_faults(flight_model, n), *tail)
+    return (*variables, *_faults(vehicle, n), *tail)
 
 
 def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion) -> Variable:
@@ -161,10 +180,10 @@ def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion)
     return replace(output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial))
 
 
-def _faults(flight_model: FlightModel, n_gauges: int) -> list[Variable]:
+def _faults(vehicle: StrainedVehicle, n_gauges: int) -> list[Variable]:
     """Return the inputs that make gauges fail."""
     kinds = ", ".join(f"{int(kind)} {kind.name.lower()}" for kind in GaugeFault)
-    names = flight_model.gauge_names
+    names = vehicle.gauge_names
     return [
         *(
             Variable(

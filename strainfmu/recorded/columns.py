@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.wire.dbc_mapping import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 from strainfmu.errors import InputError
+from strainfmu.units import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which a whole column is taken for one in another unit: no gauge bears it."""

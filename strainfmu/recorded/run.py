@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.can.cycle.result import StepRefused
+from strainfmu.cosim.step import ReadyStep, StepRefused, open_step
 from strainfmu.estimator.health import HealthState
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.output import check_output, estimate_writer
-from strainfmu.recorded.steps import ReadyStep, open_step
 from strainfmu.recorded.strain_files import open_strains
 
 Progress = Callable[[int, int], None]

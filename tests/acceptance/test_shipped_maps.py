@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
 from builder.campaign.run import take_snapshots
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.pipeline.build import build_inverse_map, internal_pressure, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, internal_pressure, snapshot_coefficients
 from builder.structure.model import StructuralModel, structural_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
@@ -124,7 +125,7 @@ def test_independent_data_are_met_nearly_as_well_as_the_maps_own(
 @pytest.fixture(scope="module")
 def same_mesh(vehicle: Vehicle, structure: StructuralModel) -> tuple[np.ndarray, np.ndarray]:
     """(24, n_d) strain and (24, 5) coefficients by the grid and structure the map was built on."""
-    engine = EulerEngine(vehicle.body(), vehicle.resolution.map.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.map), structure.surface)
     conditions = held_out(24)
     campaign = vehicle_campaign(vehicle, engine, [ConditionSet("held out", tuple(conditions))])
     solved = solve_flows(engine, map(engine.flow_key, conditions), Scheduling(workers=0))

@@ -8,11 +8,12 @@ from math import cos, pi, radians, tan
 import numpy as np
 import pytest
 
-from builder.aero.loads import ReferenceQuantities, coefficient_scale, load_operator
+from builder.aero.loads import coefficient_scale, load_operator
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
+from builder.vehicle.reference_quantities import ReferenceQuantities
 
 BodyMaker = Callable[..., BodyOfRevolution]
 MOMENT_STATION = 2.0

@@ -11,7 +11,6 @@ import numpy as np
 
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import StepResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout
@@ -19,6 +18,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import PROFILES, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.cosim.step import StepResult
 from strainfmu.errors import InputError
 
 N_GAUGES = 6

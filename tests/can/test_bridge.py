@@ -26,11 +26,12 @@ from strainfmu.can.bridge.result_frames import result_layouts
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult, StepResult
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.cosim.step import StepResult
 from strainfmu.errors import InputError, StrainfmuError
 
 N = 30

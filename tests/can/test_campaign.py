@@ -15,12 +15,12 @@ from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, run_campa
 
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import StepResult
 from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import PROFILES
+from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 SETTINGS = BridgeSettings()

@@ -13,12 +13,12 @@ from bus_run import CYCLE, LiveRun, live_run
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.setup import BridgeOptions
-from strainfmu.can.cycle.fmu_step import FmuStep
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.fault_injection import Fault, FaultKind
 from strainfmu.can.tools.recording import LOG_SUFFIXES, sidecar
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
+from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]

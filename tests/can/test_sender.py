@@ -16,13 +16,14 @@ from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult, StepResult
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.sender import SETTLING_CYCLES, planned_faults, send_flight
 from strainfmu.can.tools.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples
 from strainfmu.can.wire.frame import from_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.cosim.master import simulate
+from strainfmu.cosim.step import StepResult
 from strainfmu.cosim.system import System
 from strainfmu.errors import InputError, StrainfmuError
 

@@ -16,10 +16,10 @@ from sender_process import FOREIGN
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.bridge.result_frames import result_layouts
-from strainfmu.can.cycle.fmu_step import gauge_names_of
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan
+from strainfmu.cosim.fmu_step import gauge_names_of
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator

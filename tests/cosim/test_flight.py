@@ -23,15 +23,7 @@ from slender_vehicle import NOISE_STD, SlenderFiles, make_slender_files, slender
 
 from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.autopilot import normal_force_table
-from strainfmu.cosim.flight import (
-    INSTANCES,
-    FlightResult,
-    export_flight,
-    fault_text,
-    flight_result,
-    flight_system,
-    fly,
-)
+from strainfmu.cosim.flight import INSTANCES, FlightResult, fault_text, flight_result, flight_system, fly
 from strainfmu.cosim.flight_model import load_flight_model
 from strainfmu.cosim.master import simulate
 from strainfmu.cosim.recording import Recording, load_recording
@@ -39,6 +31,7 @@ from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.ssp import write_ssp
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
+from strainfmu.fmu.flight_package import export_flight
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 MODEL = slender_flight_model()

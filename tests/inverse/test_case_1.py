@@ -10,9 +10,9 @@ from inverse_case import Case, least_squares, noise_model
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.baselines import unweighted_gain
+from builder.inverse.build import build_inverse_map, gauge_noise_covariance, snapshot_coefficients
 from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
 from builder.inverse.pod import PressureModes
-from builder.pipeline.build import build_inverse_map, gauge_noise_covariance, snapshot_coefficients
 from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from inverse_case import Case, gaussian, least_squares, noise_model
 
-from builder.aero.loads import ReferenceQuantities, coefficient_scale
+from builder.aero.loads import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.case_1 import least_squares_map
 from builder.inverse.case_2 import gaussian_map
 from builder.inverse.coefficients import coefficient_covariance, load_error_covariance
 from builder.inverse.noise_model import NoiseModel, gauge_noise
 from builder.inverse.prior import LowRankPrior, prior_of_modes
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.estimator.load_errors import load_gain
 
 N_MODES = 5

@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 from builder.campaign.snapshots import Snapshots
-from builder.pipeline.build import build_inverse_map
+from builder.inverse.build import build_inverse_map
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle

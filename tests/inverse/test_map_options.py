@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from builder.inverse.gamma_rules import RULES
+from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.map_options import MapEntry, Noise
 
 

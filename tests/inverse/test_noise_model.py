@@ -12,6 +12,7 @@ import pytest
 from inverse_case import Case, noise_model
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map, check_noise, gauge_noise_covariance, noise_terms
 from builder.inverse.case_1 import least_squares_map
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
@@ -24,7 +25,6 @@ from builder.inverse.noise_model import (
     nuisance_modes,
     truncated_modes,
 )
-from builder.pipeline.build import build_inverse_map, check_noise, gauge_noise_covariance, noise_terms
 from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator

@@ -11,7 +11,6 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
 from builder.inverse.case_2 import GaussianMap, gaussian_map, whitened_spectrum
-from builder.inverse.gamma_rules import RULES, Rule
 from builder.inverse.prior import LowRankPrior
 from builder.inverse.regularisation import (
     DataSpectrum,
@@ -21,6 +20,7 @@ from builder.inverse.regularisation import (
     measured_data,
     select_gamma,
 )
+from builder.vehicle.gamma_rules import RULES, Rule
 from strainfmu.errors import InputError
 
 

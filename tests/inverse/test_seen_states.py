@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.seen_states import on_seen_states
 from builder.inverse.solution import solve
-from builder.pipeline.build import inverse_map_of, inverse_problem
 from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry

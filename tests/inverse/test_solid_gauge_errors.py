@@ -9,9 +9,9 @@ import pytest
 from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map, noise_terms
 from builder.inverse.gauge_derivatives import gauge_derivatives
 from builder.inverse.noise_model import NoiseTerm
-from builder.pipeline.build import build_inverse_map, noise_terms
 from builder.reporting import Silent
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response

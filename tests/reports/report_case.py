@@ -10,10 +10,10 @@ from builder.campaign.run import take_snapshots
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem, Solution, solve
-from builder.pipeline.build import inverse_map_of, inverse_problem
 from builder.structure.model import StructuralModel, structural_model, used_layouts
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_options import MapEntry

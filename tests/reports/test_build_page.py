@@ -14,8 +14,8 @@ from report_case import CASE_1, ReportCase, case_of
 
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
 from builder.inverse.noise_model import nuisance_modes
-from builder.pipeline.build import build_inverse_map
 from builder.reports.build_figures import known_pressure
 from builder.reports.build_page import blind_line, write_numbers
 from builder.reports.build_report import BuildReport, build_report

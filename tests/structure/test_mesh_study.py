@@ -18,7 +18,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
-from builder.structure.mesh_study import STUDY_MESHES, StudyMesh, StudyRow, mesh_study, study_csv, study_table
+from builder.reports.mesh_study import STUDY_MESHES, StudyMesh, StudyRow, mesh_study, study_csv, study_table
 from builder.structure.solid.gmsh_mesh import load_gmsh
 from builder.structure.solid.solvers.solver import named_back_end
 from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, swept_wall
@@ -107,7 +107,7 @@ def test_snapshots_of_another_body_are_refused(vehicle: Vehicle, snapshots: Snap
 
 
 def test_command(run: Run, snapshot_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("builder.structure.mesh_study.STUDY_MESHES", (SOUND,))
+    monkeypatch.setattr("builder.reports.mesh_study.STUDY_MESHES", (SOUND,))
     table = tmp_path / "table.csv"
     code, out, err = run("bench", "--mesh", IC3X, "--snapshots", snapshot_file, "-o", table)
     assert (code, err) == (0, "")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.vehicle.file import Resolution
 from strainfmu.arrays import FloatArray
 
 
@@ -32,6 +33,11 @@ class MarchingGrid:
         """Return (n_radial + 1,) vertex positions from 0 (wall) to 1 (outer boundary)."""
         t = np.linspace(0.0, 1.0, n_radial + 1)
         return np.expm1(self.clustering * t) / np.expm1(self.clustering) if self.clustering else t
+
+
+def marching_grid_of(resolution: Resolution) -> MarchingGrid:
+    """Return the grid that an entry of a vehicle file asks for."""
+    return MarchingGrid(n_radial=resolution.radial_cells, n_circumferential=resolution.circumferential_cells)
 
 
 GRID_LEVELS = {

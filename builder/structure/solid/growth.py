@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.gauge_placement import gauge_layout
 from builder.structure.model import wall_of
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.cyclic_operator import CyclicProblem, cyclic_problem
@@ -37,7 +38,6 @@ from builder.structure.solid.swept_mesh import (
     swept_wall,
 )
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.gauge_layout import gauge_layout
 from strainfmu.errors import InputError, StrainfmuError
 
 SIZES = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000)

@@ -43,7 +43,7 @@ def gauge_places(fmu: Path) -> tuple[GaugePlace, ...]:
     InputError
         The FMU is missing, damaged, or no estimator.
     """
-    from strainfmu.can.cycle.fmu_step import gauge_names_of
+    from strainfmu.cosim.fmu_step import gauge_names_of
     from strainfmu.cosim.instance import read_description
 
     found = {}

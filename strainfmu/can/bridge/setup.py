@@ -11,12 +11,13 @@ from strainfmu.can.bridge.bridge import Bridge
 from strainfmu.can.bridge.bus import BusSettings, import_can, open_bus
 from strainfmu.can.bridge.result_frames import result_layouts
 from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.result import CycleResult, Step
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
 from strainfmu.can.wire.profiles import Identifiers, configuration_of, profile_layout
+from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 
@@ -88,7 +89,7 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
         Something needed is not installed, or the FMU cannot be loaded.
     """
     import_can()
-    from strainfmu.can.cycle.fmu_step import FmuStep
+    from strainfmu.cosim.fmu_step import FmuStep
 
     taps = taps or Taps()
     bus = bus_settings(options)
@@ -180,7 +181,7 @@ def all_layouts(
 def map_gauge_names(source: Path) -> tuple[str, ...]:
     """Return the gauges of a map or an FMU."""
     if source.suffix == ".fmu":
-        from strainfmu.can.cycle.fmu_step import gauge_names_of
+        from strainfmu.cosim.fmu_step import gauge_names_of
 
         return gauge_names_of(source)
     from strainfmu.estimator.inverse_map import load_inverse_map

@@ -15,11 +15,12 @@ from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import Reception
-from strainfmu.can.cycle.result import CycleResult, Step
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
 
 _CATCH_UP = 10

@@ -13,11 +13,12 @@ from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import Reception, TrailerVerdict
-from strainfmu.can.cycle.result import CycleResult, Step, StepRefused, StepResult, no_numbers, quality_of_step
+from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step
 from strainfmu.can.e2e.sample_clock import SampleClock
 from strainfmu.can.guards import Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.cosim.step import Step, StepRefused, StepResult
 
 _READABLE = (None, FrameClass.NOT_TRUSTED)
 """What a trailer may say of strains that are read."""

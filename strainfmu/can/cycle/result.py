@@ -2,40 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.errors import StrainfmuError
+from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
-
-
-class StepRefused(StrainfmuError):
-    """The FMU could not do this one step; the next may be tried."""
-
-
-@dataclass(frozen=True)
-class StepResult:
-    """Outputs of one step of the estimator.
-
-    Attributes
-    ----------
-    coefficients, coefficients_std : (5,) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
-    health : ``health.state``, a number of :class:`HealthState`.
-    chi_square : ``health.chi_square`` [1].
-    """
-
-    coefficients: FloatArray
-    coefficients_std: FloatArray
-    health: int
-    chi_square: float
-
-
-Step = Callable[[FloatArray, float, float], StepResult]
-"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]. Raises StepRefused."""
 
 
 def no_numbers() -> FloatArray:

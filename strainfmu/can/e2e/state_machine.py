@@ -7,10 +7,10 @@ and OKSOMELOST count as good, ERROR counts as bad, all others count as neither.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from enum import Enum
 
 from strainfmu.can.e2e.check import USABLE, E2EStatus
+from strainfmu.can.settings import StateMachineSettings
 
 
 class E2EState(Enum):
@@ -20,26 +20,6 @@ class E2EState(Enum):
     INIT = "INIT"
     VALID = "VALID"
     INVALID = "INVALID"
-
-
-@dataclass(frozen=True)
-class StateMachineSettings:
-    """AUTOSAR's E2E_SMConfigType.
-
-    Attributes
-    ----------
-    window_size : checks that are looked back at (WindowSize).
-    min_ok_init, min_ok_valid, min_ok_invalid : least number of good checks in the window to become or stay VALID.
-    max_error_init, max_error_valid, max_error_invalid : largest number of bad ones.
-    """
-
-    window_size: int = 10
-    min_ok_init: int = 3
-    max_error_init: int = 1
-    min_ok_valid: int = 1
-    max_error_valid: int = 2
-    min_ok_invalid: int = 3
-    max_error_invalid: int = 1
 
 
 class E2EStateMachine:

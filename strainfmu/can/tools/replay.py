@@ -18,12 +18,13 @@ from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult, Step
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.tools.recording import load_description
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.signal_plan import SignalPlan
+from strainfmu.cosim.step import Step
 
 _OF_THE_MOMENT = ("E2E_CRC", "Age")
 """Signals of a result that hold when it went out, which no replay knows."""

@@ -16,20 +16,13 @@ from strainfmu.can.wire.frame import FD_LENGTHS
 from strainfmu.can.wire.frame_layout import FrameLayout, InputFrame, InputLayout
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
+from strainfmu.units import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
 """Message attributes of a DBC file that state the end-to-end protection; 0: none."""
 
 START_VALUE = "GenSigStartValue"
 """Signal attribute of a DBC file: the raw number that a sender starts with."""
-
-STRAIN_UNITS = {
-    **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
-    **dict.fromkeys(("mm/m",), 1e-3),
-    **dict.fromkeys(("m/m", "1", "strain"), 1.0),
-}
-PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "mbar": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6, "psi": 6894.757293168361}
-TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s": 1.0}
 
 _TABLES = {
     "strain",

@@ -135,7 +135,7 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[st
     from time import perf_counter
 
     from strainfmu.can.bridge.setup import BridgeOptions
-    from strainfmu.recorded.log_estimates import estimate_log
+    from strainfmu.can.tools.log_estimates import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
         return replaced(recorded or BridgeOptions("replay", log.name), **given)

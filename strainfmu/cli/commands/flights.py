@@ -46,7 +46,7 @@ def fly(
 
         strainfmu fly ic3x_flight.toml --files demo --ssp flight.ssp
     """
-    from strainfmu.cosim.flight import export_flight, flight_result, flight_system
+    from strainfmu.cosim.flight import flight_result, flight_system
     from strainfmu.cosim.flight import fly as run_flight
     from strainfmu.cosim.flight_figure import save_flight_figure
     from strainfmu.cosim.flight_model import load_flight_model
@@ -54,6 +54,7 @@ def fly(
     from strainfmu.cosim.scenario import load_scenario
     from strainfmu.cosim.ssp import check_ssp_path, write_ssp
     from strainfmu.errors import StrainfmuError
+    from strainfmu.fmu.flight_package import export_flight
 
     if ssp is not None:
         check_ssp_path(ssp)

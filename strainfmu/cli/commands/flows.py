@@ -116,7 +116,7 @@ def convert(
 
         strainfmu convert results/snapshots.h5 -o fields --format vtu
     """
-    from builder.aero.cfd.field_export import export_snapshots
+    from builder.campaign.field_export import export_snapshots
     from builder.campaign.snapshots import load_snapshots
 
     files = export_snapshots(load_snapshots(snapshots), output, file_format)

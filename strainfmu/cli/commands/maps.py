@@ -182,7 +182,7 @@ def bench(
 def _compare_meshes(vehicle: Path, snapshots: Path | None, output: Path, solver: str | None) -> None:
     """Run the mesh study, print its table and write it."""
     from builder.campaign.snapshots import load_snapshots
-    from builder.structure.mesh_study import mesh_study, study_csv, study_meshes, study_table
+    from builder.reports.mesh_study import mesh_study, study_csv, study_meshes, study_table
     from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
     from builder.vehicle.file import load_vehicle
     from strainfmu.errors import InputError

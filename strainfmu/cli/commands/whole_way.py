@@ -108,7 +108,7 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     from math import degrees
 
     from builder.aero.engines import make_engine
-    from builder.pipeline.build import check_noise
+    from builder.inverse.build import check_noise
     from builder.pipeline.flight_tables import truth_knots
     from builder.structure.model import check_gauges, check_map_size
     from builder.vehicle.file import load_vehicle

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from strainfmu.cosim.instance import import_fmpy
-from strainfmu.errors import InputError
-from strainfmu.fmu.package import CONTENTS
+from strainfmu.fmu.contents import read_fmu
 
 
 def inspect_fmu(path: Path, console: Console) -> None:
@@ -52,27 +48,6 @@ def inspect_fmu(path: Path, console: Console) -> None:
     # Never narrowed to the terminal, so that lines can be searched for.
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-
-def read_fmu(path: Path) -> tuple[Any, dict[str, Any], dict[str, int]]:
-    """Return fmpy's ModelDescription, this project's own entries (none in other FMUs) and size by file.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing or damaged.
-    """
-    fmpy = import_fmpy()
-    if not path.is_file():
-        raise InputError(f"{path}: no such FMU")
-    try:
-        description = fmpy.read_model_description(str(path), validate=False)
-        with zipfile.ZipFile(path) as archive:
-            files = {item.filename: item.file_size for item in archive.infolist() if not item.is_dir()}
-            contents = json.loads(archive.read(CONTENTS)) if CONTENTS in files else {}
-    except Exception as error:  # fmpy and zipfile raise whatever their readers do
-        raise InputError(f"{path}: damaged, or not an FMU") from error
-    return description, contents, files
 
 
 def _variable_lines(description: Any) -> list[str]:

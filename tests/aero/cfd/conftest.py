@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from imported_case import CONDITION, SYMMETRIC
 
+from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.file import IC3X, load_vehicle
@@ -27,7 +28,7 @@ def snapshots() -> Snapshots:
     vehicle = load_vehicle(IC3X)
     resolution = vehicle.resolution.map
     grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
-    engine = EulerEngine(vehicle.body(), resolution.marching_grid, grid)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(resolution), grid)
     flow = engine.solve(engine.flow_key(CONDITION))
     conditions = [CONDITION, SYMMETRIC]
     ambient = np.array([c.ambient_pressure for c in conditions])

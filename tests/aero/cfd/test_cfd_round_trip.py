@@ -24,7 +24,7 @@ from imported_case import (
     table_on,
 )
 
-from builder.aero.cfd.field_export import export_snapshots
+from builder.campaign.field_export import export_snapshots
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.errors import InputError

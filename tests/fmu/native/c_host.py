@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import GUID
 
 from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers, source_files

@@ -2,39 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import dataclass
-from pathlib import Path
-
 import pytest
-
-# Random maps are those of the tests of the numpy estimator.
-sys.path.insert(0, str(Path(__file__).parents[2] / "runtime"))
-
+from native_case import NativeCase
+from random_map import map_of, random_map, random_model
 from raw_fmu import write_resource
-from runtime_map import map_of, random_map, random_model
 
 from strainfmu.estimator.inverse_map import InverseMap
 
 MAPS = ("few gauges", "case 1", "case 2", "case 2, gamma 1")
-
-
-@dataclass(frozen=True)
-class NativeCase:
-    """A map and the folder of resources that holds it."""
-
-    inverse_map: InverseMap
-    resources: Path
-
-    @property
-    def n(self) -> int:
-        """Number of gauges."""
-        return self.inverse_map.n_gauges
-
-    @property
-    def uri(self) -> str:
-        """The folder as FMI 2.0 has it."""
-        return self.resources.as_uri()
 
 
 def make_map(name: str) -> InverseMap:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from agreement import Reference, Sample, random_samples
-from conftest import NativeCase
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from native_case import NativeCase
 from raw_fmu import OK, Fmu2, Fmu3, write_resource
 
 from strainfmu.estimator.health import HealthState

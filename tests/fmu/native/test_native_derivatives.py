@@ -6,7 +6,7 @@ import ctypes
 
 import numpy as np
 import pytest
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, OK, REAL_OUTPUTS, Fmu2, Fmu3
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from agreement import Reference, random_samples
-from conftest import NativeCase
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
+from native_case import NativeCase
 from raw_fmu import GUID, N_OUTPUTS, REAL_OUTPUTS, WHOLE_OUTPUTS, this_platform
 
 from strainfmu.fmu.native_build import PLATFORMS, library_file

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from agreement import random_samples
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import OK, Fmu2
 
 

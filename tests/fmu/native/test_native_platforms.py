@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from agreement import Sample, random_samples
 from c_host import loading_host, program, run_host
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import N_OUTPUTS
 
 from strainfmu.fmu.native_build import library_file

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import ERROR, Fmu2, Fmu3, shipped_library
 
 from strainfmu.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from c_host import host_by_clang, program, run_host
-from conftest import NativeCase
+from native_case import NativeCase
 
 from strainfmu.fmu.native_build import source_files
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from c_host import program_by_zig
-from conftest import NativeCase
+from native_case import NativeCase
 
 from strainfmu.fmu.native_build import source_files
 

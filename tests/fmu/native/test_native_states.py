@@ -8,7 +8,7 @@ from ctypes import byref, c_size_t, c_void_p
 import numpy as np
 import pytest
 from agreement import random_samples
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import ERROR, OK, Fmu2, Fmu3
 
 

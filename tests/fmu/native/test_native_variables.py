@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from agreement import Reference, Sample
-from conftest import NativeCase
+from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3
 
 from strainfmu.estimator.health import HealthState

@@ -5,24 +5,20 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import fmpy
 import pytest
+from slender_vehicle import make_slender_files
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.flight import export_flight
 from strainfmu.cosim.scenario import load_scenario
+from strainfmu.fmu.flight_package import export_flight
 from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers
 from strainfmu.fmu.plant_build import PLATFORMS, SOURCES, build_library, library_file, source_files
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, Motion
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "cosim"))
-
-from slender_vehicle import make_slender_files
 
 pytestmark = pytest.mark.slow
 

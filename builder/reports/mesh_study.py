@@ -18,7 +18,7 @@ from scipy.sparse import csr_array, vstack
 
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
-from builder.pipeline.build import build_inverse_map, internal_pressure, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, internal_pressure, snapshot_coefficients
 from builder.reporting import Progress, Reporter
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runtime_map import GaussianModel, map_of, missing, random_model
+from random_map import GaussianModel, map_of, missing, random_model
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.load_errors import LoadErrorModel, load_error_covariance, load_error_model, load_gain

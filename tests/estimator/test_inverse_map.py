@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from runtime_map import N_GAUGES, N_STATES, map_of, random_map, random_model
+from random_map import N_GAUGES, N_STATES, map_of, random_map, random_model
 
 from strainfmu import files
 from strainfmu.errors import InputError, StrainfmuError

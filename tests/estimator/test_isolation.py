@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runtime_map import GaussianModel, map_of, missing, random_model
+from random_map import GaussianModel, map_of, missing, random_model
 from scipy.stats import binom, norm
 
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState

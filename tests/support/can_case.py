@@ -12,13 +12,14 @@ from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult, StepResult
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import Fault, FaultKind, FaultySender
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 CYCLE = 0.01

@@ -10,9 +10,10 @@ import pytest
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.gauge_placement import gauge_layout
 from builder.structure.model import check_gauges, place_layouts, wall_of
 from builder.vehicle.file import IC3X, GaugeLayoutEntry, GaugeRow, Vehicle, load_vehicle
-from builder.vehicle.gauge_layout import gauge_layout, read_layout
+from builder.vehicle.gauge_layout import read_layout
 from strainfmu.errors import InputError
 
 HEADER = "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\n"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from runtime_map import map_of, random_map, random_model
+from random_map import map_of, random_map, random_model
 
 from strainfmu.estimator.fixed_order import apply_orthogonal, cholesky, eigen, householder, product, solve_lower
 from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
@@ -93,18 +93,20 @@ def test_bits_do_not_follow_the_processor(tmp_path: Path) -> None:
     inverse_map = MAPS["case 2"]()
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     program = (
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "import sys; sys.path[:0] = sys.argv[2:]\n"
         "from pathlib import Path\n"
         "from strainfmu.estimator.inverse_map import load_inverse_map\n"
         "from test_map_parts import digest\n"
-        "print(digest(load_inverse_map(Path(sys.argv[2]))))\n"
+        "print(digest(load_inverse_map(Path(sys.argv[1]))))\n"
     )
     features = "AVX2 FMA3 AVX512F AVX512_SKX"
     machines = (
         {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": features},
         {"OPENBLAS_CORETYPE": "Haswell"},
     )
-    command = [sys.executable, "-W", "ignore", "-c", program, str(Path(__file__).parent), str(tmp_path / "map.h5")]
+    here = Path(__file__).parent
+    folders = [str(here), str(here.parent / "support")]
+    command = [sys.executable, "-W", "ignore", "-c", program, str(tmp_path / "map.h5"), *folders]
     digests = {
         subprocess.run(
             command, env={**os.environ, **machine}, capture_output=True, text=True, check=True, timeout=60

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from runtime_map import N_GAUGES, map_of, missing, random_map, random_model
+from random_map import N_GAUGES, map_of, missing, random_map, random_model
 
-from builder.aero.loads import ReferenceQuantities, load_operator
+from builder.aero.loads import load_operator
 from builder.inverse.coefficients import coefficient_covariance
 from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.inverse_map import InverseMap

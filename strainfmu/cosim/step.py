@@ -2,14 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.cycle.result import Step, StepResult
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
+
+
+class StepRefused(StrainfmuError):
+    """The FMU could not do this one step; the next may be tried."""
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """Outputs of one step of the estimator.
+
+    Attributes
+    ----------
+    coefficients, coefficients_std : (5,) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
+    health : ``health.state``, a number of :class:`HealthState`.
+    chi_square : ``health.chi_square`` [1].
+    """
+
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+    health: int
+    chi_square: float
+
+
+Step = Callable[[FloatArray, float, float], StepResult]
+"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]. Raises StepRefused."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +56,7 @@ def open_step(source: Path) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        from strainfmu.can.cycle.fmu_step import FmuStep
+        from strainfmu.cosim.fmu_step import FmuStep
 
         with FmuStep(source) as fmu:
             yield ReadyStep(fmu, fmu.gauge_names)

@@ -9,9 +9,10 @@ import pytest
 from inverse_case import Case, snapshots_at
 
 from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.surface_pressure import pressure_at_stations
-from builder.pipeline.build import snapshot_coefficients
+from builder.inverse.build import snapshot_coefficients
 from builder.pipeline.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
 from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle
@@ -33,7 +34,7 @@ def direct(
     vehicle: Vehicle, structure: StructuralModel, case: Case, at: FlightCondition
 ) -> tuple[np.ndarray, ...]:
     """Strain and coefficients of a flow solved for this condition, by nodal pressure."""
-    engine = EulerEngine(vehicle.body(), vehicle.resolution.truth.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), structure.surface)
     snapshot = snapshots_at(engine, vehicle, [at])
     strain = case.strain_operator @ (snapshot.pressure[0] - at.ambient_pressure)
     return strain, snapshot_coefficients(vehicle, snapshot, case.loads)[0]

@@ -9,13 +9,14 @@ import pytest
 from inverse_case import Case, snapshots_at
 
 from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import gauge_noise_covariance, internal_pressure
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
-from builder.pipeline.build import gauge_noise_covariance, internal_pressure
 from builder.pipeline.flight_tables import truth_engine, truth_keys
 from builder.structure.model import StructuralModel, structural_model
 from builder.vehicle.file import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
@@ -46,7 +47,7 @@ def structure(vehicle: Vehicle) -> StructuralModel:
 @pytest.fixture(scope="session")
 def snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
     """The 90 conditions of the vehicle file."""
-    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
     return snapshots_at(engine, vehicle, vehicle.flight_conditions())
 
 
@@ -54,7 +55,7 @@ def snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
 def prior_snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
     """The 243 conditions of the published prior: M {5, 6, 7}, a and b {-8, -6, .. 8} deg at 20 km."""
     angles = list(np.arange(-8.0, 9.0, 2.0))
-    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
     return snapshots_at(engine, vehicle, condition_grid([5.0, 6.0, 7.0], angles, angles, 20e3))
 
 
@@ -71,7 +72,7 @@ def held_out_of_prior(vehicle: Vehicle, structure: StructuralModel) -> Snapshots
         FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
         for mach, alpha, beta in random.uniform([5.0, -8.0, -8.0], [7.0, 8.0, 8.0], size=(24, 3))
     ]
-    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
     return snapshots_at(engine, vehicle, conditions)
 
 
@@ -83,7 +84,7 @@ def held_out(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
         FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
         for mach, alpha, beta in random.uniform([5.0, 0.0, 0.0], [7.0, 10.0, 10.0], size=(24, 3))
     ]
-    engine = EulerEngine(vehicle.body(), COARSE.marching_grid, structure.surface)
+    engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
     return snapshots_at(engine, vehicle, conditions)
 
 

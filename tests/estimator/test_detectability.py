@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from runtime_map import GaussianModel, random_model
+from random_map import GaussianModel, random_model
 from scipy.stats import binom, ncx2, norm
 
 from strainfmu.errors import InputError

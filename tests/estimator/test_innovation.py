@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from runtime_map import random_model
+from random_map import random_model
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import estimate_gain, innovation_whitening, inverse_cholesky

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from runtime_map import GaussianModel, map_of, missing, random_model
+from random_map import GaussianModel, map_of, missing, random_model
 from scipy.linalg import eigh
 from scipy.stats import chi2
 

@@ -1,0 +1,58 @@
+"""Placement of a vehicle file's gauge rows on the inner surface of the wall."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import radians
+
+import numpy as np
+
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.vehicle.file import GaugeRow, Vehicle
+from builder.vehicle.gauge_layout import GaugeLayout, checked_layout, read_layout
+from strainfmu.errors import InputError
+
+
+def gauge_layout(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> GaugeLayout:
+    """Return a layout of the vehicle file, its rows laid on the inner surface of ``mesh``.
+
+    Raises
+    ------
+    InputError
+        A station has no hollow behind it, or the layout's CSV file is missing or wrong.
+    """
+    entry = vehicle.gauges.layouts[layout]
+    if entry.file is not None:
+        return read_layout(vehicle.beside(entry.file))
+    assert entry.rows is not None
+    return _layout_from_rows(entry.rows, mesh, f"gauges.layouts.{layout}")
+
+
+def _layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str) -> GaugeLayout:
+    """Lay rows on the inner surface: axial gauges along its meridian, hoop gauges across."""
+    inner = mesh.node[mesh.inner_edge.ravel(), 0]
+    first, last = float(inner.min()), float(inner.max())
+    names: list[str] = []
+    position: list[list[float]] = []
+    direction: list[list[float]] = []
+    for number, row in enumerate(rows, start=1):
+        phi = radians(row.roll_angle_deg)
+        sine, cosine = np.sin(phi), np.cos(phi)
+        for x in row.stations:
+            if not first <= x <= last:
+                raise InputError(
+                    f"{where}.rows.{number}: station {x:g} m found, the inner surface reaches from "
+                    f"{first:.4g} to {last:.4g} m"
+                )
+        points = inner_surface_points(mesh, np.array(row.stations))
+        for kind in row.directions:
+            for i, x in enumerate(row.stations):
+                along_x, along_r = points.tangent[i]
+                r = points.radius[i]
+                names.append(f"{kind}_{row.roll_angle_deg:g}deg_{i + 1}")
+                position.append([x, r * sine, r * cosine])
+                direction.append(
+                    [along_x, along_r * sine, along_r * cosine] if kind == "axial" else [0.0, cosine, -sine]
+                )
+    return checked_layout(GaugeLayout(tuple(names), np.array(position), np.array(direction)), where)

@@ -1,0 +1,16 @@
+"""Units that files may use, by name, with the factor to SI."""
+
+from __future__ import annotations
+
+STRAIN_UNITS = {
+    **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
+    **dict.fromkeys(("mm/m",), 1e-3),
+    **dict.fromkeys(("m/m", "1", "strain"), 1.0),
+}
+"""Factor to m/m."""
+
+PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "mbar": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6, "psi": 6894.757293168361}
+"""Factor to Pa."""
+
+TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s": 1.0}
+"""Factor to s."""
