@@ -107,7 +107,7 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
         known = _flows_of_file(path, fingerprint(engine.inputs()))
         keys = map(engine.flow_key, campaign.conditions)
         flows, tally = complete_flows(engine, keys, journal, known, scheduling, reporter, "Flow: snapshots")
-        snapshots = take_snapshots(campaign, flows)
+        snapshots = snapshots_of_flows(campaign, flows)
         kept = KeptFlows(fingerprint(engine.inputs()), tuple(flows[key] for key in sorted(flows)))
         up_to_date = _holds(path, snapshots, kept)
         if not up_to_date:
@@ -119,13 +119,15 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
 def complete_flows(
     engine: Engine,
     keys: Iterable[FlowKey],
-    journal: Journal,
+    journal: Journal | None,
     known: Mapping[FlowKey, Flow],
     scheduling: Scheduling,
     reporter: Reporter,
     title: str,
 ) -> tuple[dict[FlowKey, Flow], Tally]:
     """Return the flow of every key: from ``known``, from the journal, or solved and added to the journal.
+
+    Without a journal the flows stay in memory.
 
     Raises
     ------
@@ -134,7 +136,7 @@ def complete_flows(
     """
     of = fingerprint(engine.inputs())
     wanted = set(keys)
-    at_hand = {**known, **journal.flows(of)}
+    at_hand = {**known, **(journal.flows(of) if journal else {})}
     flows = {key: at_hand[key] for key in wanted & at_hand.keys()}
     reused = len(flows)
     start, times = perf_counter(), []
@@ -147,11 +149,14 @@ def complete_flows(
             ):
                 progress(reused, len(wanted))
                 for one in solving:
-                    journal.append(of, one.flow)
+                    if journal:
+                        journal.append(of, one.flow)
                     flows[one.flow.key] = one.flow
                     times.append(one.seconds)
                     progress(len(flows), len(wanted))
         except KeyboardInterrupt as error:
+            if journal is None:
+                raise
             journal.reread()
             kept = wanted & {**known, **journal.flows(of)}.keys()
             where = f"are kept in {journal.path}" if kept else "are finished"
@@ -160,7 +165,7 @@ def complete_flows(
     return flows, Tally(len(times), reused, perf_counter() - start, mean)
 
 
-def take_snapshots(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Snapshots:
+def snapshots_of_flows(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Snapshots:
     """Return the pressures, each condition's flow turned to its wind; its first condition counts as solved."""
     engine, conditions = campaign.engine, campaign.conditions
     keys = [engine.flow_key(condition) for condition in conditions]

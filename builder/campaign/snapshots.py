@@ -154,7 +154,7 @@ class KeptFlows:
     flows: tuple[Flow, ...]
 
 
-def save_snapshots(snapshots: Snapshots, path: Path, kept: KeptFlows | None = None) -> None:
+def save_snapshots(snapshots: Snapshots, path: str | Path, kept: KeptFlows | None = None) -> None:
     """Write ``snapshots.h5`` atomically, with the flows it was made of in the order of their keys.
 
     Raises
@@ -171,10 +171,10 @@ def save_snapshots(snapshots: Snapshots, path: Path, kept: KeptFlows | None = No
             for number, flow in enumerate(sorted(kept.flows, key=lambda flow: flow.key)):
                 _write_flow(group.create_group(f"{number:05d}"), flow)
 
-    write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
+    write_hdf5_atomically(Path(path), SCHEMA, SCHEMA_VERSION, fill)
 
 
-def load_snapshots(path: Path) -> Snapshots:
+def load_snapshots(path: str | Path) -> Snapshots:
     """Read ``snapshots.h5`` without its flows.
 
     Raises
@@ -182,7 +182,7 @@ def load_snapshots(path: Path) -> Snapshots:
     InputError
         The file is missing, damaged, altered, or of another schema version.
     """
-    return load_record(Snapshots, path, SCHEMA, SCHEMA_VERSION)
+    return load_record(Snapshots, Path(path), SCHEMA, SCHEMA_VERSION)
 
 
 def load_flows(path: Path) -> KeptFlows:

@@ -16,7 +16,7 @@ from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.gauge_derivatives import gauge_derivatives
 from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nuisance_terms
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
-from builder.inverse.seen_states import on_seen_states
+from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import Problem, Solution, solve
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.model import StructuralModel, solid_case
@@ -110,7 +110,7 @@ def build_inverse_map(
     """
     snapshots = _on_structure(snapshots, structure)
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
-    return on_seen_states(inverse_map_of(vehicle, snapshots, structure, problem, solve(problem)))
+    return on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solve(problem)))
 
 
 def inverse_problem(

@@ -21,13 +21,13 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import load_snapshots
 from builder.figures import pressure as figures
-from builder.inverse.build import check_noise
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
-from builder.pipeline.map_stages import make_map
-from builder.pipeline.stages import Chain
+from builder.pipeline.map_files import make_map
+from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.stages import check_before_long_work
 from builder.reporting import Reporter
-from builder.structure.model import check_gauges, check_map_size, refuse_beyond_fourier, structural_model
+from builder.structure.model import refuse_beyond_fourier, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.geometry import surface_grid
 from builder.workspace import Workspace
@@ -79,22 +79,21 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     """
     vehicle = load_vehicle(vehicle_path)
     # Refused before the long work, not after it.
-    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
-    check_noise(vehicle)
+    check_before_long_work(vehicle)
     # The vehicle that flies is played by the Fourier model, whatever the map is built on.
     refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     _note_extrapolation(vehicle, load_trajectory(manoeuvre), reporter)
-    chain = Chain(vehicle, Workspace(folder), reporter)
-    make_map(chain)
-    _flight_model(chain)
-    _fmus(chain)
-    recording = _flight(chain)
+    pipeline = Pipeline(vehicle, Workspace(folder), reporter)
+    make_map(pipeline)
+    _flight_model(pipeline)
+    _fmus(pipeline)
+    recording = _flight(pipeline)
     score = score_flight(recording)
-    _figures(chain, recording)
-    _summary(chain, score)
-    return DemoResult(vehicle.name, folder, chain.files, tuple(chain.reused), score)
+    _figures(pipeline, recording)
+    _summary(pipeline, score)
+    return DemoResult(vehicle.name, folder, pipeline.files, tuple(pipeline.reused), score)
 
 
 def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Reporter) -> None:
@@ -115,62 +114,62 @@ def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Repo
             )
 
 
-def _flight_model(chain: Chain) -> None:
-    vehicle, settings = chain.vehicle, chain.vehicle.resolution.truth
+def _flight_model(pipeline: Pipeline) -> None:
+    vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.truth
 
     def make(path: Path) -> None:
         engine, title = truth_engine(vehicle), "Flow: the vehicle that flies"
         with Journal(path) as journal:
             flows, _ = complete_flows(
-                engine, truth_keys(vehicle), journal, {}, Scheduling(), chain.reporter, title
+                engine, truth_keys(vehicle), journal, {}, Scheduling(), pipeline.reporter, title
             )
             save_flight_model(_assembled(flows), path)
             journal.remove()
 
     def _assembled(flows: Mapping[FlowKey, Flow]) -> FlightModel:
-        with chain.reporter.stage("Structure: the vehicle that flies") as progress:
+        with pipeline.reporter.stage("Structure: the vehicle that flies") as progress:
             structure = structural_model(vehicle, settings, [vehicle.gauges.layout], progress)
-        noise_std = float(load_inverse_map(chain.workspace.path("map.h5")).noise_std[0])
+        noise_std = float(load_inverse_map(pipeline.workspace.path("map.h5")).noise_std[0])
         return flight_model(vehicle, flows, structure, noise_std)
 
     inputs = {
         "schema_version": flight_model_file.SCHEMA_VERSION,
-        "map": chain.made_from("map.h5"),
+        "map": pipeline.made_from("map.h5"),
         "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
         "resolution": settings.model_dump(),
     }
-    chain.link("flight_model.h5", "the independent, finer model of the vehicle", inputs, make)
+    pipeline.make("flight_model.h5", "the independent, finer model of the vehicle", inputs, make)
 
 
-def _fmus(chain: Chain) -> None:
-    workspace, vehicle = chain.workspace, chain.vehicle
+def _fmus(pipeline: Pipeline) -> None:
+    workspace, vehicle = pipeline.workspace, pipeline.vehicle
     trajectory = vehicle.beside(vehicle.truth.manoeuvre)
-    with chain.reporter.stage("FMUs") as progress:
-        chain.link(
+    with pipeline.reporter.stage("FMUs") as progress:
+        pipeline.make(
             "estimator.fmu",
             "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
-            {"map": chain.made_from("map.h5"), "kind": "native"},
+            {"map": pipeline.made_from("map.h5"), "kind": "native"},
             lambda path: export_estimator(workspace.path("map.h5"), path),
         )
         progress(1, 2)
-        chain.link(
+        pipeline.make(
             "plant.fmu",
             "FMI 2.0 co-simulation FMU: the vehicle on its manoeuvre, noisy strains out",
-            {"flight_model": chain.made_from("flight_model.h5"), "trajectory": trajectory.read_bytes().hex()},
+            {"flight_model": pipeline.made_from("flight_model.h5"), "trajectory": trajectory.read_bytes().hex()},
             lambda path: export_plant(workspace.path("flight_model.h5"), trajectory, path),
         )
         progress(2, 2)
 
 
-def _flight(chain: Chain) -> Recording:
-    workspace, vehicle = chain.workspace, chain.vehicle
+def _flight(pipeline: Pipeline) -> Recording:
+    workspace, vehicle = pipeline.workspace, pipeline.vehicle
     trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
     fmus = {name: workspace.path(f"{name}.fmu") for name in ("plant", "estimator")}
 
     def make(path: Path) -> None:
         system = System(fmus, matching_connections("plant", "estimator", fmus))
         stop_time = trajectory.stop_time
-        with chain.reporter.stage("System simulation: plant -> estimator") as progress:
+        with pipeline.reporter.stage("System simulation: plant -> estimator") as progress:
             recording = simulate(
                 system,
                 stop_time,
@@ -179,26 +178,26 @@ def _flight(chain: Chain) -> Recording:
             )
         save_hdf5(recording, path)
 
-    inputs = {"fmus": chain.made_from("plant.fmu", "estimator.fmu"), "step": COMMUNICATION_STEP_SIZE}
-    chain.link("flight.h5", "every signal of the system simulation", inputs, make)
+    inputs = {"fmus": pipeline.made_from("plant.fmu", "estimator.fmu"), "step": COMMUNICATION_STEP_SIZE}
+    pipeline.make("flight.h5", "every signal of the system simulation", inputs, make)
     recording = load_recording(workspace.path("flight.h5"))
-    chain.link(
+    pipeline.make(
         "flight.csv",
         "the same as CSV",
-        {"flight": chain.made_from("flight.h5")},
+        {"flight": pipeline.made_from("flight.h5")},
         lambda path: save_csv(recording, path),
     )
     return recording
 
 
-def _figures(chain: Chain, recording: Recording) -> None:
-    vehicle, settings = chain.vehicle, chain.vehicle.resolution.map
+def _figures(pipeline: Pipeline, recording: Recording) -> None:
+    vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.map
     surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
-    snapshots = snapshots_on(load_snapshots(chain.workspace.path("snapshots.h5")), surface)
-    inverse_map = load_inverse_map(chain.workspace.path("map.h5"))
+    snapshots = snapshots_on(load_snapshots(pipeline.workspace.path("snapshots.h5")), surface)
+    inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
     title = vehicle.name
-    of_pressure = {"snapshots": chain.made_from("snapshots.h5"), "title": title}
-    of_all = {**of_pressure, "map": chain.made_from("map.h5"), "flight": chain.made_from("flight.h5")}
+    of_pressure = {"snapshots": pipeline.made_from("snapshots.h5"), "title": title}
+    of_all = {**of_pressure, "map": pipeline.made_from("map.h5"), "flight": pipeline.made_from("flight.h5")}
     drawings: list[tuple[str, str, dict[str, Any], Callable[[], figures.Figure]]] = [
         (
             "overview.png",
@@ -221,19 +220,19 @@ def _figures(chain: Chain, recording: Recording) -> None:
         (
             "gauges.png",
             "figure: gauge layout",
-            {"map": chain.made_from("map.h5")},
+            {"map": pipeline.made_from("map.h5")},
             lambda: figures.gauges(inverse_map, surface),
         ),
         (
             "coefficients.png",
             "figure: estimated against true coefficients, 3 sigma bands",
-            {"flight": chain.made_from("flight.h5"), "title": title},
+            {"flight": pipeline.made_from("flight.h5"), "title": title},
             lambda: figures.coefficients(recording, title),
         ),
     ]
-    with chain.reporter.stage("Figures") as progress:
+    with pipeline.reporter.stage("Figures") as progress:
         for done, (name, holds, inputs, draw) in enumerate(drawings, start=1):
-            chain.link(name, holds, inputs, partial(_save, draw))
+            pipeline.make(name, holds, inputs, partial(_save, draw))
             progress(done, len(drawings))
 
 
@@ -248,7 +247,7 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and np.isnan(value) else value
 
 
-def _summary(chain: Chain, score: FlightScore) -> None:
+def _summary(pipeline: Pipeline, score: FlightScore) -> None:
     def make(path: Path) -> None:
         values = {
             key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True))
@@ -258,5 +257,5 @@ def _summary(chain: Chain, score: FlightScore) -> None:
         }
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
-    inputs = {"flight": chain.made_from("flight.h5")}
-    chain.link("summary.json", "the table below, as numbers", inputs, make)
+    inputs = {"flight": pipeline.made_from("flight.h5")}
+    pipeline.make("summary.json", "the table below, as numbers", inputs, make)

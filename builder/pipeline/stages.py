@@ -1,33 +1,209 @@
-"""Links from file to file in one folder: what is up to date is not made again."""
+"""The stages from a vehicle to its inverse map, in memory: plain functions for notebooks and scripts.
+
+The commands run the same functions and put files between them (:mod:`builder.pipeline.map_files`). So a map made
+here is the map that ``strainfmu build`` writes, bit for bit.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from builder.aero.engines import make_engine
+from builder.campaign.notes import campaign_notes
+from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
+from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import AnyStructure
-from builder.reporting import Reporter
-from builder.vehicle.file import Vehicle
-from builder.workspace import Workspace
+from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
+from builder.reporting import Reporter, Silent
+from builder.structure.mapped_structure import MappedStructure, mapped_structure
+from builder.structure.model import (
+    StructuralModel,
+    check_gauges,
+    check_map_size,
+    solid_case,
+    structural_model,
+    used_layouts,
+)
+from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.reference_loads import mesh_error_line
+from builder.structure.structure_file import Structure
+from builder.vehicle.file import Vehicle, load_vehicle
+from strainfmu.estimator.inverse_map import InverseMap
+
+AnyProgress = bool | Reporter | None
+"""What is shown of long work: nothing (None, False), progress bars (True), or what a listener makes of it."""
+
+FLOW_TITLE = "Flow: snapshots"
+STRUCTURE_TITLE = "Structure: strain per pressure"
 
 
-class Chain:
-    """The links made so far, and the means to make the next."""
+def take_snapshots(
+    vehicle: Vehicle | str | Path, *, workers: int | None = 0, progress: AnyProgress = None
+) -> Snapshots:
+    """Return the surface pressure at the flight conditions of a vehicle.
 
-    def __init__(self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter) -> None:
-        self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
-        self.files: dict[str, str] = {}
-        self.reused: list[str] = []
-        self.map_parts: tuple[Snapshots, AnyStructure] | None = None
+    Parameters
+    ----------
+    vehicle : the vehicle, or the path of its file.
+    workers : local processes; 0 for threads of this process; None for as many as there are cores. Processes are
+        spawned: a script that asks for them needs the usual ``if __name__ == "__main__":``.
+    progress : True for progress bars; silent by default.
 
-    def link(self, name: str, holds: str, inputs: dict[str, Any], make: Callable[[Path], object]) -> None:
-        """Make ``name`` or reuse it, and say so if it is reused."""
-        if self.workspace.ensure(name, inputs, make):
-            self.reused.append(name)
-            self.reporter.note(f"{name}: up to date, reused")
-        self.files[name] = holds
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong, or a condition is outside the solver's reach.
+    """
+    vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    campaign = snapshot_campaign(vehicle, reporter)
+    keys = map(campaign.engine.flow_key, campaign.conditions)
+    flows, tally = complete_flows(
+        campaign.engine,
+        keys,
+        journal=None,
+        known={},
+        scheduling=Scheduling(workers=workers),
+        reporter=reporter,
+        title=FLOW_TITLE,
+    )
+    snapshots = snapshots_of_flows(campaign, flows)
+    note_campaign(CampaignResult(snapshots=snapshots, tally=tally, up_to_date=False), reporter)
+    return snapshots
 
-    def made_from(self, *names: str) -> list[str]:
-        return [self.workspace.made_from(name) for name in names]
+
+def solve_structure(
+    vehicle: Vehicle | str | Path, *, layouts: list[str] | None = None, progress: AnyProgress = None
+) -> StructuralModel | Structure:
+    """Return the strain per pressure of a vehicle's gauges, by the structural model of its file.
+
+    The Fourier model gives a :class:`StructuralModel`, whose ``strain_operator(layout)`` is Z_p (n_d, n_p) [1/Pa]
+    at the nodes of the snapshots. The solid model gives a :class:`Structure`, whose ``strain_operator`` [1/Pa] is
+    at the nodes of its own mesh, all layouts one after another; :func:`build_map` maps it to the snapshots.
+
+    Parameters
+    ----------
+    vehicle : the vehicle, or the path of its file.
+    layouts : names of gauge layouts; by default those that the map needs.
+    progress : True for progress bars; silent by default.
+
+    Raises
+    ------
+    InputError
+        The vehicle file is wrong, the wall does not fit the body, or a gauge is not on its surface.
+    """
+    vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    chosen = used_layouts(vehicle) if layouts is None else list(layouts)
+    if vehicle.structure.model == "solid":
+        return solve_solid_structure(solid_case(vehicle, chosen), reporter)
+    return fourier_structure(vehicle, chosen, reporter)
+
+
+def build_map(
+    vehicle: Vehicle | str | Path,
+    *,
+    snapshots: Snapshots | None = None,
+    structure: StructuralModel | MappedStructure | Structure | None = None,
+    progress: AnyProgress = None,
+) -> InverseMap:
+    """Return the inverse map of a vehicle: strain to loads, with covariance.
+
+    Parameters
+    ----------
+    vehicle : the vehicle, or the path of its file.
+    snapshots : from :func:`take_snapshots` or :func:`load_snapshots`; made here by default.
+    structure : from :func:`solve_structure`; solved here by default.
+    progress : True for progress bars; silent by default.
+
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong; a condition is outside the solver's reach; or the gauges
+        cannot carry the map.
+    """
+    vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    check_before_long_work(vehicle)
+    if snapshots is None:
+        snapshots = take_snapshots(vehicle, progress=reporter)
+    if structure is None:
+        structure = solve_structure(vehicle, progress=reporter)
+    solid = structure if isinstance(structure, Structure) else None
+    return map_from(vehicle, snapshots, on_snapshots(structure, snapshots, reporter), reporter, solid)
+
+
+def check_before_long_work(vehicle: Vehicle) -> None:
+    """Refuse a vehicle whose gauges, modes or noise do not fit, before anything is solved.
+
+    Raises
+    ------
+    InputError
+        Names the entry of the vehicle file.
+    """
+    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
+    check_noise(vehicle)
+
+
+def snapshot_campaign(vehicle: Vehicle, reporter: Reporter) -> Campaign:
+    """Return the campaign of the vehicle file: its engine over its conditions."""
+    engine = make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note)
+    return vehicle_campaign(vehicle, engine)
+
+
+def note_campaign(result: CampaignResult, reporter: Reporter) -> None:
+    """Report in a few lines what a campaign did."""
+    for note in campaign_notes(result):
+        reporter.note(note)
+
+
+def fourier_structure(vehicle: Vehicle, layouts: list[str], reporter: Reporter) -> StructuralModel:
+    """Return strain per pressure of the semi-analytic model at the map's resolution."""
+    with reporter.stage(STRUCTURE_TITLE) as progress:
+        return structural_model(vehicle, vehicle.resolution.map, layouts, progress)
+
+
+def on_snapshots(
+    structure: StructuralModel | MappedStructure | Structure, snapshots: Snapshots, reporter: Reporter
+) -> AnyStructure:
+    """Return ``structure`` with strain per pressure at the nodes of the snapshots."""
+    if not isinstance(structure, Structure):
+        return structure
+    with reporter.stage("Structure: pressure onto its surface"):
+        return mapped_structure(structure, snapshots)
+
+
+def map_from(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    reporter: Reporter,
+    solid: Structure | None = None,
+) -> InverseMap:
+    """Return the inverse map from its parts and report what it holds.
+
+    ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported.
+    """
+    inverse_map = build_inverse_map(vehicle, snapshots, structure)
+    held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
+    reporter.note(
+        f"{inverse_map.n_gauges} gauges, sigma {1e6 * noise_std:.3g} um/m; "
+        f"{held['modes']} modes hold {held['energy_of_modes']:.2%} of the energy"
+    )
+    if solid is not None:
+        reporter.note(mesh_error_line(solid, noise_std))
+    return inverse_map
+
+
+def _vehicle(vehicle: Vehicle | str | Path) -> Vehicle:
+    return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+
+
+def _reporter(progress: AnyProgress) -> Reporter:
+    if progress is None or progress is False:
+        return Silent()
+    if progress is not True:
+        return progress
+    from rich.console import Console
+
+    from builder.pipeline.progress_bars import ConsoleReporter
+
+    return ConsoleReporter(Console())

@@ -16,7 +16,7 @@ from builder.reports.coefficient_sources import CoefficientSources, coefficient_
 from builder.reports.exclusions import exclusions
 from builder.reports.gamma_choice import GammaChoice, gamma_choice
 from builder.reports.gauge_value import GaugeValue, gauge_value
-from builder.reports.prior_sight import PriorSight, prior_sight
+from builder.reports.prior_observability import PriorSight, prior_sight
 from builder.structure.observability import (
     CLASS_DEGREE,
     HIGHEST_DEGREE,

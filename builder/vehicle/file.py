@@ -321,8 +321,13 @@ class Vehicle(_Section):
         inside = self.structure.internal_pressure_Pa
         return condition.ambient_pressure if inside == "ambient" else inside
 
+    def _repr_html_(self) -> str:
+        from builder.vehicle.notebook_view import vehicle_html  # imports this module
 
-def load_vehicle(path: Path) -> Vehicle:
+        return vehicle_html(self)
+
+
+def load_vehicle(path: str | Path) -> Vehicle:
     """Read and check a vehicle file.
 
     Raises
@@ -330,6 +335,7 @@ def load_vehicle(path: Path) -> Vehicle:
     InputError
         The file is missing or no TOML, or an entry is unknown, missing or outside its limits.
     """
+    path = Path(path)
     try:
         entries = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

@@ -16,7 +16,7 @@ import pytest
 from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
-from builder.campaign.run import take_snapshots
+from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
@@ -129,7 +129,7 @@ def same_mesh(vehicle: Vehicle, structure: StructuralModel) -> tuple[np.ndarray,
     conditions = held_out(24)
     campaign = vehicle_campaign(vehicle, engine, [ConditionSet("held out", tuple(conditions))])
     solved = solve_flows(engine, map(engine.flow_key, conditions), Scheduling(workers=0))
-    snapshots = take_snapshots(campaign, {one.flow.key: one.flow for one in solved})
+    snapshots = snapshots_of_flows(campaign, {one.flow.key: one.flow for one in solved})
     net = snapshots.pressure - internal_pressure(vehicle, snapshots)
     loads = load_operator(structure.surface, vehicle.reference.moment_station_m)
     strain = net @ structure.strain_operator(vehicle.gauges.layout).T

@@ -20,7 +20,7 @@ from builder.structure.model import StructuralModel, solid_case, wall_of
 from builder.structure.solid.displaced_gauges import displaced_gauges
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.model import solve_structure
+from builder.structure.solid.model import solve_solid_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
@@ -40,7 +40,7 @@ def uncertain(vehicle: Vehicle) -> Vehicle:
 @pytest.fixture(scope="module")
 def solid(uncertain: Vehicle, snapshots: Snapshots) -> MappedStructure:
     case = solid_case(uncertain, [LAYOUT], MeshChoice(resolution="coarse"))
-    return mapped_structure(solve_structure(case, Silent()), snapshots)
+    return mapped_structure(solve_solid_structure(case, Silent()), snapshots)
 
 
 def terms_of(

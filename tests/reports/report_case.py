@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from builder.aero.engines import make_engine
-from builder.campaign.run import take_snapshots
+from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
@@ -57,7 +57,7 @@ def solved_vehicle(folder: Path) -> tuple[Vehicle, Snapshots, StructuralModel]:
     keys = map(engine.flow_key, campaign.conditions)
     flows = {one.flow.key: one.flow for one in solve_flows(engine, keys, Scheduling(workers=0))}
     structure = structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle))
-    return vehicle, take_snapshots(campaign, flows), structure
+    return vehicle, snapshots_of_flows(campaign, flows), structure
 
 
 def case_of(parts: tuple[Vehicle, Snapshots, StructuralModel], entry: MapEntry) -> ReportCase:

@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.coefficients import load_error_covariance
-from builder.inverse.seen_states import on_seen_states
+from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
 from builder.reports.coefficient_sources import coefficient_sources
 from builder.reports.gauge_value import gauge_value, loss_growth
@@ -77,7 +77,7 @@ def test_states_that_no_gauge_sees_change_nothing(parts: Parts) -> None:
     five = with_gauges(case.problem, kept)
     solution = solve(five)
     whole = map_of_some(case, five, solution, kept)
-    seen = on_seen_states(whole)
+    seen = on_observable_states(whole)
     assert seen.state_operator.shape == (5, 5)
     np.testing.assert_allclose(gauge_value(seen).growth, gauge_value(whole).growth, rtol=1e-7)
     np.testing.assert_allclose(gauge_value(seen).pair_growth, gauge_value(whole).pair_growth, rtol=1e-7)

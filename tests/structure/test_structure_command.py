@@ -12,7 +12,7 @@ import pytest
 from cad_files import write_step, write_stl
 
 from builder.campaign.snapshots import load_snapshots
-from builder.pipeline.map_stages import run_build
+from builder.pipeline.map_files import run_build
 from builder.reporting import Silent
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.model import StructuralModel, solid_case, structural_model, used_layouts, wall_of
@@ -20,7 +20,7 @@ from builder.structure.solid.gmsh_mesh import load_gmsh
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.mesh_export import write_mesh
 from builder.structure.solid.mesh_report import exact_wall
-from builder.structure.solid.model import solve_structure
+from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import largest_amplitude, reference_pressures
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.structure_file import SCHEMA, SCHEMA_VERSION, Structure, load_structure
@@ -73,7 +73,7 @@ def solved(path: Path, **options: object) -> Structure:
     """Solve the vehicle of a file on the coarse swept mesh."""
     vehicle = load_vehicle(path)
     choice = MeshChoice(resolution="coarse")
-    return solve_structure(solid_case(vehicle, used_layouts(vehicle), choice, **options), Silent())  # type: ignore[arg-type]
+    return solve_solid_structure(solid_case(vehicle, used_layouts(vehicle), choice, **options), Silent())  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

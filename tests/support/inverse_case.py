@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.engine import Engine
-from builder.campaign.run import take_snapshots
+from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
@@ -61,4 +61,4 @@ def snapshots_at(engine: Engine, vehicle: Vehicle, conditions: Sequence[FlightCo
     campaign = vehicle_campaign(vehicle, engine, [ConditionSet("test", tuple(conditions))])
     keys = map(engine.flow_key, conditions)
     flows = {one.flow.key: one.flow for one in solve_flows(engine, keys, Scheduling(workers=0))}
-    return take_snapshots(campaign, flows)
+    return snapshots_of_flows(campaign, flows)

@@ -107,20 +107,20 @@ def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[S
     Raises
     ------
     InputError, StrainfmuError
-        As :func:`solve_structure`; or ``path`` holds an artefact of another kind or cannot be written.
+        As :func:`solve_solid_structure`; or ``path`` holds an artefact of another kind or cannot be written.
     """
     before, made_from = structure_to_reuse(path), case.made_from()
     if before is not None and before.settings["made_from"] == made_from:
         return before, True
     if case.solver not in (None, CYCLIC):
         named_back_end(case.solver)  # refused before the long work, not after it
-    structure = solve_structure(case, reporter, before)
+    structure = solve_solid_structure(case, reporter, before)
     with reporter.stage("Write"):
         save_structure(structure, path)
     return structure, False
 
 
-def solve_structure(case: SolidCase, reporter: Reporter, before: Structure | None = None) -> Structure:
+def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure | None = None) -> Structure:
     """Compute Z_p of all layouts.
 
     Parameters

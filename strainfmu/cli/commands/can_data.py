@@ -9,10 +9,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.bus_options import check_dynamic_pressure, cycle_time_of
 from strainfmu.cli.commands.can_bus import identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
-from strainfmu.cli.console import ConsoleReporter
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:

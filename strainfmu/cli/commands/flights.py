@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from strainfmu.cli.console import ConsoleReporter
+from builder.pipeline.progress_bars import ConsoleReporter
 
 if TYPE_CHECKING:
     from strainfmu.cosim.flight import FlightResult

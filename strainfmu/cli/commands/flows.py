@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from strainfmu.cli.console import ConsoleReporter
+from builder.pipeline.progress_bars import ConsoleReporter
 
 
 def snapshots(

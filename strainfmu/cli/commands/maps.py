@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from strainfmu.cli.console import ConsoleReporter
+from builder.pipeline.progress_bars import ConsoleReporter
 
 
 def build(
@@ -26,7 +26,7 @@ def build(
 
         strainfmu build my_vehicle.toml -o results
     """
-    from builder.pipeline.map_stages import run_build
+    from builder.pipeline.map_files import run_build
 
     console = Console()
     path = run_build(vehicle, output, ConsoleReporter(console))

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from strainfmu.cli.console import ConsoleReporter
+from builder.pipeline.progress_bars import ConsoleReporter
 
 
 def reproduce(

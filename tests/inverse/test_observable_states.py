@@ -9,7 +9,7 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of, inverse_problem
-from builder.inverse.seen_states import on_seen_states
+from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
 from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle
@@ -33,7 +33,7 @@ def test_every_output_stays_with_gauges_lost_too(
 ) -> None:
     """243 states to 54: loads, covariance, chi-square, z to 1e-9; the field to single precision, 1e-6."""
     before = whole(vehicle, prior_snapshots, structure, gamma=gamma)
-    after = on_seen_states(before)
+    after = on_observable_states(before)
     assert (before.state_operator.shape, after.state_operator.shape) == ((54, 243), (54, 54))
     estimators = Estimator(before), Estimator(after)
     random = np.random.default_rng(1)
@@ -66,7 +66,7 @@ def test_states_are_ordered_by_what_gauges_see(
     vehicle: Vehicle, prior_snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     """A' Gamma^-1 A of the new states is diagonal: the provenance's eigenvalues, to 1e-9 of the first."""
-    after = on_seen_states(whole(vehicle, prior_snapshots, structure))
+    after = on_observable_states(whole(vehicle, prior_snapshots, structure))
     hessian = after.state_operator.T @ np.linalg.solve(after.noise_covariance, after.state_operator)
     expected = np.diag(after.provenance["hessian_eigenvalues"])
     np.testing.assert_allclose(hessian, expected, rtol=0.0, atol=1e-9 * expected[0, 0])
@@ -76,4 +76,4 @@ def test_a_map_of_few_states_is_left_alone(
     vehicle: Vehicle, prior_snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     few = whole(vehicle, prior_snapshots, structure, prior_modes=20)
-    assert on_seen_states(few) is few
+    assert on_observable_states(few) is few

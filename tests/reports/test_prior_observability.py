@@ -12,7 +12,7 @@ from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise_model import gauge_noise
 from builder.inverse.solution import Problem, solve
-from builder.reports.prior_sight import PriorSight, prior_sight
+from builder.reports.prior_observability import PriorSight, prior_sight
 from builder.reports.symmetry_classes import mirror_operators, symmetric_part
 from builder.structure.model import StructuralModel
 from builder.structure.observability import SYMMETRIES

@@ -10,7 +10,7 @@ from builder.inverse.case_2 import whitened_spectrum
 from strainfmu.estimator.inverse_map import InverseMap
 
 
-def on_seen_states(inverse_map: InverseMap) -> InverseMap:
+def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     """Return ``inverse_map`` with n_d states, where it has more than its n_d gauges.
 
     With L^-1 A = U S V^T the new states are V_d^T q, amplitudes of the data-informed modes F v_k by falling

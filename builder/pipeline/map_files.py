@@ -1,0 +1,185 @@
+"""The files of a map: snapshots, structure, inverse map and the report on it, each made by one stage."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import cache
+from hashlib import sha256
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from builder.campaign import snapshots as snapshots_file
+from builder.campaign.run import run_campaign
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.inverse.build import AnyStructure
+from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.stages import (
+    check_before_long_work,
+    fourier_structure,
+    map_from,
+    note_campaign,
+    on_snapshots,
+    snapshot_campaign,
+)
+from builder.reporting import Reporter
+from builder.reports import build_page
+from builder.reports.build_report import BuildReport, build_report
+from builder.structure import structure_file
+from builder.structure.model import solid_case, used_layouts
+from builder.structure.solid.model import update_structure
+from builder.structure.structure_file import Structure, load_structure
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.workspace import Workspace
+from strainfmu.estimator import inverse_map as inverse_map_file
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+
+
+def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
+    """Make the files up to the inverse map and the report beside it; return the map's path.
+
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong, or a condition is outside the solver's reach.
+    StrainfmuError
+        A file could not be written.
+    """
+    vehicle = load_vehicle(vehicle_path)
+    check_before_long_work(vehicle)
+    pipeline = Pipeline(vehicle, Workspace(folder), reporter)
+    make_map(pipeline)
+    _report(pipeline)
+    return pipeline.workspace.path("map.h5")
+
+
+def make_map(pipeline: Pipeline) -> None:
+    """Make the snapshots, the structure if it is a file of its own, and the map."""
+    if pipeline.vehicle.structure.model == "solid":
+        _solid_structure(pipeline)
+    _snapshots(pipeline)
+    _inverse_map(pipeline)
+
+
+def _snapshots(pipeline: Pipeline) -> None:
+    vehicle = pipeline.vehicle
+    campaign = snapshot_campaign(vehicle, pipeline.reporter)
+    surface = campaign.engine.surface
+
+    def write(path: Path) -> None:
+        note_campaign(run_campaign(campaign, path, Scheduling(), pipeline.reporter), pipeline.reporter)
+
+    inputs = {
+        "schema_version": snapshots_file.SCHEMA_VERSION,
+        "vehicle": vehicle.name,
+        "engine": campaign.engine.inputs(),
+        "engine_entries": vehicle.aerodynamics.model_dump(),
+        "surface": sha256(surface.point.tobytes() + surface.triangle.tobytes()).hexdigest(),
+        "conditions": [condition.as_tuple() for condition in campaign.conditions],
+        "flows": [campaign.engine.flow_key(condition) for condition in campaign.conditions],
+        "internal_pressure": campaign.internal_pressure,
+        "reference": asdict(campaign.reference),
+    }
+    pipeline.make("snapshots.h5", "surface pressure at every flight condition", inputs, write)
+
+
+def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
+    """Return the entries of the vehicle file that strains and coefficients depend on."""
+    tables = {
+        name: vehicle.beside(entry.file).read_bytes().hex()
+        for name, entry in vehicle.gauges.layouts.items()
+        if entry.file is not None and vehicle.beside(entry.file).is_file()
+    }
+    for name in ("covariance_file", "nuisance_file"):
+        file = getattr(vehicle.noise, name)
+        if file is not None and vehicle.beside(file).is_file():
+            tables[f"noise.{name}"] = vehicle.beside(file).read_bytes().hex()
+    parts = vehicle.model_dump(include={"name", "structure", "material", "reference", "gauges", "noise", "map"})
+    return {**parts, "tables": tables}
+
+
+def _solid_structure(pipeline: Pipeline) -> None:
+    case = solid_case(pipeline.vehicle, used_layouts(pipeline.vehicle))
+
+    def write(path: Path) -> None:
+        used = update_structure(path, case, pipeline.reporter)[0].statistics
+        size, solver = used["degrees_of_freedom"], used["solver"]
+        pipeline.reporter.note(f"{size} dofs; solver {solver}, licence {used['licence']}")
+
+    inputs = {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
+    pipeline.make(
+        "structure.h5",
+        "strain per pressure of the three-dimensional structure",
+        inputs,
+        write,
+    )
+
+
+def _solid(pipeline: Pipeline) -> Structure | None:
+    """Return the three-dimensional structure, None where the map is built on the Fourier model."""
+    if pipeline.vehicle.structure.model != "solid":
+        return None
+    return load_structure(pipeline.workspace.path("structure.h5"))
+
+
+def _map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
+    """Return what the map is made from, solved once per run."""
+    if pipeline.map_parts is None:
+        vehicle, reporter = pipeline.vehicle, pipeline.reporter
+        snapshots = load_snapshots(pipeline.workspace.path("snapshots.h5"))
+        structure = _solid(pipeline) or fourier_structure(vehicle, used_layouts(vehicle), reporter)
+        pipeline.map_parts = snapshots, on_snapshots(structure, snapshots, reporter)
+    return pipeline.map_parts
+
+
+def _inverse_map(pipeline: Pipeline) -> None:
+    vehicle = pipeline.vehicle
+
+    def write(path: Path) -> None:
+        snapshots, structure = _map_parts(pipeline)
+        made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
+        save_inverse_map(made, path)
+
+    inputs = {
+        "schema_version": inverse_map_file.SCHEMA_VERSION,
+        "snapshots": pipeline.made_from("snapshots.h5"),
+        "resolution": vehicle.resolution.map.model_dump(),
+        **_structural_inputs(vehicle),
+    }
+    if vehicle.structure.model == "solid":
+        inputs["structure"] = pipeline.made_from("structure.h5")
+    pipeline.make("map.h5", "the inverse map: strain to loads, with covariance", inputs, write)
+
+
+def _report(pipeline: Pipeline) -> None:
+    """Report what the map and its gauges can and cannot do: a page, and its numbers."""
+
+    @cache
+    def report() -> BuildReport:
+        snapshots, structure = _map_parts(pipeline)
+        inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
+        with pipeline.reporter.stage("Report: what the gauges tell"):
+            found = build_report(pipeline.vehicle, snapshots, structure, inverse_map)
+        pipeline.reporter.note(build_page.blind_line(found))
+        return found
+
+    def page(path: Path) -> None:
+        found = report()
+        with pipeline.reporter.stage("Report: figures"):
+            build_page.write_report_page(found, path)
+
+    def numbers(path: Path) -> None:
+        build_page.write_numbers(report(), path.parent)
+
+    inputs = {"map": pipeline.made_from("map.h5"), "schema_version": build_page.SCHEMA_VERSION}
+    pipeline.make(build_page.JSON_NAME, "numbers of the report; report_tables holds them as CSV", inputs, numbers)
+    if find_spec("matplotlib") is None:
+        pipeline.reporter.note(f"{build_page.PAGE_NAME}: not made, its figures need strainfmu[report]")
+        return
+    pipeline.make(
+        build_page.PAGE_NAME,
+        "report: what this layout sees, how sure the map is, what gauges are worth",
+        inputs,
+        page,
+    )
