@@ -155,7 +155,7 @@ def inverse_map_of(
     gauges = structure.layouts[vehicle.gauges.layout]
     return InverseMap(
         vehicle=vehicle.name,
-        case=str(problem.entry.case),
+        case=problem.entry.case,
         gauge_names=gauges.names,
         gauge_position=gauges.position,
         gauge_direction=gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True),

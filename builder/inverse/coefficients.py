@@ -9,6 +9,7 @@ from builder.inverse.noise_model import NoiseModel
 from builder.inverse.state_map import StateMap
 from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.load_errors import load_gain, residual_load_gain
 
 
@@ -34,16 +35,17 @@ def load_error_covariance(
         (:func:`~strainfmu.estimator.load_errors.load_gain`); None for G = M T.
     """
     of_state = load_per_state
+    whitening = inverse_cholesky(solved.noise_covariance)
     gain = load_gain(
-        load_per_state,
-        solved.strain_gain,
-        solved.state_operator,
-        solved.noise_covariance,
-        strain_load_covariance,
+        load_per_state=load_per_state,
+        strain_gain=solved.strain_gain,
+        state_operator=solved.state_operator,
+        noise_whitening=whitening,
+        strain_load_covariance=strain_load_covariance,
     )
     if strain_load_covariance is not None:
         # G A - M = (M - X' Gamma^-1 A) (T A - I), whose last factor is known without cancellation.
-        of_residual = residual_load_gain(solved.noise_covariance, strain_load_covariance)
+        of_residual = residual_load_gain(whitening, strain_load_covariance)
         of_state = load_per_state - of_residual @ solved.state_operator
     parts = [of_state @ solved.unresolved]
     parts += [gain @ term.strain - (0.0 if term.load is None else term.load) for term in noise.terms]

@@ -95,7 +95,7 @@ def blind_line(report: BuildReport) -> str:
 
 def _opening(report: BuildReport) -> tuple[Block, ...]:
     one = report.inverse_map
-    modes = "POD modes, by least squares" if one.case == "1" else "states under a Gaussian prior"
+    modes = "POD modes, by least squares" if one.case == 1 else "states under a Gaussian prior"
     sight = report.sight
     dear = int(np.argmax(report.gauges.growth.max(axis=1)))
     of = int(np.argmax(report.gauges.growth[dear]))

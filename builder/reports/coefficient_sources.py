@@ -8,6 +8,7 @@ import numpy as np
 
 from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_errors import residual_load_gain
 
@@ -63,10 +64,10 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
     of_state = problem.load_operator @ solution.field_modes
     outside = inverse_map.strain_load_covariance
     if outside is not None:
-        of_residual = residual_load_gain(inverse_map.noise_covariance, outside)
+        of_residual = residual_load_gain(inverse_cholesky(inverse_map.noise_covariance), outside)
         of_state = of_state - of_residual @ solution.solved.state_operator
     parts = {term.name: gain @ term.strain - _load(term.load) for term in solution.noise.terms}
-    if inverse_map.case == "2":
+    if inverse_map.case == 2:
         parts[OF_STATES] = of_state @ solution.solved.unresolved
     covariance = inverse_map.load_covariance
     std = np.sqrt(np.diag(covariance))

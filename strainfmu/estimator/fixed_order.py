@@ -42,6 +42,14 @@ def solve_lower(lower: FloatArray, right: FloatArray) -> FloatArray:
     return solution
 
 
+def inverse_cholesky(covariance: FloatArray) -> FloatArray:
+    """Return L^-1 (n, n), lower triangular, of ``covariance`` = L L'."""
+    # Rows and columns scaled to unit variance, so that gauges of unlike noise cost no digits.
+    std = np.sqrt(np.diag(covariance))
+    scaled = cholesky(covariance / (std[:, None] * std[None, :]))
+    return np.asarray(solve_lower(scaled, np.eye(len(std))) / std)
+
+
 def householder(matrix: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
     """Return R (m, n), upper triangular, and the reflectors v of Q = H_1 H_2 .., H_k = I - 2 v v' / v' v.
 

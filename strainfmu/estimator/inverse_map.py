@@ -25,20 +25,20 @@ from strainfmu.estimator.innovation import estimate_gain, inverse_cholesky
 from strainfmu.estimator.load_errors import load_error_model, load_gain
 from strainfmu.records import load_record, save_record
 
-SCHEMA = "strainfmu.estimator.inverse_map"
-SCHEMA_VERSION = 3
+SCHEMA = "strainfmu.inverse_map"
+SCHEMA_VERSION = 4
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 
-CASES = ("1", "2")
+CASES = (1, 2)
 """Least squares on POD modes; low-rank Gaussian prior."""
 
 _CONSISTENCY = 1e-6
 """Largest disagreement, relative, between what the file holds twice: far above round-off, far below sigma."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class InverseMap:
     """A finished inverse map for n_d gauges and n_q pressure states.
 
@@ -47,7 +47,7 @@ class InverseMap:
     Attributes
     ----------
     vehicle : name of the vehicle and what it stands for.
-    case : "1", least squares on POD modes, or "2", low-rank Gaussian prior.
+    case : 1, least squares on POD modes, or 2, low-rank Gaussian prior.
     gauge_names : n_d names, unique.
     gauge_position : (n_d, 3) position in body axes [m].
     gauge_direction : (n_d, 3) unit vectors of the measured strain.
@@ -77,7 +77,7 @@ class InverseMap:
     """
 
     vehicle: str
-    case: str
+    case: int
     gauge_names: tuple[str, ...]
     gauge_position: FloatArray
     gauge_direction: FloatArray
@@ -123,11 +123,11 @@ class InverseMap:
     def load_gain(self) -> FloatArray:
         """(5, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
         return load_gain(
-            self.load_per_state,
-            self.strain_gain,
-            self.state_operator,
-            self.noise_covariance,
-            self.strain_load_covariance,
+            load_per_state=self.load_per_state,
+            strain_gain=self.strain_gain,
+            state_operator=self.state_operator,
+            noise_whitening=inverse_cholesky(self.noise_covariance),
+            strain_load_covariance=self.strain_load_covariance,
         )
 
 
@@ -192,8 +192,8 @@ def _check_values(inverse_map: InverseMap) -> None:
     if not np.all(np.diag(inverse_map.load_covariance) > 0.0):
         raise InputError("inverse map: load_covariance must have positive variances")
     if inverse_map.case not in CASES:
-        raise InputError(f"inverse map: case is '{inverse_map.case}', must be one of {', '.join(CASES)}")
-    gamma, free = inverse_map.regularisation, inverse_map.case == "1"
+        raise InputError(f"inverse map: case is {inverse_map.case}, must be one of {', '.join(map(str, CASES))}")
+    gamma, free = inverse_map.regularisation, inverse_map.case == 1
     if not (gamma == 0.0 if free else 0.0 < gamma < np.inf):
         wanted = "0" if free else "positive"
         raise InputError(f"inverse map: regularisation is {gamma}, must be {wanted} in Case {inverse_map.case}")
@@ -220,7 +220,7 @@ def _check_consistency(inverse_map: InverseMap) -> None:
         for t in (gain - estimate_gain(a, gamma, inverse_map.regularisation), gain)
     )
     # Under a prior the gain of a state that no gauge sees is round-off.
-    if not np.all(error <= _CONSISTENCY * (size if inverse_map.case == "1" else np.maximum(size, 1e-3))):
+    if not np.all(error <= _CONSISTENCY * (size if inverse_map.case == 1 else np.maximum(size, 1e-3))):
         raise InputError("strain_gain is not that of state_operator, noise_covariance and regularisation")
     offset_error = np.abs(inverse_map.state_offset + gain @ inverse_map.mean_strain)
     if not np.all(offset_error <= _CONSISTENCY * (np.abs(gain) @ np.abs(inverse_map.mean_strain))):
@@ -228,7 +228,7 @@ def _check_consistency(inverse_map: InverseMap) -> None:
     w, freedom = inverse_map.residual_whitening, inverse_map.residual_degrees_of_freedom
     of_states = w @ a
     expected = float(np.sum((w @ np.linalg.inv(whitening)) ** 2))
-    if inverse_map.case == "2":
+    if inverse_map.case == 2:
         expected += float(np.sum(of_states**2))
     elif not np.all(np.linalg.norm(of_states, axis=0) <= _CONSISTENCY * np.linalg.norm(whitening @ a, axis=0)):
         raise InputError("residual_whitening sees the states, must be blind to state_operator")
@@ -237,19 +237,19 @@ def _check_consistency(inverse_map: InverseMap) -> None:
             f"residual_whitening gives chi-square a mean of {expected:.6g}, must be {freedom} (degrees of freedom)"
         )
     load_error_model(
-        inverse_map.load_covariance,
-        a,
-        gamma,
-        inverse_map.load_per_state,
-        inverse_map.load_gain,
-        inverse_map.strain_load_covariance,
-        known_prior=inverse_map.case == "2",
+        load_covariance=inverse_map.load_covariance,
+        state_operator=a,
+        noise_covariance=gamma,
+        load_per_state=inverse_map.load_per_state,
+        load_gain=inverse_map.load_gain,
+        strain_load_covariance=inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == 2,
     )
 
 
-def _units(case: str) -> dict[str, str]:
+def _units(case: int) -> dict[str, str]:
     """Return the unit of each field; a state is a pressure in Case 1 and a number in Case 2."""
-    state = "Pa" if case == "1" else "1"
+    state = "Pa" if case == 1 else "1"
     return {
         "gauge_position": "m",
         "gauge_direction": "1",

@@ -17,24 +17,26 @@ optimal, without cancellation. In Case 1 the estimate is unbiased, G A = M, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.innovation import inverse_cholesky
+from strainfmu.estimator.algebra import LAPACK, Algebra
 
 _ROUND_OFF = 1e-6
-"""Share of a stated covariance by which it may lie below what its own terms add up to."""
+"""Fraction of a stated covariance by which it may lie below the sum of its own terms."""
 
 
 def load_gain(
+    *,
     load_per_state: FloatArray,
     strain_gain: FloatArray,
     state_operator: FloatArray,
-    noise_covariance: FloatArray,
+    noise_whitening: FloatArray,
     strain_load_covariance: FloatArray | None,
+    algebra: Algebra = LAPACK,
 ) -> FloatArray:
     """Return (5, n_d) G, loads per strain [N, N m]; M T where no load is outside the states.
 
@@ -45,28 +47,32 @@ def load_gain(
     load_per_state : (5, n_q) M [N/state, N m/state].
     strain_gain : (n_q, n_d) T [state/(m/m)].
     state_operator : (n_d, n_q) A [(m/m)/state].
-    noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
+    noise_whitening : (n_d, n_d) L^-1 of Gamma = L L' [1/(m/m)].
     strain_load_covariance : (n_d, 5) X, or None.
+    algebra : what the matrices are multiplied with.
     """
+    product = algebra.product
     if strain_load_covariance is None:
-        return load_per_state @ strain_gain
-    of_residual = residual_load_gain(noise_covariance, strain_load_covariance)
-    return (load_per_state - of_residual @ state_operator) @ strain_gain + of_residual
+        return product(load_per_state, strain_gain)
+    of_residual = residual_load_gain(noise_whitening, strain_load_covariance, algebra)
+    of_states = load_per_state - product(of_residual, state_operator)
+    return np.asarray(product(of_states, strain_gain) + of_residual)
 
 
-def residual_load_gain(noise_covariance: FloatArray, strain_load_covariance: FloatArray) -> FloatArray:
+def residual_load_gain(
+    noise_whitening: FloatArray, strain_load_covariance: FloatArray, algebra: Algebra = LAPACK
+) -> FloatArray:
     """Return (5, n_d) X' Gamma^-1 [N, N m]: load outside the states per strain outside the states.
 
-    Gamma is (n_d, n_d) [(m/m)^2], X (n_d, 5).
+    ``noise_whitening`` is L^-1 (n_d, n_d) of Gamma = L L' [1/(m/m)], ``strain_load_covariance`` X (n_d, 5).
     """
-    whitening = inverse_cholesky(noise_covariance)
-    gain: FloatArray = (whitening @ strain_load_covariance).T @ whitening
-    return gain
+    whitened = algebra.product(noise_whitening, strain_load_covariance)
+    return algebra.product(whitened.T, noise_whitening)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LoadErrorModel:
-    """What the covariance of the loads is made of, whatever the gain.
+    """The terms of the covariance of the loads, whatever the gain.
 
     Attributes
     ----------
@@ -88,10 +94,11 @@ class LoadErrorModel:
 
 def load_error_covariance(model: LoadErrorModel, load_gain: FloatArray) -> FloatArray:
     """Return (5, 5) covariance [(N, N m)^2] of the error of loads estimated with ``load_gain`` G (5, n_d)."""
-    return model.remainder + _of_gain(model, load_gain)
+    return model.remainder + _of_gain(model, load_gain, LAPACK)
 
 
 def load_error_model(
+    *,
     load_covariance: FloatArray,
     state_operator: FloatArray,
     noise_covariance: FloatArray,
@@ -99,6 +106,7 @@ def load_error_model(
     load_gain: FloatArray,
     strain_load_covariance: FloatArray | None,
     known_prior: bool,
+    algebra: Algebra = LAPACK,
 ) -> LoadErrorModel:
     """Return the model whose covariance is ``load_covariance`` (5, 5) for ``load_gain`` G (5, n_d).
 
@@ -110,25 +118,31 @@ def load_error_model(
     InputError
         ``load_covariance`` is less than gauge noise and prior alone make it.
     """
-    noise_root = np.asarray(np.linalg.cholesky(noise_covariance), dtype=np.float64)
+    noise_root = algebra.cholesky(noise_covariance)
     x = np.zeros((len(noise_root), 5)) if strain_load_covariance is None else strain_load_covariance
-    regression = np.asarray(np.linalg.solve(noise_root, x).T, dtype=np.float64)
-    nothing = np.zeros((5, 5))
-    model = LoadErrorModel(noise_root, regression, nothing, state_operator, load_per_state, known_prior)
-    remainder = load_covariance - _of_gain(model, load_gain)
+    model = LoadErrorModel(
+        noise_root=noise_root,
+        regression=algebra.solve_lower(noise_root, x).T,
+        remainder=np.zeros((5, 5)),
+        state_operator=state_operator,
+        load_per_state=load_per_state,
+        known_prior=known_prior,
+    )
     size = np.sqrt(np.diag(load_covariance))
-    values, vectors = np.linalg.eigh(remainder / np.outer(size, size))
-    if not values[0] >= -_ROUND_OFF:
+    rest = (load_covariance - _of_gain(model, load_gain, algebra)) / np.outer(size, size)
+    values, vectors = algebra.eigen(rest)
+    if not values.min() >= -_ROUND_OFF:
         raise InputError("load_covariance is less than noise_covariance and the prior alone make it")
     root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return LoadErrorModel(noise_root, regression, root @ root.T, state_operator, load_per_state, known_prior)
+    return replace(model, remainder=algebra.product(root, root.T))
 
 
-def _of_gain(model: LoadErrorModel, load_gain: FloatArray) -> FloatArray:
+def _of_gain(model: LoadErrorModel, load_gain: FloatArray, algebra: Algebra) -> FloatArray:
     """Return the two terms that depend on the gain."""
-    of_noise = load_gain @ model.noise_root - model.regression
-    covariance = of_noise @ of_noise.T
+    product = algebra.product
+    of_noise = product(load_gain, model.noise_root) - model.regression
+    covariance = product(of_noise, of_noise.T)
     if model.known_prior:
-        of_prior = model.load_per_state - load_gain @ model.state_operator
-        covariance += of_prior @ of_prior.T
+        of_prior = model.load_per_state - product(load_gain, model.state_operator)
+        covariance = covariance + product(of_prior, of_prior.T)
     return np.asarray(covariance)

@@ -14,12 +14,13 @@ from math import sqrt
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.fixed_order import apply_orthogonal, cholesky, eigen, householder, product, solve_lower
+from strainfmu.estimator.algebra import FIXED_ORDER
+from strainfmu.estimator.fixed_order import apply_orthogonal, householder, inverse_cholesky, product
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_errors import LoadErrorModel
+from strainfmu.estimator.load_errors import LoadErrorModel, load_error_model, load_gain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class MapParts:
     """What the matrices of every set of gauges are made from.
 
@@ -41,24 +42,32 @@ class MapParts:
 
 def map_parts(inverse_map: InverseMap) -> MapParts:
     """Return the parts of ``inverse_map``."""
-    covariance = inverse_map.noise_covariance
-    # Rows and columns scaled to unit variance, so that gauges of unlike noise cost no digits.
-    std = np.sqrt(np.diag(covariance))
-    scaled_root = cholesky(covariance / (std[:, None] * std[None, :]))
-    noise_whitening = np.asarray(solve_lower(scaled_root, np.eye(len(std))) / std)
-    gain = _load_gain(inverse_map, noise_whitening)
-    whitening = _gain_whitening(inverse_map.state_operator, noise_whitening, inverse_map.regularisation)
-    return MapParts(inverse_map, gain, _error_model(inverse_map, gain), noise_whitening, whitening)
-
-
-def _load_gain(inverse_map: InverseMap, noise_whitening: FloatArray) -> FloatArray:
-    """Return (5, n_d) G, as :func:`strainfmu.estimator.load_errors.load_gain`."""
-    x = inverse_map.strain_load_covariance
-    if x is None:
-        return product(inverse_map.load_per_state, inverse_map.strain_gain)
-    of_residual = product(product(noise_whitening, x).T.copy(), noise_whitening)
-    of_states = inverse_map.load_per_state - product(of_residual, inverse_map.state_operator)
-    return np.asarray(product(of_states, inverse_map.strain_gain) + of_residual)
+    whitening = inverse_cholesky(inverse_map.noise_covariance)
+    gain = load_gain(
+        load_per_state=inverse_map.load_per_state,
+        strain_gain=inverse_map.strain_gain,
+        state_operator=inverse_map.state_operator,
+        noise_whitening=whitening,
+        strain_load_covariance=inverse_map.strain_load_covariance,
+        algebra=FIXED_ORDER,
+    )
+    error_model = load_error_model(
+        load_covariance=inverse_map.load_covariance,
+        state_operator=inverse_map.state_operator,
+        noise_covariance=inverse_map.noise_covariance,
+        load_per_state=inverse_map.load_per_state,
+        load_gain=gain,
+        strain_load_covariance=inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == 2,
+        algebra=FIXED_ORDER,
+    )
+    return MapParts(
+        inverse_map=inverse_map,
+        load_gain=gain,
+        error_model=error_model,
+        noise_whitening=whitening,
+        gain_whitening=_gain_whitening(inverse_map.state_operator, whitening, inverse_map.regularisation),
+    )
 
 
 def _gain_whitening(state_operator: FloatArray, noise_whitening: FloatArray, regularisation: float) -> FloatArray:
@@ -76,22 +85,3 @@ def _gain_whitening(state_operator: FloatArray, noise_whitening: FloatArray, reg
     _, reflectors = householder(stacked / np.where(size > 0.0, size, 1.0))
     complement = apply_orthogonal(reflectors, np.vstack([np.zeros((n_states, n)), np.eye(n)]))
     return householder(product(complement[n_states:].T.copy(), noise_whitening))[0]
-
-
-def _error_model(inverse_map: InverseMap, gain: FloatArray) -> LoadErrorModel:
-    """Return the model of :func:`~strainfmu.estimator.load_errors.load_error_model`; the map has been checked."""
-    a, known_prior = inverse_map.state_operator, inverse_map.case == "2"
-    root = cholesky(inverse_map.noise_covariance)
-    x = inverse_map.strain_load_covariance
-    regression = np.zeros((5, len(a))) if x is None else solve_lower(root, x).T.copy()
-    of_noise = product(gain, root) - regression
-    explained = product(of_noise, of_noise.T.copy())
-    if known_prior:
-        of_prior = inverse_map.load_per_state - product(gain, a)
-        explained = explained + product(of_prior, of_prior.T.copy())
-    size = np.sqrt(np.diag(inverse_map.load_covariance))
-    rest = (inverse_map.load_covariance - explained) / (size[:, None] * size[None, :])
-    values, vectors = eigen(0.5 * (rest + rest.T))
-    factor = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    remainder = product(factor, factor.T.copy())
-    return LoadErrorModel(root, regression, remainder, a, inverse_map.load_per_state, known_prior)

@@ -57,7 +57,7 @@ def masked_map(parts: MapParts, valid: BoolArray) -> MaskedMap | None:
     """
     if not valid.any():
         return None
-    if parts.inverse_map.case == "1":
+    if parts.inverse_map.case == 1:
         share = information_left(parts.gain_whitening, parts.noise_whitening, ~valid)
         if share < LEAST_INFORMATION:
             return None

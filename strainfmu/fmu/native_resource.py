@@ -55,7 +55,7 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
         inverse_map.n_gauges,
         len(inverse_map.state_offset),
         inverse_map.residual_degrees_of_freedom,
-        inverse_map.case == "2",
+        inverse_map.case == 2,
         text,
     )
     checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *_arrays(inverse_map)))

@@ -146,7 +146,7 @@ def test_ten_sigma_on_any_gauge_are_found_and_blamed_on_it(
     assert masked is not None
     random, n = np.random.default_rng(1), 20_000
     deviation = random.normal(size=(n, inverse_map.n_gauges)) @ np.linalg.cholesky(inverse_map.noise_covariance).T
-    if inverse_map.case == "2":  # of Case 1's states the residual is free
+    if inverse_map.case == 2:  # of Case 1's states the residual is free
         deviation += random.normal(size=(n, len(inverse_map.state_offset))) @ inverse_map.state_operator.T
     gauge = random.integers(inverse_map.n_gauges, size=n)
     deviation[np.arange(n), gauge] += 10.0 * inverse_map.noise_std[gauge]

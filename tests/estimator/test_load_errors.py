@@ -9,6 +9,7 @@ import pytest
 from random_map import GaussianModel, map_of, missing, random_model
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.load_errors import LoadErrorModel, load_error_covariance, load_error_model, load_gain
 from strainfmu.estimator.step import Estimator
 
@@ -17,20 +18,25 @@ N_GAUGES = 27
 
 def error_model(model: GaussianModel, load_covariance: np.ndarray) -> LoadErrorModel:
     return load_error_model(
-        load_covariance,
-        model.a,
-        model.noise_covariance,
-        model.load_per_state,
-        model.load_gain(),
-        model.strain_load_covariance,
+        load_covariance=load_covariance,
+        state_operator=model.a,
+        noise_covariance=model.noise_covariance,
+        load_per_state=model.load_per_state,
+        load_gain=model.load_gain(),
+        strain_load_covariance=model.strain_load_covariance,
         known_prior=model.gamma > 0.0,
     )
 
 
 def gain_of(model: GaussianModel) -> np.ndarray:
     """(5, n_d) G of the function under test."""
-    x = model.strain_load_covariance
-    return load_gain(model.load_per_state, model.gain(), model.a, model.noise_covariance, x)
+    return load_gain(
+        load_per_state=model.load_per_state,
+        strain_gain=model.gain(),
+        state_operator=model.a,
+        noise_whitening=inverse_cholesky(model.noise_covariance),
+        strain_load_covariance=model.strain_load_covariance,
+    )
 
 
 def assert_equal_to(expected: np.ndarray, found: np.ndarray, tolerance: float) -> None:

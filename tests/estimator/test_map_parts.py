@@ -57,13 +57,13 @@ def test_parts_are_those_of_lapack(name: str) -> None:
     assert_close(found.load_gain, inverse_map.load_gain)
     assert_close(found.noise_whitening, inverse_cholesky(covariance))
     model = load_error_model(
-        inverse_map.load_covariance,
-        a,
-        covariance,
-        inverse_map.load_per_state,
-        inverse_map.load_gain,
-        inverse_map.strain_load_covariance,
-        known_prior=inverse_map.case == "2",
+        load_covariance=inverse_map.load_covariance,
+        state_operator=a,
+        noise_covariance=covariance,
+        load_per_state=inverse_map.load_per_state,
+        load_gain=inverse_map.load_gain,
+        strain_load_covariance=inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == 2,
     )
     assert_close(found.error_model.noise_root, model.noise_root)
     assert_close(found.error_model.regression, model.regression)

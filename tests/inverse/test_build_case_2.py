@@ -93,7 +93,7 @@ def test_map_is_small_saved_whole_and_says_what_it_is(
     assert (tmp_path / "map.h5").stat().st_size < 2**20
     loaded = load_inverse_map(tmp_path / "map.h5")
     np.testing.assert_array_equal(loaded.strain_gain, inverse_map.strain_gain)
-    assert (loaded.case, loaded.state_operator.shape, loaded.field_modes) == ("2", (54, 54), None)
+    assert (loaded.case, loaded.state_operator.shape, loaded.field_modes) == (2, (54, 54), None)
     assert loaded.regularisation == pytest.approx(1.0, rel=1e-3)
     facts = loaded.provenance
     assert facts["gamma_rule"] == "evidence"

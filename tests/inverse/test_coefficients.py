@@ -17,6 +17,7 @@ from builder.inverse.coefficients import coefficient_covariance, load_error_cova
 from builder.inverse.noise_model import NoiseModel, gauge_noise
 from builder.inverse.prior import LowRankPrior, prior_of_modes
 from builder.vehicle.reference_quantities import ReferenceQuantities
+from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.load_errors import load_gain
 
 N_MODES = 5
@@ -34,7 +35,11 @@ def gain_of(case: Case) -> np.ndarray:
     per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
     solved = least_squares(case, N_MODES)
     return load_gain(
-        per_state, solved.strain_gain, solved.state_operator, noise.covariance, noise.strain_load_covariance
+        load_per_state=per_state,
+        strain_gain=solved.strain_gain,
+        state_operator=solved.state_operator,
+        noise_whitening=inverse_cholesky(noise.covariance),
+        strain_load_covariance=noise.strain_load_covariance,
     )
 
 
@@ -137,7 +142,13 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
     states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std()
     measured = states @ (case.strain_operator @ case.modes.modes).T
     measured += random.normal(size=measured.shape) * case.noise_std
-    gain = load_gain(per_state, solved.strain_gain, solved.state_operator, noise.covariance, x)
+    gain = load_gain(
+        load_per_state=per_state,
+        strain_gain=solved.strain_gain,
+        state_operator=solved.state_operator,
+        noise_whitening=inverse_cholesky(noise.covariance),
+        strain_load_covariance=x,
+    )
     estimate = measured @ gain.T
     assert_coverage(estimate - states @ (case.loads @ case.modes.modes).T, covariance)
 

@@ -79,7 +79,7 @@ def drawn_strain(inverse_map: InverseMap, n: int, seed: int) -> tuple[np.ndarray
     """
     random = np.random.default_rng(seed)
     a, gamma = inverse_map.state_operator, inverse_map.noise_covariance
-    size = 1.0 if inverse_map.case == "2" else 300.0 * inverse_map.noise_std[0] / np.abs(a).max(axis=0)
+    size = 1.0 if inverse_map.case == 2 else 300.0 * inverse_map.noise_std[0] / np.abs(a).max(axis=0)
     states = size * random.normal(size=(n, a.shape[1]))
     x = inverse_map.strain_load_covariance
     assert x is not None
@@ -89,7 +89,7 @@ def drawn_strain(inverse_map: InverseMap, n: int, seed: int) -> tuple[np.ndarray
     covariance = inverse_map.load_covariance
     left = inverse_map.load_per_state - inverse_map.load_gain @ a
     of_gain = inverse_map.load_gain @ root - of_strain
-    rest = covariance - of_gain @ of_gain.T - (left @ left.T if inverse_map.case == "2" else 0.0)
+    rest = covariance - of_gain @ of_gain.T - (left @ left.T if inverse_map.case == 2 else 0.0)
     values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
     normal = random.normal(size=(n, N_GAUGES))
     strain = inverse_map.mean_strain + states @ a.T + normal @ root.T

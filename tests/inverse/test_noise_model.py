@@ -32,6 +32,7 @@ from builder.structure.model import StructuralModel, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
+from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.load_errors import load_gain
 
 N_MODES = 5
@@ -200,7 +201,13 @@ def test_gauge_errors_are_covered_with_their_term_and_not_without(
     for model in (NoiseModel((*default.terms, term)), default):
         solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std()[:N_MODES])
         x = model.strain_load_covariance
-        gain = load_gain(per_state, solved.strain_gain, z, model.covariance, x)
+        gain = load_gain(
+            load_per_state=per_state,
+            strain_gain=solved.strain_gain,
+            state_operator=z,
+            noise_whitening=inverse_cholesky(model.covariance),
+            strain_load_covariance=x,
+        )
         std = np.sqrt(np.diag(load_error_covariance(solved, per_state, model, x)))
         coverage.append((np.abs(strain @ gain.T - truth) < 3.0 * std).mean(axis=(0, 1)))
     assert np.all(coverage[0] >= 0.99)

@@ -35,7 +35,7 @@ def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> No
     assert "is blind to pressure odd in y, odd in z (" in printed
     page = assert_self_contained((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
     content = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
-    assert content["case"] == "2"
+    assert content["case"] == 2
     used = content["tables"]["gamma_rules"]["rows"]
     assert used[0][1] == pytest.approx(used[1][1], rel=1e-9)  # this map's gamma is Morozov's
     linked = {link for link in page.links if not link.startswith("#")}
@@ -85,7 +85,7 @@ def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
     share = {line[0]: line for line in lines if line[:1] and line[0].startswith(("C_", "M_"))}
     sigma = np.sqrt(one.load_covariance[0, 0]) / (one.nominal_dynamic_pressure * one.reference_area)
     assert share["C_A"][3] == f"{sigma:.4f}"
-    assert ("gamma, found by" in printed) == (one.case == "2")
+    assert ("gamma, found by" in printed) == (one.case == 2)
     assert not list(tmp_path.glob("*figures*"))
 
 

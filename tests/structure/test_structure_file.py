@@ -105,6 +105,6 @@ def test_altered_file_is_refused_and_made_again(tmp_path: Path) -> None:
 
 def test_artefact_of_another_kind_is_not_written_over(tmp_path: Path) -> None:
     path = tmp_path / "map.h5"
-    write_hdf5_atomically(path, "strainfmu.estimator.inverse_map", 1, lambda file: None)
-    with pytest.raises(InputError, match=r"holds 'strainfmu.estimator.inverse_map', give another name"):
+    write_hdf5_atomically(path, "strainfmu.inverse_map", 1, lambda file: None)
+    with pytest.raises(InputError, match=r"holds 'strainfmu.inverse_map', give another name"):
         structure_to_reuse(path)

@@ -129,7 +129,7 @@ def map_of(model: GaussianModel, name: str = "vehicle") -> InverseMap:
     gain = model.gain()
     return InverseMap(
         vehicle=name,
-        case="2" if model.gamma > 0.0 else "1",
+        case=2 if model.gamma > 0.0 else 1,
         gauge_names=tuple(f"G{i}" for i in range(n_gauges)),
         gauge_position=np.random.default_rng(2).normal(size=(n_gauges, 3)),
         gauge_direction=np.tile([1.0, 0.0, 0.0], (n_gauges, 1)),

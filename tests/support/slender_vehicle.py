@@ -82,7 +82,7 @@ def slender_inverse_map() -> InverseMap:
     of_noise = loads @ gain * noise
     return InverseMap(
         vehicle="slender vehicle",
-        case="1",
+        case=1,
         gauge_names=NAMES,
         gauge_position=np.column_stack((np.full(n, 2.0), 0.1 * np.sin(angle), 0.1 * np.cos(angle))),
         gauge_direction=np.tile([1.0, 0.0, 0.0], (n, 1)),

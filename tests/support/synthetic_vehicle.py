@@ -34,7 +34,7 @@ def synthetic_inverse_map(seed: int = 1, n_gauges: int = N_GAUGES) -> InverseMap
     of_noise = load_per_state @ gain * noise
     return InverseMap(
         vehicle=f"synthetic vehicle {seed} <&>",
-        case="1",
+        case=1,
         gauge_names=tuple(f"G{i}" for i in range(n_gauges)),
         gauge_position=np.column_stack(
             (np.linspace(0.3, 3.3, n_gauges), 0.1 * np.sin(angle), 0.1 * np.cos(angle))

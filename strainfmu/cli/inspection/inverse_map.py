@@ -32,7 +32,7 @@ MICRO = 1e6
 MISS_PROBABILITY = 0.01
 EIGENVALUES_SHOWN = 12
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
-CASE_NAMES = {"1": "1, least squares on POD modes", "2": "2, low-rank Gaussian prior"}
+CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior"}
 
 OF_CONDITIONS = (
     "mach_number",
@@ -60,7 +60,7 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
     console.print(_summary(loaded, f"{path}: {loaded.vehicle}", content_hash))
     console.print(_validity(loaded))
     console.print(_noise(loaded))
-    if loaded.case == "2":
+    if loaded.case == 2:
         console.print(_eigenvalues(loaded))
     console.print(_coefficients(loaded))
     console.print(_gauges(loaded))
@@ -95,7 +95,7 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_row("content hash", content_hash)
     table.add_row("case", CASE_NAMES[loaded.case])
     table.add_row("gauges, states", f"{loaded.n_gauges}, {len(loaded.state_offset)}")
-    if loaded.case == "2":
+    if loaded.case == 2:
         rule = str(loaded.provenance.get("gamma_rule", "unknown")).replace("_", " ")
         table.add_row("gamma, found by", f"{loaded.regularisation:.6g}, {escape(rule)}")
     table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
@@ -205,7 +205,7 @@ def _draw(loaded: InverseMap, folder: Path) -> list[str]:
         "pair_loss.png": build_figures.pair_loss(loaded, value),
         "correlations.png": build_figures.correlations(loaded),
     }
-    if loaded.case == "2":
+    if loaded.case == 2:
         values = hessian_eigenvalues(loaded)
         figures["eigenvalues.png"] = build_figures.eigenvalues(values, loaded.regularisation)
     for name, figure in figures.items():
