@@ -1,0 +1,103 @@
+"""One step of the estimator: numpy, native FMU in a C host, and a cycle of the bus around it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+from fmpy import extract
+from synthetic_vehicle import synthetic_inverse_map
+
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.tools.fault_injection import FaultySender
+from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.cosim.step import open_step
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.step import Estimator
+from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.step_cost import host_costs
+
+N_GAUGES = 54
+LOST = 3
+CYCLE_TIME = 0.01
+
+
+class NumpyStep:
+    """``Estimator.estimate``: all gauges, and the first three lost."""
+
+    def setup(self) -> None:
+        inverse_map = synthetic_inverse_map(n_gauges=N_GAUGES)
+        self.estimator = Estimator(inverse_map)
+        self.strain, self.pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
+        self.broken = self.strain.copy()
+        self.broken[:LOST] = np.nan
+        self.estimator.estimate(self.broken, self.pressure)  # prepares the later steps without these gauges
+
+    def time_all_gauges(self) -> None:
+        self.estimator.estimate(self.strain, self.pressure)
+
+    def time_gauges_lost(self) -> None:
+        self.estimator.estimate(self.broken, self.pressure)
+
+
+class NativeStep:
+    """The native FMU in a C host: set the strains, step, get coefficients and health; needs a C compiler."""
+
+    unit = "s"
+    timeout = 300
+
+    def setup_cache(self) -> list[float]:
+        with tempfile.TemporaryDirectory() as folder:
+            inverse_map, fmu = synthetic_inverse_map(n_gauges=N_GAUGES), Path(folder) / "estimator.fmu"
+            save_inverse_map(inverse_map, Path(folder) / "map.h5")
+            export_estimator(Path(folder) / "map.h5", fmu)
+            unzipped = Path(extract(str(fmu), str(Path(folder) / "unzipped")))
+            costs = list(host_costs(fmu, unzipped, inverse_map.mean_strain).values())
+        return costs or [float("nan")] * 4
+
+    def track_bare_product(self, costs: list[float]) -> float:
+        return costs[0]
+
+    def track_step(self, costs: list[float]) -> float:
+        return costs[1]
+
+    def track_step_with_a_gauge_that_does_not_fit(self, costs: list[float]) -> float:
+        return costs[2]
+
+    def track_instantiation(self, costs: list[float]) -> float:
+        return costs[3]
+
+
+class BusCycles:
+    """100 cycles of 54 strains on CAN FD in virtual time: decoded, checked, judged and estimated."""
+
+    n_cycles = 100
+
+    def setup(self) -> None:
+        inverse_map = synthetic_inverse_map(n_gauges=N_GAUGES)
+        names = [f"gauge {i}" for i in range(N_GAUGES)]
+        self.layout = profile_layout("fd64", names, CYCLE_TIME, Identifiers())
+        sender, random = FaultySender(self.layout, []), np.random.default_rng(1)
+        self.cycles = []
+        for number in range(self.n_cycles):
+            strain = inverse_map.mean_strain + 1e-6 * random.normal(size=N_GAUGES)
+            self.cycles.append(sender.cycle(number, number * CYCLE_TIME, strain, 9e4 + number))
+        self.stack = ExitStack()
+        folder = Path(self.stack.enter_context(tempfile.TemporaryDirectory()))
+        save_inverse_map(inverse_map, folder / "map.h5")
+        export_estimator(folder / "map.h5", folder / "estimator.fmu")
+        self.step: Callable = self.stack.enter_context(open_step(folder / "estimator.fmu")).step
+
+    def teardown(self) -> None:
+        self.stack.close()
+
+    def time_100_cycles(self) -> None:
+        core = BridgeCore(self.layout, self.step, BridgeSettings(), start=0.0)
+        for number, frames in enumerate(self.cycles):
+            for frame in frames:
+                core.receive(frame)
+            core.advance((number + 0.99) * CYCLE_TIME)
