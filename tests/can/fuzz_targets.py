@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
@@ -42,7 +42,7 @@ def frames_from(data: bytes) -> None:
     if not data:
         return
     layout = layouts()[data[0] % len(PROFILES)]
-    core = BridgeCore(layout, step, BridgeSettings(), 0.0, [0x380])
+    core = bridge_core(layout, step, BridgeSettings(), start=0.0, own_keys=[0x380])
     keys = [frame.layout.identifier for frame in layout.frames] + [0x380, 0x7FF]
     encoder = StrainEncoder(layout)
     place, time, number = 1, 0.0, 0
@@ -90,7 +90,7 @@ def database_from(data: bytes) -> None:
         }
     try:
         layout = mapped_layout(database_of(text.decode("cp1252", "replace"), "fuzz"), mapping, NAMES, "mapping")
-        core = BridgeCore(layout, step, BridgeSettings(), 0.0, dynamic_pressure=1e5)
+        core = bridge_core(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
     except InputError:
         return
     for number in range(4):

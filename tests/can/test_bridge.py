@@ -23,7 +23,7 @@ from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
 from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
 from strainfmu.can.bridge.reconnect import BackOffSettings
 from strainfmu.can.bridge.result_frames import result_layouts
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
@@ -57,7 +57,9 @@ class Running:
         layout = layout_of("fd64", N)
         results = result_layouts("fd", Identifiers(), CYCLE)
         self.step = Slow(N)
-        core = BridgeCore(layout, self.step, BridgeSettings(), time.monotonic(), [r.key for r in results])
+        core = bridge_core(
+            layout, self.step, BridgeSettings(), start=time.monotonic(), own_keys=[r.key for r in results]
+        )
         self.results: list[CycleResult] = []
         self.buses: list[can.BusABC] = []
         self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0

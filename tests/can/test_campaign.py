@@ -7,15 +7,16 @@ that the core decides by. Without any one of the guards, these tests see somethi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, run_campaign
+from weakened_bus import WITHOUT, MakeCore, core_without
 
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
@@ -106,12 +107,13 @@ class SickStep(Projection):
         return replace(good, health=int(self._sick), coefficients=good.coefficients + self._coefficient)
 
 
-def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None) -> Callable[[Guards], Campaign]:
-    """Return a run of single faults of ``kinds``, given the guards."""
+def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None) -> Callable[[MakeCore], Campaign]:
+    """Return a run of single faults of ``kinds`` through a core that is made for it."""
 
-    def run(guards: Guards) -> Campaign:
+    def run(make_core: MakeCore) -> Campaign:
         faults = [Fault(kind, 40 + 80 * place, cycles, place) for place, kind in enumerate(kinds)]
-        return run_campaign(layout_of("fd64"), faults, 40 + 80 * len(kinds) + cycles, guards, step=step)
+        n_cycles = 40 + 80 * len(kinds) + cycles
+        return run_campaign(layout_of("fd64"), faults, n_cycles, step=step, make_core=make_core)
 
     return run
 
@@ -129,7 +131,7 @@ def ill(health: HealthState = HealthState.OK, coefficient: float = 0.0) -> SickS
 
 
 # For every guard: a scenario, and what is wrong without it.
-SCENARIOS: dict[str, tuple[Callable[[Guards], Campaign], Callable[[Campaign], bool]]] = {
+SCENARIOS: dict[str, tuple[Callable[[MakeCore], Campaign], Callable[[Campaign], bool]]] = {
     "own_frames": (of_kind(FaultKind.OWN_IDENTIFIER), lambda run: count(run, FrameClass.OWN) == 0),
     "error_frames": (of_kind(FaultKind.ERROR_FRAMES), lambda run: count(run, FrameClass.CORRUPT) > 0),
     "remote_frames": (of_kind(FaultKind.REMOTE_FRAMES), lambda run: count(run, FrameClass.WRONG_FORMAT) > 0),
@@ -143,7 +145,7 @@ SCENARIOS: dict[str, tuple[Callable[[Guards], Campaign], Callable[[Campaign], bo
     "completeness": (of_kind(FaultKind.LOSS), has_false_valid),
     "silence": (of_kind(FaultKind.SILENCE), lambda run: run.qualities[Quality.STALE] == 0),
     "age": (of_kind(FaultKind.DELAY, cycles=30), has_false_valid),
-    "pace": (lambda guards: held_back(guards), has_false_valid),
+    "pace": (lambda make_core: held_back(make_core), has_false_valid),
     "clock_jump": (
         of_kind(FaultKind.CLOCK_JUMP),
         lambda run: not any(result.causes & Cause.CLOCK_JUMP for result in run.results),
@@ -151,7 +153,7 @@ SCENARIOS: dict[str, tuple[Callable[[Guards], Campaign], Callable[[Campaign], bo
     "frozen": (of_kind(FaultKind.FREEZE), has_false_valid),
     "stuck": (of_kind(FaultKind.STUCK_GAUGE, cycles=60), has_false_valid),
     "zero": (of_kind(FaultKind.ZERO_GAUGE), has_false_valid),
-    "not_available": (lambda guards: value_inside_the_range(guards), has_false_valid),
+    "not_available": (lambda make_core: value_inside_the_range(make_core), has_false_valid),
     "range": (of_kind(FaultKind.OUT_OF_RANGE), has_false_valid),
     "rate": (of_kind(FaultKind.JUMP), has_false_valid),
     "sender_status": (of_kind(FaultKind.SENDER_STATUS), has_false_valid),
@@ -168,7 +170,7 @@ def pressure_used_twice(run: Campaign) -> bool:
     return used > sent - 9
 
 
-def value_inside_the_range(guards: Guards) -> Campaign:
+def value_inside_the_range(make_core: MakeCore) -> Campaign:
     """A layout whose "not available" lies where strains are: only its name tells it from one."""
     layout = layout_of("fd64")
     marker = 1500
@@ -185,10 +187,11 @@ def value_inside_the_range(guards: Guards) -> Campaign:
         )
         for frame in layout.strain_frames
     )
-    return run_campaign(replace(layout, strain_frames=frames), [Fault(FaultKind.NO_VALUE, 40, 12, 1)], 80, guards)
+    faults = [Fault(FaultKind.NO_VALUE, 40, 12, 1)]
+    return run_campaign(replace(layout, strain_frames=frames), faults, 80, make_core=make_core)
 
 
-def held_back(guards: Guards) -> Campaign:
+def held_back(make_core: MakeCore) -> Campaign:
     """Frames without a sample time that a gateway keeps for half a second, then sends one behind the other."""
     timed = layout_of("fd64")
     frames = tuple(replace(frame, sample_time=None) for frame in timed.strain_frames)
@@ -202,11 +205,11 @@ def held_back(guards: Guards) -> Campaign:
         kept.clear()
         return sent
 
-    return run_campaign(replace(timed, strain_frames=frames), [], 160, guards, change=gateway)
+    return run_campaign(replace(timed, strain_frames=frames), [], 160, change=gateway, make_core=make_core)
 
 
 def test_held_back_cycles_are_stale_and_live_ones_are_believed_at_once() -> None:
-    run = held_back(ALL_GUARDS)
+    run = held_back(bridge_core)
     at_once = [result.quality for result in run.results if result.arrival and 1.1 <= result.arrival < 1.105]
     assert Quality.STALE in at_once
     assert not any(quality.has_coefficients for quality in at_once)
@@ -214,11 +217,29 @@ def test_held_back_cycles_are_stale_and_live_ones_are_believed_at_once() -> None
     assert [r.quality for r in run.results if r.arrival and r.arrival > 1.115] == [Quality.VALID] * 48
 
 
-@pytest.mark.parametrize("guard", [field.name for field in fields(Guards)])
+@pytest.mark.parametrize("guard", WITHOUT)
 def test_every_guard_is_needed(guard: str) -> None:
     scenario, is_wrong = SCENARIOS[guard]
-    assert not is_wrong(scenario(ALL_GUARDS))
-    assert is_wrong(scenario(replace(ALL_GUARDS, **{guard: False})))
+    assert not is_wrong(scenario(bridge_core))
+    assert is_wrong(scenario(WITHOUT[guard]))
+
+
+def test_every_guard_has_its_scenario() -> None:
+    assert set(SCENARIOS) == set(WITHOUT)
+    assert len(WITHOUT) == 25
+
+
+def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:
+    """What the weakened cores differ in is the replaced part alone."""
+    for profile in PROFILES:
+        faults = random_faults(8, tuple(FaultKind), 5, GAP)
+        runs = [
+            run_campaign(layout_of(profile, SIZES[profile]), faults, 300, make_core=make_core)
+            for make_core in (bridge_core, core_without())
+        ]
+        shipped, composed = ([repr(result) for result in run.results] for run in runs)
+        assert shipped == composed
+        assert runs[0].core.account == runs[1].core.account
 
 
 def test_the_oracle_sees_a_single_wrong_strain() -> None:

@@ -16,7 +16,7 @@ from can_case import CYCLE, Projection, Truth, gauge_names, layout_of
 
 from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames, result_layouts
 from strainfmu.can.bridge.setup import all_layouts
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
@@ -58,7 +58,7 @@ def test_a_generated_dbc_file_survives_loading_and_dumping(profile: str, extende
 def run_core(
     layout: InputLayout, frames: list[Frame], n: int, **options: float
 ) -> tuple[list[CycleResult], BridgeCore]:
-    core = BridgeCore(layout, Projection(n), BridgeSettings(), 0.0, **options)
+    core = bridge_core(layout, Projection(n), BridgeSettings(), start=0.0, **options)
     results = [result for frame in frames for result in core.receive(frame)]
     results += core.advance(frames[-1].time + 0.5 * CYCLE)
     core.finish(frames[-1].time + CYCLE)

@@ -14,7 +14,7 @@ import pytest
 from can_case import CYCLE, Projection
 
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
@@ -63,7 +63,7 @@ def layout_from(text: str, **tables: Any) -> InputLayout:
 
 
 def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None = 9e4) -> list[CycleResult]:
-    core = BridgeCore(layout, Projection(2), BridgeSettings(), 0.0, dynamic_pressure=pressure)
+    core = bridge_core(layout, Projection(2), BridgeSettings(), start=0.0, dynamic_pressure=pressure)
     results = [result for frame in frames for result in core.receive(frame)]
     return results + core.advance(frames[-1].time + 0.6 * CYCLE)
 
@@ -278,8 +278,8 @@ def test_units_are_read_in_either_encoding(tmp_path: Path, unit: str, encoding: 
 
 def test_why_a_suppressed_refusal_was_one_is_not_said_of_the_next_result() -> None:
     """Cycles that repeat themselves, too many to be answered one by one, then good ones."""
-    core = BridgeCore(
-        layout_from(RACK), Projection(2), BridgeSettings(stuck_cycles=1000), 0.0, dynamic_pressure=9e4
+    core = bridge_core(
+        layout_from(RACK), Projection(2), BridgeSettings(stuck_cycles=1000), start=0.0, dynamic_pressure=9e4
     )
     frames = [rack(k) for k in range(20)]
     frames += [Frame(256, frames[-1].data, (19.0 + 0.05 * k) * CYCLE) for k in range(1, 61)]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from can_case import Projection, Truth
 
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.settings import BridgeSettings
@@ -28,7 +28,7 @@ DRIFT = 40e-6
 def run(seconds: float, checks: int) -> list[int]:
     """Send for ``seconds`` of bus time, some faults; return the memory [byte] at ``checks`` times."""
     layout = profile_layout("fd64", [f"g{i}" for i in range(N_GAUGES)], CYCLE)
-    core = BridgeCore(layout, Projection(N_GAUGES), BridgeSettings(), 0.0)
+    core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(), start=0.0)
     encoder, truth = StrainEncoder(layout), Truth(N_GAUGES, 1)
     patterns = [encoder.encode(*truth.cycle(k), 0, 0.0) for k in range(1000)]
     protections = [frame.layout.protection for frame in (layout.frames[-1], *layout.frames[:-1])]

@@ -11,7 +11,7 @@ from can_case import CYCLE, Projection, Truth, layout_of
 from strainfmu.can.bridge.backlog import Backlog
 from strainfmu.can.bridge.bridge import QUEUED_CYCLES
 from strainfmu.can.bridge.receiver import FrameQueue
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult, published
@@ -71,7 +71,7 @@ def run(profile: str, service: float, n_cycles: int, stall: tuple[int, float] = 
     clock, place = Time(), 0
     queue = FrameQueue(QUEUED_CYCLES * per_cycle, per_cycle)
     backlog = Backlog(SETTINGS.max_age, CYCLE)
-    over = Overloaded(BridgeCore(layout, step, SETTINGS, 0.0), sent=len(frames))
+    over = Overloaded(bridge_core(layout, step, SETTINGS, start=0.0), sent=len(frames))
     while True:
         while place < len(frames) and frames[place].time <= clock.now:
             dropped = queue.put([frames[place]])

@@ -14,7 +14,7 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.can.bridge.answers import score_answers
 from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
@@ -90,7 +90,7 @@ def test_a_core_believes_what_is_sent() -> None:
         assert pressure == pytest.approx(9e4, rel=1e-7)  # float32
         return StepResult(np.zeros(5), np.ones(5), 0, 1.0)
 
-    core = BridgeCore(LAYOUT, step, BridgeSettings(), 50.0)
+    core = bridge_core(LAYOUT, step, BridgeSettings(), start=50.0)
     results = [r for time, message in bus.sent for r in core.receive(from_message(message, time))]
     assert [r.quality for r in results[-27:]] == [Quality.VALID] * 27
     # Half of the 0.25 um/m of one bit.

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strainfmu.can.cycle.decoded_cycle import StrainDecoder
-from strainfmu.can.guards import ALL_GUARDS
 from strainfmu.can.wire.dbc_signals import signal_layout
 from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.profiles import PROFILES
@@ -136,9 +135,9 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     from strainfmu.can.cycle.reception import Reception
     from strainfmu.can.settings import BridgeSettings
 
-    reception = Reception(layout, BridgeSettings(), ALL_GUARDS)
+    reception = Reception(layout, BridgeSettings())
     arrivals = [reception.arrival(slot, frames[item.layout.key]) for slot, item in enumerate(layout.strain_frames)]
-    cycle = StrainDecoder(layout, ALL_GUARDS).decode(arrivals, 0)
+    cycle = StrainDecoder(layout).decode(arrivals, 0)
     assert cycle.present.all()
     assert np.flatnonzero(cycle.refused).tolist() == [5]
     # 0.125 um/m of 16 bits; float32 keeps 24 bits of 8191 um/m.

@@ -10,10 +10,9 @@ import numpy as np
 
 from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
 from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import Fault, FaultKind, FaultySender
 from strainfmu.can.wire.frame import Frame
@@ -100,20 +99,21 @@ def run_campaign(
     layout: InputLayout,
     faults: list[Fault],
     n_cycles: int,
-    guards: Guards = ALL_GUARDS,
     seed: int = 1,
     settings: BridgeSettings | None = None,
     keep: bool = True,
     change: Callable[[int, list[Frame]], list[Frame]] | None = None,
     step: Projection | None = None,
+    make_core: Callable[..., BridgeCore] = bridge_core,
 ) -> Campaign:
     """Send ``n_cycles`` with ``faults`` through a core and judge every result.
 
-    ``change`` may alter the frames of a cycle further; ``keep`` False keeps no results, for long runs.
+    ``change`` may alter the frames of a cycle further; ``keep`` False keeps no results, for long runs;
+    ``make_core`` takes what ``bridge_core`` takes.
     """
     settings = settings or BridgeSettings()
     step = step or Projection(layout.n_gauges)
-    core = BridgeCore(layout, step, settings, 0.0, [OWN.key], guards=guards)
+    core = make_core(layout, step, settings, start=0.0, own_keys=[OWN.key])
     composer = ResultFrames(result_layouts("fd", Identifiers(), layout.cycle_time), 1)
     sender = FaultySender(layout, faults, OWN)
     truth = Truth(layout.n_gauges, seed)

@@ -256,7 +256,7 @@ class Bridge:
         """Open a new bus, and receive from it."""
         core = self._core
         self._bus = self._open_bus()
-        door = Acceptance(core.layout, self._own_keys, core.settings, core.guards)
+        door = Acceptance(core.layout, self._own_keys, core.settings)
         gather = min(GATHER * core.layout.cycle_time, LONGEST_GATHER)
         self._receiver = Receiver(self._bus, self._queue, door, self._clock, self._on_received, gather)
         self._shed = 0

@@ -10,7 +10,7 @@ from pathlib import Path
 from strainfmu.can.bridge.bridge import Bridge
 from strainfmu.can.bridge.bus import BusSettings, import_can, open_bus
 from strainfmu.can.bridge.result_frames import result_layouts
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
@@ -125,7 +125,14 @@ def make_core(
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
     options.identifiers.checked(1, len(results))
     own_keys = [frame.key for frame in results]
-    core = BridgeCore(layout, step, settings, start, own_keys, options.dynamic_pressure)
+    core = bridge_core(
+        layout,
+        step,
+        settings,
+        start=start,
+        own_keys=own_keys,
+        dynamic_pressure=options.dynamic_pressure,
+    )
     return core, results, configuration
 
 

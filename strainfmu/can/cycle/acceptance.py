@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
@@ -17,10 +16,7 @@ class Acceptance:
     Its verdict depends on the frames and their times alone; so one may sit in the receiver and another behind it.
     """
 
-    def __init__(
-        self, layout: InputLayout, own_keys: Iterable[int], settings: BridgeSettings, guards: Guards = ALL_GUARDS
-    ) -> None:
-        self._guards = guards
+    def __init__(self, layout: InputLayout, own_keys: Iterable[int], settings: BridgeSettings) -> None:
         self._own = frozenset(own_keys)
         self._formats = {f.layout.key: (f.layout.is_fd, f.layout.length) for f in layout.frames}
         # Multiplexed frames share an identifier: each of them may come once a cycle.
@@ -32,24 +28,19 @@ class Acceptance:
 
     def refused(self, frame: Frame) -> FrameClass | None:
         """Return the class of a frame that is not taken in, None of one that is."""
-        guards, key = self._guards, frame.key
-        if frame.is_error and guards.error_frames:
+        key = frame.key
+        if frame.is_error:
             return FrameClass.ERROR_FRAME
-        if key in self._own and guards.own_frames:
+        if key in self._own:
             return FrameClass.OWN
         if key not in self._formats:
-            if key ^ EXTENDED_FLAG not in self._formats:
-                return FrameClass.UNKNOWN_IDENTIFIER
-            if guards.format:
-                return FrameClass.WRONG_FORMAT
-            key ^= EXTENDED_FLAG
-        if frame.is_remote and guards.remote_frames:
+            other_width = key ^ EXTENDED_FLAG in self._formats
+            return FrameClass.WRONG_FORMAT if other_width else FrameClass.UNKNOWN_IDENTIFIER
+        if frame.is_remote:
             return FrameClass.REMOTE_FRAME
-        if guards.format and (frame.is_fd, len(frame.data)) != self._formats[key]:
+        if (frame.is_fd, len(frame.data)) != self._formats[key]:
             return FrameClass.WRONG_FORMAT
-        if guards.babbling and not self._take_token(key, frame.time):
-            return FrameClass.SHED
-        return None
+        return None if self._take_token(key, frame.time) else FrameClass.SHED
 
     def _take_token(self, key: int, time: float) -> bool:
         """Take a token from the identifier's bucket, which fills with time; false if it is empty."""

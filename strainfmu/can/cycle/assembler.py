@@ -66,7 +66,6 @@ class Limits:
     deadline : from the first frame to the end [s].
     clock_bits : length of the sample time, or None where frames have none.
     late_limit : late frames in a row after which the sender is taken to have been restarted.
-    ordered : false only where a test shows what happens without the order of sample times.
     """
 
     n_slots: int
@@ -74,7 +73,6 @@ class Limits:
     deadline: float
     clock_bits: int | None
     late_limit: int
-    ordered: bool = True
 
 
 class CycleAssembler:
@@ -129,7 +127,7 @@ class CycleAssembler:
         """Compare the sample time of ``arrival`` with that of the newest cycle."""
         assert self._limits.clock_bits is not None
         assert arrival.sample_time is not None
-        if self._newest is None or not self._limits.ordered:
+        if self._newest is None:
             return Verdict.ACCEPTED
         half = 1 << (self._limits.clock_bits - 1)
         ahead = (arrival.sample_time - self._newest + half) % (2 * half) - half

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Limits, Verdict
+from strainfmu.can.cycle.assembler import Arrival, Cycle, Verdict
 from strainfmu.can.cycle.bus_state import BusState, state_after
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.parts import CycleParts, cycle_parts
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.reception import Reception
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
@@ -38,32 +36,16 @@ class BridgeCore:
     Parameters
     ----------
     layout : the frames of the input.
-    step : the estimator.
     settings : limits and times.
     start : local monotonic clock [s] at the start.
-    own_keys : keys of the frames that the bridge sends.
-    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
-    guards : ALL_GUARDS, except where a test shows what a guard is for.
-
-    Raises
-    ------
-    InputError
-        The layout has no frame of q_inf and none is given, or own identifiers are among those of the input.
+    parts : of that layout.
+    judge : of the same parts.
     """
 
     def __init__(
-        self,
-        layout: InputLayout,
-        step: Step,
-        settings: BridgeSettings,
-        start: float,
-        own_keys: Iterable[int] = (),
-        dynamic_pressure: float | None = None,
-        guards: Guards = ALL_GUARDS,
+        self, layout: InputLayout, settings: BridgeSettings, *, start: float, parts: CycleParts, judge: CycleJudge
     ) -> None:
-        own_keys = frozenset(own_keys)
-        _check_input(layout, own_keys, dynamic_pressure)
-        self.layout, self.settings, self.guards = layout, settings, guards
+        self.layout, self.settings = layout, settings
         self.account = FrameAccount()
         self.bus_state = BusState.ERROR_ACTIVE
         # What does not follow from frames and their times, and a replay needs to know. When status results were
@@ -72,10 +54,8 @@ class BridgeCore:
         # Times of the first and the last frame of those in a row that were not to be answered [s].
         self.unanswered: list[tuple[float, float]] = []
         self._skipping = False
-        self._acceptance = Acceptance(layout, own_keys, settings, guards)
-        self._reception = Reception(layout, settings, guards)
-        self._assembler = CycleAssembler(_limits(layout, settings, guards))
-        self._judge = CycleJudge(layout, step, settings, self._reception, dynamic_pressure, guards)
+        self._acceptance, self._reception = parts.acceptance, parts.reception
+        self._assembler, self._judge = parts.assembler, judge
         self._noted = Cause.NONE
         self._last_cycle = start
         self._refusals, self._last_refill = _REFUSALS, start
@@ -244,7 +224,7 @@ class BridgeCore:
     # --- silence ----------------------------------------------------------------------------------------------
 
     def _be_silent(self, now: float) -> list[CycleResult]:
-        """Return the status of a cycle in which nothing came."""
+        """Answer the next cycle in which nothing came."""
         time, period = self._next_status, self.layout.cycle_time
         # After the bridge itself stood still, the status of all that time is of no use to anyone.
         behind = int((now - time) / period) - _CATCH_UP
@@ -252,13 +232,46 @@ class BridgeCore:
             self.skips.append((time, now))
         time += max(behind, 0) * period
         self._next_status = time + period
-        if not self.guards.silence:
-            return []
+        return self._answer_silence(time)
+
+    def _answer_silence(self, time: float) -> list[CycleResult]:
+        """Return the status at ``time`` [s] of a cycle in which nothing came."""
         self._reception.miss_cycle()
         silent = time - self._last_cycle
-        quality = Quality.STALE if silent <= self.settings.invalid_after * period else Quality.INVALID
+        is_short = silent <= self.settings.invalid_after * self.layout.cycle_time
+        quality = Quality.STALE if is_short else Quality.INVALID
         causes, self._noted = self._noted | Cause.SILENT, Cause.NONE
         return [self._judge.silence(time, quality if self._judge.believed else Quality.NO_DATA, causes)]
+
+
+def bridge_core(
+    layout: InputLayout,
+    step: Step,
+    settings: BridgeSettings,
+    *,
+    start: float,
+    own_keys: Iterable[int] = (),
+    dynamic_pressure: float | None = None,
+) -> BridgeCore:
+    """Return a core for ``layout`` in front of the estimator ``step``.
+
+    Parameters
+    ----------
+    settings : limits and times.
+    start : local monotonic clock [s] at the start.
+    own_keys : keys of the frames that the bridge sends.
+    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+
+    Raises
+    ------
+    InputError
+        The layout has no frame of q_inf and none is given, or own identifiers are among those of the input.
+    """
+    own_keys = frozenset(own_keys)
+    _check_input(layout, own_keys, dynamic_pressure)
+    parts = cycle_parts(layout, settings, own_keys, dynamic_pressure)
+    judge = CycleJudge(layout, step, settings, parts)
+    return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 
 
 def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure: float | None) -> None:
@@ -272,21 +285,3 @@ def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure
         raise InputError(
             f"identifier 0x{min(common) & 0x1FFFFFFF:X}: is both input and result; choose another base"
         )
-
-
-def _limits(layout: InputLayout, settings: BridgeSettings, guards: Guards) -> Limits:
-    """Return what a cycle of ``layout`` is."""
-    n_strain = len(layout.strain_frames)
-    n_slots = n_strain + (layout.trailer is not None)
-    bits = None
-    if layout.is_timed:
-        first = layout.strain_frames[0]
-        bits = first.layout.signals[first.sample_time or 0].length
-    return Limits(
-        n_slots,
-        None if layout.trailer is None else n_strain,
-        settings.deadline * layout.cycle_time,
-        bits,
-        settings.late_cycles * n_slots,
-        guards.order,
-    )

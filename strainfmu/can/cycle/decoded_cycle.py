@@ -10,7 +10,6 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.can.cycle.assembler import Arrival
-from strainfmu.can.guards import Guards
 from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, InputFrame, InputLayout, SignalLayout
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
 
@@ -41,9 +40,8 @@ class DecodedCycle:
 class StrainDecoder:
     """Decodes the strain frames of a layout: the raw numbers of all frames, then all gauges at once."""
 
-    def __init__(self, layout: InputLayout, guards: Guards) -> None:
+    def __init__(self, layout: InputLayout) -> None:
         frames = layout.strain_frames
-        self._guards = guards
         self._n_gauges = layout.n_gauges
         self._nothing = [np.zeros(len(frame.layout.signals), dtype=np.int64) for frame in frames]
         self._status = [frame.status for frame in frames]
@@ -82,15 +80,12 @@ class StrainDecoder:
 
     def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
         """Return what ``arrivals`` say; ``trailer_status`` is the status that the trailer gives, or 0."""
-        raws, status = list(self._nothing), trailer_status
+        raws, status = list(self._nothing), self._worst_status(arrivals, trailer_status)
         for arrival in arrivals:
             raws[arrival.slot] = arrival.raw
-            place = self._status[arrival.slot]
-            if place is not None:
-                status = max(status, unsigned(arrival.raw, place))
         raw = np.concatenate(raws)[self._column]
         value = self._values(raws, raw)
-        refused = self._refused(raw, value)
+        refused = self._without_value(raw) | self._out_of_range(raw, value)
         strain = value * self._to_strain
         present = np.ones(self._n_gauges, dtype=bool)
         if len(arrivals) < len(raws):
@@ -99,7 +94,7 @@ class StrainDecoder:
             present = here[self._slot]
             strain[~present] = np.nan
             refused &= present
-        if status > STATUS_DEGRADED and self._guards.sender_status:
+        if status > STATUS_DEGRADED:
             refused |= present
         return DecodedCycle(strain, raw, present, refused, status)
 
@@ -110,16 +105,24 @@ class StrainDecoder:
         plans = zip(self._plans, raws, strict=True)
         return np.concatenate([plan.physical(own) for plan, own in plans])[self._column]
 
-    def _refused(self, raw: IntArray, value: FloatArray) -> BoolArray:
-        """Return (n_d,) gauges without a value, or outside their signal's limits."""
-        refused = np.zeros(self._n_gauges, dtype=bool)
-        if self._guards.not_available:
-            refused |= self._none & (raw == self._no_value).any(axis=0)
-        if self._guards.range:
-            refused |= ~((value >= self._low) & (value <= self._high))
-            # Both ends of a converter's range mean that it is overdriven, or its wire is broken.
-            refused |= self._has_ends & ((raw == self._first) | (raw == self._last))
-        return refused
+    def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
+        """Return the worst status that the sender gives of a cycle."""
+        status = trailer_status
+        for arrival in arrivals:
+            place = self._status[arrival.slot]
+            if place is not None:
+                status = max(status, unsigned(arrival.raw, place))
+        return status
+
+    def _without_value(self, raw: IntArray) -> BoolArray:
+        """Return (n_d,) gauges whose raw number stands for "no value"."""
+        return self._none & (raw == self._no_value).any(axis=0)
+
+    def _out_of_range(self, raw: IntArray, value: FloatArray) -> BoolArray:
+        """Return (n_d,) gauges outside their signal's limits, or at either end of their converter's range."""
+        outside = ~((value >= self._low) & (value <= self._high))
+        # A converter at either end is overdriven, or its wire is broken.
+        return outside | self._has_ends & ((raw == self._first) | (raw == self._last))
 
 
 def _is_linear(frame: InputFrame) -> bool:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.can.cycle.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.assembler import Arrival, Cycle
-from strainfmu.can.cycle.decoded_cycle import DecodedCycle, StrainDecoder
-from strainfmu.can.cycle.dynamic_pressure import HeldPressure
+from strainfmu.can.cycle.decoded_cycle import DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.reception import Reception, TrailerVerdict
+from strainfmu.can.cycle.reception import TrailerVerdict
 from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step
-from strainfmu.can.e2e.sample_clock import SampleClock
-from strainfmu.can.guards import Guards
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.step import Step, StepRefused, StepResult
@@ -32,30 +28,18 @@ class CycleJudge:
 
     Parameters
     ----------
-    reception : of the same layout; told of frames that are missing.
-    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    layout : the frames of the input.
+    step : the estimator.
+    parts : of the same layout; the reception is told of frames that are missing.
     """
 
-    def __init__(
-        self,
-        layout: InputLayout,
-        step: Step,
-        settings: BridgeSettings,
-        reception: Reception,
-        dynamic_pressure: float | None,
-        guards: Guards,
-    ) -> None:
-        self._layout, self._settings, self._guards = layout, settings, guards
-        self._step, self._reception = step, reception
-        self._clock = _clock(layout, settings)
-        period = layout.cycle_time
-        self._pace = ArrivalPace(settings.max_age * period, settings.rate / period)
+    def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
+        self._layout, self._step, self._settings = layout, step, settings
+        self._reception, self._pressure = parts.reception, parts.pressure
+        self._clock, self._pace = parts.clock, parts.pace
+        self._decoder, self._gauges = parts.decoder, parts.gauges
         self._may_be_held_back = False
-        self._decoder = StrainDecoder(layout, guards)
-        self._gauges = GaugeChecks(layout.n_gauges, layout.cycle_time, settings, guards)
-        self._pressure = HeldPressure(layout.pressure_frame, dynamic_pressure, layout.cycle_time, settings, guards)
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
-        self._held = np.full(layout.n_gauges, np.nan)
         self._last_step: float | None = None
         self.believed = False
         """Coefficients have gone out since the start."""
@@ -110,7 +94,7 @@ class CycleJudge:
         trusted = reception.trusted_gauges(arrivals)
         if trailer.cause or of_time:
             causes |= trailer.cause | of_time
-        if decoded.status and self._guards.sender_status:
+        if decoded.status:
             causes |= Cause.SENDER_STATUS
         if (decoded.present & ~trusted).any():
             causes |= Cause.NOT_TRUSTED
@@ -124,7 +108,7 @@ class CycleJudge:
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""
         none = self._decoder.empty()
-        return CycleResult(time, quality, causes, none.present, none.strain)
+        return CycleResult(time=time, quality=quality, causes=causes, valid=none.present, strain=none.strain)
 
     def _age(
         self, cycle: Cycle, now: float, decoded: DecodedCycle, trailer: TrailerVerdict
@@ -136,17 +120,15 @@ class CycleJudge:
         if self._clock is not None and ticks is not None:
             reading = self._clock.read(cycle.first_time, ticks)
             age += reading.age
-            if reading.jumped and self._guards.clock_jump:
+            if reading.jumped:
                 causes |= Cause.CLOCK_JUMP
-            if reading.restarted and self._guards.clock_jump:
+            if reading.restarted:
                 self._reception.forget()
                 # Its clock may be short enough for a restart to look like a delay.
                 self._pressure.reset()
-        if age > limit and self._guards.age:
+        if age > limit or (self._clock is None and self._may_be_held_back):
             causes |= Cause.OLD
-        if self._clock is None and self._may_be_held_back and self._guards.pace:
-            causes |= Cause.OLD
-        if self._guards.frozen and self._settings.stuck_cycles:
+        if self._settings.stuck_cycles:
             # Strains that the sender repeats are as old as when they were new.
             frozen = self._gauges.frozen(decoded.present, cycle.first_time)
             age += frozen
@@ -176,12 +158,8 @@ class CycleJudge:
         if np.isnan(pressure):
             causes |= Cause.DYNAMIC_PRESSURE
         strain = np.where(valid, decoded.strain, np.nan)
-        if not self._guards.completeness:
-            strain = np.where(decoded.present, strain, self._held)
-            valid, causes = valid | ~decoded.present, causes & ~Cause.PARTIAL_CYCLE
         step, quality = None, Quality.INVALID if self.believed else Quality.NO_DATA
         if valid.any():
-            self._held = strain
             step, quality, causes = self._estimate(strain, pressure, now, causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
@@ -189,19 +167,19 @@ class CycleJudge:
         self.believed = self.believed or published
         named = self._named(cycle)
         return CycleResult(
-            now,
-            quality,
-            causes,
-            valid,
-            strain,
-            pressure,
-            age,
-            named.sample_time,
-            named.counter,
-            step.coefficients if step is not None and published else no_numbers(),
-            step.coefficients_std if step is not None and published else no_numbers(),
-            np.nan if step is None else step.chi_square,
-            None if step is None else step.health,
+            time=now,
+            quality=quality,
+            causes=causes,
+            valid=valid,
+            strain=strain,
+            dynamic_pressure=pressure,
+            age=age,
+            sample_time=named.sample_time,
+            counter=named.counter,
+            coefficients=step.coefficients if step is not None and published else no_numbers(),
+            coefficients_std=step.coefficients_std if step is not None and published else no_numbers(),
+            chi_square=np.nan if step is None else step.chi_square,
+            health=None if step is None else step.health,
             arrival=max(arrival.frame.time for arrival in cycle.arrivals.values()),
         )
 
@@ -213,26 +191,23 @@ class CycleJudge:
             step = self._step(strain, pressure, self._step_size(now))
         except StepRefused:
             return None, Quality.INVALID, causes | Cause.STEP_FAILED
-        quality, causes = quality_of_step(step, causes, self._layout.is_protected, self._guards.health)
-        finite = np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all()
-        if quality.has_coefficients and not finite and self._guards.finite_output:
+        quality, causes = self._quality_of(step, causes)
+        if quality.has_coefficients and not self._is_finite(step):
             quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
         if np.isnan(pressure):
             quality = Quality.INVALID
         return step, quality, causes
+
+    def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
+        """Return the quality of a step's outputs by the estimator's own health, and the causes with that."""
+        return quality_of_step(step, causes, self._layout.is_protected)
+
+    def _is_finite(self, step: StepResult) -> bool:
+        """Tell whether coefficients and their standard deviations are numbers."""
+        return bool(np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all())
 
     def _step_size(self, now: float) -> float:
         """Return the time since the last step [s], in whole cycles."""
         cycles = 1 if self._last_step is None else round((now - self._last_step) / self._layout.cycle_time)
         self._last_step = now
         return min(max(cycles, 1), _LONGEST_STEP) * self._layout.cycle_time
-
-
-def _clock(layout: InputLayout, settings: BridgeSettings) -> SampleClock | None:
-    """Return the clock that follows the sender's sample times, None if there are none."""
-    frame = layout.strain_frames[0] if layout.is_timed else layout.trailer
-    if frame is None or frame.sample_time is None:
-        return None
-    bits = frame.layout.signals[frame.sample_time].length
-    tolerance = settings.jump_tolerance * layout.cycle_time
-    return SampleClock(frame.tick, bits, settings.clock_drift, tolerance, settings.jump_confirmations)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.guards import ALL_GUARDS, Guards
 from strainfmu.can.settings import BridgeSettings
 
 _ROUND_OFF = 1e-15
@@ -22,10 +21,8 @@ class GaugeChecks:
     missing keeps what it was.
     """
 
-    def __init__(
-        self, n_gauges: int, cycle_time: float, settings: BridgeSettings, guards: Guards = ALL_GUARDS
-    ) -> None:
-        self._settings, self._guards = settings, guards
+    def __init__(self, n_gauges: int, cycle_time: float, settings: BridgeSettings) -> None:
+        self._settings = settings
         self._longest_unchanged = (settings.stuck_cycles - 0.5) * cycle_time if settings.stuck_cycles else np.inf
         self._last_raw = np.zeros(n_gauges, dtype=np.int64)
         self._last_strain = np.full(n_gauges, np.nan)
@@ -52,13 +49,10 @@ class GaugeChecks:
         refused : (n_d,) gauges that say themselves that they have no value, or are outside their signal's limits.
         now : when the cycle came [s].
         """
-        settings, guards = self._settings, self._guards
         finite = np.isfinite(strain)
         bad = refused | ~finite
-        if guards.range:
-            bad |= ~(np.abs(strain) <= settings.sensor_range)
-        if guards.rate:
-            bad |= np.abs(strain - self._last_strain) > settings.rate_limit  # false against NaN
+        bad |= self._out_of_range(strain)
+        bad |= self._jumping(strain)
         bad |= self._stuck(raw, present, now)
         bad |= self._dropped_to_zero(strain, raw, present)
         good = present & ~bad
@@ -66,7 +60,15 @@ class GaugeChecks:
         self._good[present & bad] = 0
         np.copyto(self._last_strain, strain, where=present & finite)
         self._keep_pace(strain, good, now)
-        return good & (self._good >= settings.heal_cycles)
+        return good & (self._good >= self._settings.heal_cycles)
+
+    def _out_of_range(self, strain: FloatArray) -> BoolArray:
+        """Find gauges beyond what a sensor can measure."""
+        return ~(np.abs(strain) <= self._settings.sensor_range)
+
+    def _jumping(self, strain: FloatArray) -> BoolArray:
+        """Find gauges that changed too much since the last cycle."""
+        return np.abs(strain - self._last_strain) > self._settings.rate_limit  # false against NaN
 
     def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
         """Remember good strains, and how fast they change [m/m per cycle]."""
@@ -96,8 +98,6 @@ class GaugeChecks:
         self._repeats[changed] = 0.0
         np.copyto(self._last_raw, raw, where=present)
         self._seen |= present
-        if not self._guards.stuck:
-            return np.zeros_like(present)
         return same & (self._unchanged(now) >= self._longest_unchanged)
 
     def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
@@ -108,7 +108,7 @@ class GaugeChecks:
         zero = present & ((raw == 0) | (np.abs(strain) <= _ROUND_OFF))
         self._zeros += zero
         self._zeros[present & ~zero] = 0
-        if not (self._guards.zero and self._settings.zero_cycles and zero.any()):
+        if not (self._settings.zero_cycles and zero.any()):
             return np.zeros_like(present)
         # A strain that moves through zero may well meet it: only a fall out of its own pace is one at once.
         usual = self._settings.zero_jump + _PACE * self._pace

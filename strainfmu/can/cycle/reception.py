@@ -13,10 +13,9 @@ from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause
 from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine
-from strainfmu.can.guards import Guards
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import counter_in
-from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
+from strainfmu.can.wire.crc import Protection, counter_in
+from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
 
@@ -46,8 +45,8 @@ class TrailerVerdict:
 class Reception:
     """The frames of a layout by slot: strain frames first, then the trailer, then q_inf, as ``layout.frames``."""
 
-    def __init__(self, layout: InputLayout, settings: BridgeSettings, guards: Guards) -> None:
-        self._layout, self._guards = layout, guards
+    def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
+        self._layout = layout
         self.n_strain = len(layout.strain_frames)
         self.trailer = self.n_strain if layout.trailer is not None else None
         self._slots: dict[int, list[int]] = {}
@@ -56,12 +55,17 @@ class Reception:
         self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
         self._selectors = [_selector(frame) for frame in layout.frames]
-        self._checks = [_reception_check(frame, settings, guards) for frame in layout.frames]
+        protections = [frame.layout.protection for frame in layout.frames]
+        self._checks = [None if p is None else self.new_check(p, settings.max_delta) for p in protections]
         self._machines = [E2EStateMachine(settings.state_machine) for _ in layout.frames]
+
+    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
+        """Return the check of one frame's CRC and counter."""
+        return ReceptionCheck(protection, max_delta)
 
     def slot_of(self, frame: Frame) -> int | None:
         """Return which of the layout's frames this is, None if its multiplexer says that it is none of them."""
-        for slot in self._slots.get(frame.key) or self._slots[frame.key ^ EXTENDED_FLAG]:
+        for slot in self._slots[frame.key]:
             selector = self._selectors[slot]
             if selector is None or int(selector[0].raw(frame.data)[0]) == selector[1]:
                 return slot
@@ -70,9 +74,6 @@ class Reception:
     def arrival(self, slot: int, frame: Frame) -> Arrival:
         """Return a frame decoded."""
         item = self._layout.frames[slot]
-        data = frame.data
-        if len(data) != item.layout.length:  # only where the guard of the format is off
-            frame = replace(frame, data=data.ljust(item.layout.length, b"\0")[: item.layout.length])
         raw = self._plans[slot].raw(frame.data)
         sample_time = None if item.sample_time is None else int(raw[item.sample_time])
         protection = item.layout.protection
@@ -115,7 +116,7 @@ class Reception:
         """Tell whether the E2E state of a frame is VALID; a strain frame under a trailer has the trailer's."""
         if self.trailer is not None and slot < self.n_strain:
             slot = self.trailer
-        return self._machines[slot].state is E2EState.VALID or not self._guards.state_machine
+        return self._machines[slot].state is E2EState.VALID
 
     def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
         """Return (n_d,) gauges whose frame has arrived and is trusted."""
@@ -147,7 +148,7 @@ class Reception:
 
     def _is_of_other_configuration(self, slot: int, raw: IntArray) -> bool:
         item = self._layout.frames[slot]
-        if item.configuration is None or not self._guards.configuration:
+        if item.configuration is None:
             return False
         return unsigned(raw, item.configuration) != item.layout.signals[item.configuration].initial
 
@@ -158,9 +159,3 @@ def _selector(frame: InputFrame) -> tuple[SignalPlan, int] | None:
         return None
     signal, number = frame.layout.multiplexer
     return SignalPlan(replace(frame.layout, signals=(signal,))), number
-
-
-def _reception_check(frame: InputFrame, settings: BridgeSettings, guards: Guards) -> ReceptionCheck | None:
-    if frame.layout.protection is None:
-        return None
-    return ReceptionCheck(frame.layout.protection, settings.max_delta, guards.crc, guards.counter)

@@ -82,9 +82,9 @@ _DEGRADING = (
 )
 
 
-def quality_of_step(step: StepResult, causes: Cause, protected: bool, use_health: bool) -> tuple[Quality, Cause]:
+def quality_of_step(step: StepResult, causes: Cause, protected: bool) -> tuple[Quality, Cause]:
     """Return the quality of a step's outputs, and the causes with what the estimator itself adds."""
-    if use_health and step.health != HealthState.OK:
+    if step.health != HealthState.OK:
         causes |= Cause.HEALTH
         if step.health in _NO_ESTIMATE:
             return Quality.INVALID, causes

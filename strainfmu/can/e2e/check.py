@@ -40,28 +40,24 @@ class ReceptionCheck:
     ----------
     protection : of this frame.
     max_delta : largest counter step that is still believed (MaxDeltaCounter).
-    with_crc, with_counter : false only where a test shows what happens without that guard.
     """
 
-    def __init__(
-        self, protection: Protection, max_delta: int, with_crc: bool = True, with_counter: bool = True
-    ) -> None:
+    def __init__(self, protection: Protection, max_delta: int) -> None:
         self._protection = protection
         self._max_delta = max_delta
-        self._with_crc, self._with_counter = with_crc, with_counter
         self.counter = protection.counter_modulus - 1
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
         protection = self._protection
-        if self._with_crc and crc_in(data, protection) != crc_of(data, protection, covered):
+        if crc_in(data, protection) != crc_of(data, protection, covered):
             return E2EStatus.ERROR
         counter = counter_in(data, protection)
         if counter >= protection.counter_modulus:
             return E2EStatus.ERROR
         delta = (counter - self.counter) % protection.counter_modulus
         self.counter = counter
-        if not self._with_counter or delta == 1:
+        if delta == 1:
             return E2EStatus.OK
         if delta == 0:
             return E2EStatus.REPEATED

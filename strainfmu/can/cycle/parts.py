@@ -1,0 +1,119 @@
+"""The parts that frames and cycles pass through on the way to a result, made for one layout of input frames.
+
+Each part holds guards of its own: it refuses what it can prove wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.assembler import CycleAssembler, Limits
+from strainfmu.can.cycle.decoded_cycle import StrainDecoder
+from strainfmu.can.cycle.dynamic_pressure import HeldPressure
+from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.reception import Reception
+from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CycleParts:
+    """The parts in the order in which data pass them.
+
+    Attributes
+    ----------
+    acceptance : which frames are taken in.
+    reception : CRC, counter and E2E state of each frame.
+    assembler : frames put together to cycles.
+    pace : whether cycles may have been held back.
+    clock : age of the strains by the sender's clock; None where frames have no sample time.
+    decoder : strains of a closed cycle.
+    gauges : plausibility of each gauge.
+    pressure : the dynamic pressure.
+    """
+
+    acceptance: Acceptance
+    reception: Reception
+    assembler: CycleAssembler
+    pace: ArrivalPace
+    clock: SampleClock | None
+    decoder: StrainDecoder
+    gauges: GaugeChecks
+    pressure: HeldPressure
+
+
+def cycle_parts(
+    layout: InputLayout, settings: BridgeSettings, own_keys: Iterable[int], dynamic_pressure: float | None
+) -> CycleParts:
+    """Return the parts for ``layout``.
+
+    Parameters
+    ----------
+    own_keys : keys of the frames that the bridge sends.
+    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    """
+    period = layout.cycle_time
+    return CycleParts(
+        acceptance=Acceptance(layout, own_keys, settings),
+        reception=Reception(layout, settings),
+        assembler=CycleAssembler(cycle_limits(layout, settings)),
+        pace=ArrivalPace(settings.max_age * period, settings.rate / period),
+        clock=strain_clock(layout, settings),
+        decoder=StrainDecoder(layout),
+        gauges=GaugeChecks(layout.n_gauges, period, settings),
+        pressure=HeldPressure(
+            layout.pressure_frame,
+            dynamic_pressure,
+            max_age=pressure_max_age(layout, settings),
+            clock=sender_clock(layout.pressure_frame, period, settings),
+        ),
+    )
+
+
+def cycle_limits(layout: InputLayout, settings: BridgeSettings) -> Limits:
+    """Return what a cycle of ``layout`` is."""
+    n_strain = len(layout.strain_frames)
+    n_slots = n_strain + (layout.trailer is not None)
+    bits = None
+    if layout.is_timed:
+        first = layout.strain_frames[0]
+        bits = first.layout.signals[first.sample_time or 0].length
+    return Limits(
+        n_slots=n_slots,
+        trailer=None if layout.trailer is None else n_strain,
+        deadline=settings.deadline * layout.cycle_time,
+        clock_bits=bits,
+        late_limit=settings.late_cycles * n_slots,
+    )
+
+
+def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SampleClock | None:
+    """Return the clock that follows the sample times of cycles, None if they have none."""
+    frame = layout.strain_frames[0] if layout.is_timed else layout.trailer
+    return sender_clock(frame, layout.cycle_time, settings)
+
+
+def pressure_max_age(layout: InputLayout, settings: BridgeSettings) -> float:
+    """Return for how long a dynamic pressure is held [s].
+
+    A frame that is sent more slowly than the strains is held for as many of its own periods.
+    """
+    own_period = 0.0 if layout.pressure_frame is None else layout.pressure_frame.layout.cycle_time or 0.0
+    return settings.pressure_max_age * max(layout.cycle_time, own_period)
+
+
+def sender_clock(frame: InputFrame | None, cycle_time: float, settings: BridgeSettings) -> SampleClock | None:
+    """Return a clock that follows the sample times of ``frame``, None if it has none; ``cycle_time`` in s."""
+    if frame is None or frame.sample_time is None:
+        return None
+    return SampleClock(
+        tick=frame.tick,
+        bits=frame.layout.signals[frame.sample_time].length,
+        drift=settings.clock_drift,
+        jump_tolerance=settings.jump_tolerance * cycle_time,
+        confirmations=settings.jump_confirmations,
+    )

@@ -1,0 +1,343 @@
+"""Bridge cores that each lack one guard: a part of the shipped core replaced by a subclass or a null object.
+
+Tests run the same faults through the shipped core and through one of these, to show what the guard is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Verdict
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.decoded_cycle import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.dynamic_pressure import HeldPressure
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, pressure_max_age, sender_clock
+from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.reception import Reception
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
+from strainfmu.can.e2e.sample_clock import ClockReading, SampleClock
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
+from strainfmu.can.wire.frame_layout import InputLayout, SignalLayout
+from strainfmu.cosim.step import Step, StepResult
+from strainfmu.estimator.health import HealthState
+
+MakeCore = Callable[..., BridgeCore]
+"""Makes a core from what ``bridge_core`` takes."""
+
+# --- acceptance -----------------------------------------------------------------------------------------------
+
+
+class TakesErrorFrames(Acceptance):
+    """Takes error frames for data."""
+
+    def refused(self, frame: Frame) -> FrameClass | None:
+        return super().refused(replace(frame, is_error=False))
+
+
+class TakesRemoteFrames(Acceptance):
+    """Takes remote frames for data."""
+
+    def refused(self, frame: Frame) -> FrameClass | None:
+        return super().refused(replace(frame, is_remote=False))
+
+
+class NeverSheds(Acceptance):
+    """Lets a babbling sender through."""
+
+    def _take_token(self, key: int, time: float) -> bool:
+        return True
+
+
+def of_any_format(layout: InputLayout, frame: Frame) -> Frame:
+    """Return ``frame`` cut or padded to what the layout says of its identifier, of whichever width."""
+    formats = {item.layout.key: item.layout for item in layout.frames}
+    own = formats.get(frame.key) or formats.get(frame.key ^ EXTENDED_FLAG)
+    if own is None:
+        return frame
+    data = frame.data.ljust(own.length, b"\0")[: own.length]
+    return replace(frame, is_extended=own.is_extended, is_fd=own.is_fd, data=data)
+
+
+class AcceptsAnyFormat(Acceptance):
+    """Takes frames of any length, format and identifier width."""
+
+    def __init__(self, layout: InputLayout, own_keys: Iterable[int], settings: BridgeSettings) -> None:
+        super().__init__(layout, own_keys, settings)
+        self._layout = layout
+
+    def refused(self, frame: Frame) -> FrameClass | None:
+        return super().refused(of_any_format(self._layout, frame))
+
+
+# --- reception ------------------------------------------------------------------------------------------------
+
+
+class ReceivesAnyFormat(Reception):
+    """Decodes frames of any length, format and identifier width."""
+
+    def slot_of(self, frame: Frame) -> int | None:
+        return super().slot_of(of_any_format(self._layout, frame))
+
+    def arrival(self, slot: int, frame: Frame) -> Arrival:
+        return super().arrival(slot, of_any_format(self._layout, frame))
+
+
+class AnyCrc(ReceptionCheck):
+    """Finds every CRC right."""
+
+    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
+        protection = self._protection
+        return super().check(protect(data, protection, counter_in(data, protection), covered), covered)
+
+
+class AnyCounter(ReceptionCheck):
+    """Finds every counter the next in sequence."""
+
+    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
+        status = super().check(data, covered)
+        return E2EStatus.ERROR if status is E2EStatus.ERROR else E2EStatus.OK
+
+
+class ReceivesAnyCrc(Reception):
+    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
+        return AnyCrc(protection, max_delta)
+
+
+class ReceivesAnyCounter(Reception):
+    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
+        return AnyCounter(protection, max_delta)
+
+
+class ReceivesAnyConfiguration(Reception):
+    """Takes frames of another gauge assignment."""
+
+    def _is_of_other_configuration(self, slot: int, raw: IntArray) -> bool:
+        return False
+
+
+class TrustsEveryState(Reception):
+    """Uses data whatever the E2E state."""
+
+    def is_trusted(self, slot: int) -> bool:
+        return True
+
+
+# --- assembly, time -------------------------------------------------------------------------------------------
+
+
+class TakesAnyOrder(CycleAssembler):
+    """Takes frames older than the open cycle."""
+
+    def _in_time(self, arrival: Arrival) -> Verdict:
+        return Verdict.ACCEPTED
+
+
+class NeverHeldBack(ArrivalPace):
+    """Takes every cycle for new."""
+
+    def take(self, time: float) -> bool:
+        return False
+
+
+class AgelessClock:
+    """A sample clock that finds every sample new."""
+
+    drift_ppm = float("nan")
+
+    def __init__(self, clock: SampleClock) -> None:
+        self._clock = clock
+        self.reset = clock.reset
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        return replace(self._clock.read(local, ticks), age=0.0)
+
+
+class NeverJumps(AgelessClock):
+    """A sample clock that finds no jump."""
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        return ClockReading(self._clock.read(local, ticks).age)
+
+
+class AnswersNoSilence(BridgeCore):
+    def _answer_silence(self, time: float) -> list[CycleResult]:
+        return []
+
+
+# --- strains --------------------------------------------------------------------------------------------------
+
+
+class DecodesNoValueCodes(StrainDecoder):
+    """Takes raw numbers that stand for "no value" for strains."""
+
+    def _without_value(self, raw: IntArray) -> BoolArray:
+        return np.zeros(raw.shape, dtype=bool)
+
+
+class DecodesAnyRange(StrainDecoder):
+    def _out_of_range(self, raw: IntArray, value: FloatArray) -> BoolArray:
+        return np.zeros(raw.shape, dtype=bool)
+
+
+class HearsNoStatus(StrainDecoder):
+    def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
+        return 0
+
+
+class AcceptsAnyRange(GaugeChecks):
+    def _out_of_range(self, strain: FloatArray) -> BoolArray:
+        return np.zeros(strain.shape, dtype=bool)
+
+
+class AcceptsJumps(GaugeChecks):
+    def _jumping(self, strain: FloatArray) -> BoolArray:
+        return np.zeros(strain.shape, dtype=bool)
+
+
+class AcceptsStuck(GaugeChecks):
+    def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
+        return np.zeros_like(super()._stuck(raw, present, now))
+
+
+class AcceptsZero(GaugeChecks):
+    def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
+        return np.zeros_like(super()._dropped_to_zero(strain, raw, present))
+
+
+class NeverFrozen(GaugeChecks):
+    def frozen(self, present: BoolArray, now: float) -> float:
+        return 0.0
+
+
+# --- dynamic pressure -----------------------------------------------------------------------------------------
+
+
+class HoldsNoValueCodes(HeldPressure):
+    def _has_no_value(self, signal: SignalLayout, code: int) -> bool:
+        return False
+
+
+class HoldsAnyRange(HeldPressure):
+    def _is_out_of_range(self, signal: SignalLayout, code: int, value: float) -> bool:
+        return False
+
+
+class HoldsWhateverStatus(HeldPressure):
+    def _is_refused_by_sender(self, raw: IntArray) -> bool:
+        return False
+
+
+class HoldsForEver(HeldPressure):
+    def _is_old(self, now: float) -> bool:
+        return False
+
+
+# --- judgement ------------------------------------------------------------------------------------------------
+
+
+class HoldsMissingGauges(CycleJudge):
+    """Takes the last strain of a gauge whose frame is missing."""
+
+    _last: FloatArray | None = None
+
+    def _answer(
+        self, cycle: Cycle, now: float, causes: Cause, valid: BoolArray, decoded: DecodedCycle, age: float
+    ) -> CycleResult:
+        last = np.full_like(decoded.strain, np.nan) if self._last is None else self._last
+        held = replace(decoded, strain=np.where(decoded.present, decoded.strain, last))
+        result = super()._answer(cycle, now, causes & ~Cause.PARTIAL_CYCLE, valid | ~decoded.present, held, age)
+        self._last = result.strain
+        return result
+
+
+class IgnoresHealth(CycleJudge):
+    """Judges a step as if the estimator were content."""
+
+    def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
+        return super()._quality_of(replace(step, health=int(HealthState.OK)), causes)
+
+
+class PublishesAnything(CycleJudge):
+    """Publishes coefficients that are no numbers."""
+
+    def _is_finite(self, step: StepResult) -> bool:
+        return True
+
+
+# --- cores ----------------------------------------------------------------------------------------------------
+
+
+def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_own_keys: bool = False) -> MakeCore:
+    """Return a maker of cores with the subclasses ``weak`` in place of parts and ``clock`` around their clocks."""
+
+    def chosen(part: type) -> type:
+        return next((one for one in weak if issubclass(one, part)), part)
+
+    def make(
+        layout: InputLayout, step: Step, settings: BridgeSettings, *, start: float, own_keys: Iterable[int] = ()
+    ) -> BridgeCore:
+        keys = () if ignores_own_keys else tuple(own_keys)
+        whole = cycle_parts(layout, settings, keys, None)
+        around = (lambda one: one) if clock is None else (lambda one: None if one is None else clock(one))
+        parts = replace(
+            whole,
+            acceptance=chosen(Acceptance)(layout, keys, settings),
+            reception=chosen(Reception)(layout, settings),
+            assembler=chosen(CycleAssembler)(cycle_limits(layout, settings)),
+            pace=chosen(ArrivalPace)(settings.max_age * layout.cycle_time, settings.rate / layout.cycle_time),
+            clock=around(whole.clock),
+            decoder=chosen(StrainDecoder)(layout),
+            gauges=chosen(GaugeChecks)(layout.n_gauges, layout.cycle_time, settings),
+            pressure=chosen(HeldPressure)(
+                layout.pressure_frame,
+                None,
+                max_age=pressure_max_age(layout, settings),
+                clock=around(sender_clock(layout.pressure_frame, layout.cycle_time, settings)),
+            ),
+        )
+        judge = chosen(CycleJudge)(layout, step, settings, parts)
+        return chosen(BridgeCore)(layout, settings, start=start, parts=parts, judge=judge)
+
+    return make
+
+
+WITHOUT: dict[str, MakeCore] = {
+    "own_frames": core_without(ignores_own_keys=True),
+    "error_frames": core_without(TakesErrorFrames),
+    "remote_frames": core_without(TakesRemoteFrames),
+    "format": core_without(AcceptsAnyFormat, ReceivesAnyFormat),
+    "babbling": core_without(NeverSheds),
+    "crc": core_without(ReceivesAnyCrc),
+    "counter": core_without(ReceivesAnyCounter),
+    "configuration": core_without(ReceivesAnyConfiguration),
+    "state_machine": core_without(TrustsEveryState),
+    "order": core_without(TakesAnyOrder),
+    "completeness": core_without(HoldsMissingGauges),
+    "silence": core_without(AnswersNoSilence),
+    "age": core_without(clock=AgelessClock),
+    "pace": core_without(NeverHeldBack),
+    "clock_jump": core_without(clock=NeverJumps),
+    "frozen": core_without(NeverFrozen),
+    "stuck": core_without(AcceptsStuck),
+    "zero": core_without(AcceptsZero),
+    "not_available": core_without(DecodesNoValueCodes, HoldsNoValueCodes),
+    "range": core_without(DecodesAnyRange, AcceptsAnyRange, HoldsAnyRange),
+    "rate": core_without(AcceptsJumps),
+    "sender_status": core_without(HearsNoStatus, HoldsWhateverStatus),
+    "pressure_age": core_without(HoldsForEver),
+    "health": core_without(IgnoresHealth),
+    "finite_output": core_without(PublishesAnything),
+}
+"""A core without each guard, by what it guards."""
