@@ -1,1 +1,1 @@
-"""Figures of pressure, snapshots, structures."""
+"""Figures of the builder: demonstration, snapshots, structures, build report, reproduction of the source."""

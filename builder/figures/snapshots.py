@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.campaign.snapshots import Snapshots
-from builder.figures.pressure import COLOUR_MAP, at_roll_angles, blank_figure
+from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.unrolled import at_roll_angles
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

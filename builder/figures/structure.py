@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.pressure import COLOUR_MAP, blank_figure
+from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.unrolled import roll_degrees
 from builder.structure.observability import (
     SYMMETRIES,
     THRESHOLD,
@@ -73,12 +74,6 @@ def distinct_gauges(structure: Structure) -> IntArray:
     return chosen
 
 
-def _roll_degrees(point: FloatArray) -> FloatArray:
-    """Return the roll angle [deg] of points (..., 3) in 0..360; a hair before 360 counts as 0."""
-    roll = np.degrees(np.arctan2(point[..., 1], point[..., 2])) % 360.0
-    return np.where(roll > 360.0 - 1e-9, 0.0, roll)
-
-
 def _edges(triangle: IntArray) -> IntArray:
     """Return (n, 2) nodes of the edges of triangles, each edge once."""
     pairs = np.concatenate([triangle[:, [0, 1]], triangle[:, [1, 2]], triangle[:, [2, 0]]])
@@ -88,7 +83,7 @@ def _edges(triangle: IntArray) -> IntArray:
 def _unrolled_edges(structure: Structure) -> FloatArray:
     """Return (n, 2, 2) x [m] and roll angle [deg] of both ends of each edge; across the seam from below 360."""
     point = structure.point[_edges(structure.triangle)]
-    roll = _roll_degrees(point)
+    roll = roll_degrees(point)
     across = np.ptp(roll, axis=1) > 180.0
     roll[across] = np.where(roll[across] < 180.0, 360.0, roll[across])
     return np.stack([point[..., 0], roll], axis=-1)
@@ -120,7 +115,7 @@ def _draw_marks(axis: Any, structure: Structure, gauges: IntArray, x: FloatArray
     kind = np.array(
         [name if name in DIRECTION_COLOURS else "other" for name in direction_names(position, direction)]
     )
-    roll = _roll_degrees(position)
+    roll = roll_degrees(position)
     labelled: set[str] = set()
     for name, turn in sorted(set(zip(kind.tolist(), angle.tolist(), strict=True))):
         chosen = (kind == name) & (angle == turn)
@@ -144,7 +139,7 @@ def _draw_close_up(axis: Any, structure: Structure, gauge: int) -> None:
     half = 0.5 * CLOSE_UP * float(np.ptp(structure.point[:, 0]))
     point = structure.point[_edges(structure.triangle)]
     near = (np.abs(point[..., 0] - centre[0]) < 2.0 * half).all(axis=1)
-    away = np.radians(_roll_degrees(point[near]) - _roll_degrees(centre[None]))
+    away = np.radians(roll_degrees(point[near]) - roll_degrees(centre[None]))
     away = np.mod(away + np.pi, 2.0 * np.pi) - np.pi
     flat = 1e3 * np.stack([point[near, :, 0], np.hypot(point[near, :, 1], point[near, :, 2]) * away], axis=-1)
     _draw_edges(axis, flat[np.abs(away).max(axis=1) < 0.5 * np.pi])
@@ -199,7 +194,7 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
                 rasterized=True,
             )
             place = structure.gauge_position[gauge]
-            at = float(_roll_degrees(place[None])[0])
+            at = float(roll_degrees(place[None])[0])
             axis.plot(place[0], at, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False)
             axis.set_title(
                 f"{structure.gauge_names[gauge]}: {names[gauge]}, x {place[0]:.3g} m, {at:.4g} deg", fontsize=8
@@ -228,7 +223,7 @@ def pattern_gauges(structure: Structure) -> list[IntArray]:
     for name in DIRECTION_COLOURS:
         alike = distinct[kind == name]
         station = np.round(structure.gauge_position[alike, 0], 6)
-        away = np.abs(_roll_degrees(structure.gauge_position[alike]) - 180.0)
+        away = np.abs(roll_degrees(structure.gauge_position[alike]) - 180.0)
         stations, first = np.unique(station[np.lexsort((away, station))], return_index=True)
         if len(stations):
             number = np.unique([int(share * len(stations)) for share in PATTERN_PLACES])

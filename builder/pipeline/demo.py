@@ -20,7 +20,8 @@ from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import load_snapshots
-from builder.figures import pressure as figures
+from builder.figures import demonstration as figures
+from builder.figures.canvas import save
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.pipeline.map_files import make_map
@@ -237,7 +238,7 @@ def _figures(pipeline: Pipeline, recording: Recording) -> None:
 
 
 def _save(draw: Callable[[], figures.Figure], path: Path) -> None:
-    figures.save(draw(), path)
+    save(draw(), path)
 
 
 def _without_nan(value: Any) -> Any:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.reports import build_figures as draw
+from builder.figures import build_report as draw
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import first_rows, report_tables
 from builder.reports.html import Block, Files, Items, Page, Paragraph, Section, picture, write_page
@@ -135,13 +135,18 @@ def _sight(report: BuildReport, tables: dict[str, Table]) -> Section:
             ),
             tables["classes"],
             picture(
-                draw.known_pressure(report),
+                draw.known_pressure(report.surface, report.sight.node_removed, report.inverse_map),
                 "Share of the pressure's variance that the data remove, on the unrolled body; circles are axial "
                 "gauges, squares hoop gauges, drawn a little apart.",
                 "Map of the unrolled body showing where pressure becomes known.",
             ),
             picture(
-                draw.modes(report),
+                draw.modes(
+                    of_variance=report.sight.mode_share,
+                    removed=report.sight.mode_removed,
+                    removed_at_best=report.sight.mode_removed_at_best,
+                    n_kept=report.sight.n_kept,
+                ),
                 "The first POD modes: how much of the variance each is, and how much is left of it.",
                 "Bars of the variance of each mode with marks for what the estimate leaves of it.",
                 "svg",
@@ -170,7 +175,13 @@ def _blindness(report: BuildReport) -> Section:
     if np.isfinite(sight.class_share).all():
         said.append(
             picture(
-                draw.classes(report),
+                draw.classes(
+                    of_snapshots=sight.class_share,
+                    of_kept_modes=sight.class_share_of_kept,
+                    removed=sight.class_removed,
+                    removed_at_best=sight.class_removed_at_best,
+                    blind=report.blind_classes,
+                ),
                 "Left: each class's share of the variance. Right: how much of it the data remove.",
                 "Bars of the variance per class of symmetry, and of the share that becomes known.",
                 "svg",
@@ -189,7 +200,12 @@ def _sureness(report: BuildReport, tables: dict[str, Table]) -> Section:
         (
             tables["coefficients"],
             picture(
-                draw.coefficients(report),
+                draw.coefficients(
+                    causes=report.coefficients.names,
+                    of_variance=report.coefficients.variance / report.coefficients.std**2,
+                    std_of_range=report.coefficients.std_of_range,
+                    correlation=report.coefficients.correlation,
+                ),
                 "Where each variance comes from, 3 sigma over the range of the snapshots, correlation of errors.",
                 "Bars of the causes of each coefficient's variance and of 3 sigma over its range; correlations.",
                 "svg",
@@ -213,7 +229,11 @@ def _worth(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "most."
             ),
             picture(
-                draw.gauge_loss(report.inverse_map, report.gauges),
+                draw.gauge_loss(
+                    report.inverse_map,
+                    growth=report.gauges.growth,
+                    detectable_bias=report.gauges.detectable_bias,
+                ),
                 "Growth of each sigma where one gauge is lost, and the least bias that is noticed, at the gauge's "
                 "place on the unrolled body; black: the others do not identify the state.",
                 "Six unrolled bodies with gauges coloured by what their loss costs.",
@@ -232,7 +252,12 @@ def _losses(report: BuildReport, tables: dict[str, Table]) -> Section:
             tables["worst_losses"],
             first_rows(tables["worst_pairs"], ROWS_ON_PAGE),
             picture(
-                draw.pair_loss(report.inverse_map, report.gauges),
+                draw.pair_loss(
+                    report.inverse_map,
+                    growth=report.gauges.growth,
+                    pairs=report.gauges.pairs,
+                    pair_growth=report.gauges.pair_growth,
+                ),
                 "The loss of two gauges: growth of the sigma that grows most. On the diagonal the loss of one.",
                 "Matrix of gauges by gauges coloured by what the loss of both costs.",
             ),
@@ -259,7 +284,7 @@ def _gamma(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "svg",
             ),
             picture(
-                draw.l_curve(report.gamma),
+                draw.l_curve(report.gamma.curve, report.gamma.found),
                 "L-curve: size of the states against size of the residual, with the gamma of every rule.",
                 "Curve of solution norm over residual norm with marks for each rule.",
                 "svg",

@@ -66,6 +66,11 @@ class GammaChoice:
     rules: tuple[GammaOfRule, ...]
     curve: LCurve
 
+    @property
+    def found(self) -> list[tuple[str, float]]:
+        """Name and gamma of the rules that find one, the gamma in use first."""
+        return [(one.rule.replace("_", " "), float(one.gamma)) for one in self.rules if one.gamma is not None]
+
 
 def gamma_choice(
     inverse_map: InverseMap, problem: Problem, solution: Solution, surface: SurfaceGrid | SurfaceMesh

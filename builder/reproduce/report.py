@@ -8,14 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from builder.figures.pressure import save
+from builder.figures.canvas import save
 from builder.reports.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.tables import Table, by_name, tables_json, write_csv
-from builder.reproduce import figures_case_1, figures_case_2, tables
+from builder.reproduce import tables
 from builder.reproduce.acceptance import verdicts
 from builder.reproduce.parity import parity_rows
 from builder.reproduce.protocol import Sizes
-from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH
+from builder.reproduce.report_figures import figure_makers
 from builder.reproduce.studies import Studies
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.files import write_bytes_atomically
@@ -35,49 +35,6 @@ SETUP_TEXT = (
     "flows are not among the snapshots. Statistics of Case 1 are then over 40 conditions between those of P1; "
     "for M5 a6 b5 and M5 a6 b6 the condition, and its mirror images, are left out of the snapshots.",
 )
-
-
-def figure_makers(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[[], Figure], str]]:
-    """Return, by name, what draws each figure and its caption, in the order of the source."""
-    made: dict[str, tuple[Callable[[], Figure], str]] = {
-        "pod_differences": (
-            partial(figures_case_1.pod_differences, studies),
-            "Source's figure of the differences in POD coefficients with 3 sigma marks.",
-        ),
-        "reconstruction_errors": (
-            partial(figures_case_1.reconstruction_errors, studies),
-            "Source's figure of the errors of the reconstructed field.",
-        ),
-    }
-    for example, number in (("m5_a6_b5", 1), ("m7_a2_b8", 2)):
-        for setup in (PAPER_LIKE, INDEPENDENT):
-            made[f"field_{example}_{setup}"] = (
-                partial(figures_case_1.field_comparison, studies, setup, example, number, grid),
-                f"Source's field comparison, Configuration {number}, set-up {setup.replace('_', ' ')}.",
-            )
-    made["coefficient_differences"] = (
-        partial(figures_case_1.coefficient_differences, studies),
-        "Source's figure of the differences in force and moment coefficients.",
-    )
-    made["eigenvalues"] = (
-        partial(figures_case_2.eigenvalue_decay, studies),
-        "Source's figure of the eigenvalues.",
-    )
-    made["eigenvectors"] = (
-        partial(figures_case_2.eigenvectors, studies, grid),
-        "Source's figure of eigenvectors 1, 3, 6, 23 and 53.",
-    )
-    for what, modes in (("noise_free", 54), ("noisy", None), ("off_set", None)):
-        for setup in (PAPER_LIKE, SAME_MESH, INDEPENDENT):
-            kept = modes or int((studies.gamma[setup].eigenvalues >= 10**0.5).sum())
-            made[f"field_{what}_{setup}"] = (
-                partial(figures_case_2.field_comparison, studies, setup, what, kept, grid),
-                f"Source's field comparison, {what.replace('_', ' ')}, set-up {setup.replace('_', ' ')}.",
-            )
-    made["draw_ranges"] = (partial(figures_case_2.draw_ranges, studies), "Errors of the hundred draws.")
-    made["noise_free_errors"] = (partial(figures_case_2.noise_free_errors, studies), "Where the 2.8 % come from.")
-    made["reading_ratios"] = (partial(figures_case_2.reading_ratios, studies), "Where K1/K2 comes from.")
-    return made
 
 
 def all_tables(studies: Studies, moment_station: float) -> dict[str, Table]:

@@ -14,9 +14,9 @@ from report_case import CASE_1, ReportCase, case_of
 
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
+from builder.figures.build_report import known_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise_model import nuisance_modes
-from builder.reports.build_figures import known_pressure
 from builder.reports.build_page import blind_line, write_numbers
 from builder.reports.build_report import BuildReport, build_report
 from builder.reports.build_tables import report_tables
@@ -146,7 +146,9 @@ def test_a_structure_on_a_free_mesh(parts: Parts) -> None:
     np.testing.assert_allclose(report.sight.class_share, expected.sight.class_share, rtol=5e-3, atol=1e-6)
     np.testing.assert_allclose(report.sight.removed, expected.sight.removed, rtol=5e-3)
     assert report.blind_classes == expected.blind_classes
-    assert picture(known_pressure(report), "caption", "words").content.startswith(b"\x89PNG")
+    assert picture(
+        known_pressure(report.surface, report.sight.node_removed, report.inverse_map), "caption", "words"
+    ).content.startswith(b"\x89PNG")
 
 
 def test_a_map_of_something_else_is_refused(parts: Parts) -> None:

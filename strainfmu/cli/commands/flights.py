@@ -46,9 +46,9 @@ def fly(
 
         strainfmu fly ic3x_flight.toml --files demo --ssp flight.ssp
     """
+    from strainfmu.cli.flight_figure import save_flight_figure
     from strainfmu.cosim.flight import flight_result, flight_system
     from strainfmu.cosim.flight import fly as run_flight
-    from strainfmu.cosim.flight_figure import save_flight_figure
     from strainfmu.cosim.flight_model import load_flight_model
     from strainfmu.cosim.recording import save_csv, save_hdf5
     from strainfmu.cosim.scenario import load_scenario

@@ -58,7 +58,7 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder.campaign import snapshots as snapshots_file
     from builder.campaign.snapshots import load_snapshots
     from builder.figures import snapshots as snapshot_figures
-    from builder.figures.pressure import save
+    from builder.figures.canvas import save
 
     snapshots = load_snapshots(path)
     summary = Table(title=escape(f"{path}: {snapshots.vehicle}"), show_header=False)

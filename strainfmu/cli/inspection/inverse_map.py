@@ -195,19 +195,23 @@ def _gauges(loaded: InverseMap) -> Table:
 
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
     """Draw what the map alone tells and return the names of the files."""
-    from builder.figures.pressure import save
-    from builder.reports import build_figures
+    from builder.figures import build_report
+    from builder.figures.canvas import save
     from builder.reports.gauge_value import gauge_value
 
     value = gauge_value(loaded)
     figures = {
-        "gauge_loss.png": build_figures.gauge_loss(loaded, value),
-        "pair_loss.png": build_figures.pair_loss(loaded, value),
-        "correlations.png": build_figures.correlations(loaded),
+        "gauge_loss.png": build_report.gauge_loss(
+            loaded, growth=value.growth, detectable_bias=value.detectable_bias
+        ),
+        "pair_loss.png": build_report.pair_loss(
+            loaded, growth=value.growth, pairs=value.pairs, pair_growth=value.pair_growth
+        ),
+        "correlations.png": build_report.correlations(loaded),
     }
     if loaded.case == 2:
         values = hessian_eigenvalues(loaded)
-        figures["eigenvalues.png"] = build_figures.eigenvalues(values, loaded.regularisation)
+        figures["eigenvalues.png"] = build_report.eigenvalues(values, loaded.regularisation)
     for name, figure in figures.items():
         save(figure, folder / name)
     return list(figures)

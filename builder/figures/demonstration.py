@@ -1,27 +1,24 @@
-"""Figures of the way from pressure to coefficients (matplotlib, without a display)."""
+"""Figures of the demonstration: pressure, gauges, and coefficients estimated in flight."""
 
 from __future__ import annotations
 
-import io
 from math import degrees
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.unrolled import at_roll_angles
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording
-from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-COLOUR_MAP = "viridis"
 COEFFICIENT_TITLES = {
     "C_A": "Axial force $C_A$ [1]",
     "C_N": "Normal force $C_N$ [1]",
@@ -29,22 +26,6 @@ COEFFICIENT_TITLES = {
     "M_P": "Pitching moment $M_P$ [1]",
     "M_Y": "Yawing moment $M_Y$ [1]",
 }
-
-
-def blank_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of the given size [in] that needs no display."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise StrainfmuError("figures need matplotlib: pip install 'strainfmu[report]'") from error
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, atomically."""
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=130, metadata={"Software": None})
-    write_bytes_atomically(path, image.getvalue())
 
 
 def three_conditions(snapshots: Snapshots) -> list[int]:
@@ -111,13 +92,6 @@ def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float
         vmax=ratio.max(),
         rasterized=True,
     )
-
-
-def at_roll_angles(values: FloatArray, roll_angle: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Interpolate (n_x, n_roll) values periodically to roll angles ``wanted`` [rad] in 0..2 pi."""
-    angle = np.append(roll_angle, 2.0 * np.pi)
-    closed = np.concatenate([values, values[:, :1]], axis=1)
-    return np.stack([np.interp(wanted, angle, row) for row in closed])
 
 
 def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:

@@ -1,19 +1,18 @@
-"""Figures of a build report (matplotlib, without a display); those of gauges and eigenvalues need a map alone."""
+"""Figures of a build report; those of gauges and eigenvalues need a map alone."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.figures.pressure import COLOUR_MAP, blank_figure
-from builder.reports.build_report import BuildReport
-from builder.reports.gamma_choice import GammaChoice
-from builder.reports.gauge_value import GaugeValue
+from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.unrolled import roll_degrees, unrolled_triangles
+from builder.inverse.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES, angle_from_meridian
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 if TYPE_CHECKING:
@@ -28,45 +27,64 @@ THIS_MAP, AT_BEST, SNAPSHOTS = "tab:blue", "tab:orange", "0.6"
 RULE_MARKS = ("*", "o", "s", "^", "D")
 
 
-def classes(report: BuildReport) -> Figure:
-    """Draw how much of the snapshots each class of symmetry is, and how much of it the data remove."""
-    sight = report.sight
+def classes(
+    *,
+    of_snapshots: FloatArray,
+    of_kept_modes: FloatArray,
+    removed: FloatArray,
+    removed_at_best: FloatArray,
+    blind: Collection[int],
+) -> Figure:
+    """Draw how much of the snapshots each class of symmetry is, and how much of it the data remove.
+
+    Parameters
+    ----------
+    of_snapshots, of_kept_modes : (4,) part of each class in the variance [1].
+    removed, removed_at_best : (4,) part of the class's variance that this map, the best linear map removes [1].
+    blind : indices of the classes that no gauge responds to.
+    """
     figure = blank_figure(10.0, 3.4)
-    share, removed = figure.subplots(1, 2, sharey=True)
-    place = np.arange(len(SYMMETRIES))
-    share.barh(place - 0.2, 100.0 * sight.class_share, 0.38, color=SNAPSHOTS, label="snapshots")
-    share.barh(place + 0.2, 100.0 * sight.class_share_of_kept, 0.38, color="0.3", label="kept modes")
-    share.set_xlabel("share of the variance [%]")
-    share.set_yticks(place, [str(one) for one in SYMMETRIES])
-    share.invert_yaxis()
-    removed.barh(place - 0.2, 100.0 * sight.class_removed, 0.38, color=THIS_MAP, label="this map")
-    removed.barh(place + 0.2, 100.0 * sight.class_removed_at_best, 0.38, color=AT_BEST, label="best linear map")
-    removed.set_xlabel("variance removed by the data [%]")
-    removed.set_xlim(min(0.0, 100.0 * float(np.nanmin(sight.class_removed, initial=0.0))), 100.0)
-    for i in report.blind_classes:
+    held, known = figure.subplots(1, 2, sharey=True)
+    row = np.arange(len(SYMMETRIES))
+    held.barh(row - 0.2, 100.0 * of_snapshots, 0.38, color=SNAPSHOTS, label="snapshots")
+    held.barh(row + 0.2, 100.0 * of_kept_modes, 0.38, color="0.3", label="kept modes")
+    held.set_xlabel("share of the variance [%]")
+    held.set_yticks(row, [str(one) for one in SYMMETRIES])
+    held.invert_yaxis()
+    known.barh(row - 0.2, 100.0 * removed, 0.38, color=THIS_MAP, label="this map")
+    known.barh(row + 0.2, 100.0 * removed_at_best, 0.38, color=AT_BEST, label="best linear map")
+    known.set_xlabel("variance removed by the data [%]")
+    known.set_xlim(min(0.0, 100.0 * float(np.nanmin(removed, initial=0.0))), 100.0)
+    for i in blind:
         words = "blind: known only by what flies with it"
-        removed.text(2.0, i, words, fontsize=8, va="center", bbox={"facecolor": "white", "edgecolor": "tab:red"})
-    for axis in (share, removed):
+        known.text(2.0, i, words, fontsize=8, va="center", bbox={"facecolor": "white", "edgecolor": "tab:red"})
+    for axis in (held, known):
         axis.grid(axis="x", alpha=0.3)
         axis.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
     return figure
 
 
-def modes(report: BuildReport) -> Figure:
-    """Draw the first modes: their share of the variance, and what is left of it."""
-    sight = report.sight
-    count = min(MODES_DRAWN, len(sight.mode_std))
+def modes(*, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, n_kept: int) -> Figure:
+    """Draw the first modes: their part of the variance, and what is left of it.
+
+    Parameters
+    ----------
+    of_variance : (k,) part of each mode in the variance of the snapshots [1].
+    removed, removed_at_best : (k,) part of the mode's variance that this map, the best linear map removes [1].
+    n_kept : modes that are states.
+    """
+    count = min(MODES_DRAWN, len(of_variance))
     figure = blank_figure(10.0, 3.6)
     axis = figure.subplots()
-    number, share = np.arange(1, count + 1), 100.0 * sight.mode_share[:count]
-    left = np.maximum(share * (1.0 - sight.mode_removed[:count]), LEAST_SHOWN)
-    best = np.maximum(share * (1.0 - sight.mode_removed_at_best[:count]), LEAST_SHOWN)
-    axis.bar(number, np.maximum(share, LEAST_SHOWN), 0.8, color="0.8", label="of the snapshots")
+    number, percent = np.arange(1, count + 1), 100.0 * of_variance[:count]
+    left = np.maximum(percent * (1.0 - removed[:count]), LEAST_SHOWN)
+    best = np.maximum(percent * (1.0 - removed_at_best[:count]), LEAST_SHOWN)
+    axis.bar(number, np.maximum(percent, LEAST_SHOWN), 0.8, color="0.8", label="of the snapshots")
     axis.plot(number, left, "o", color=THIS_MAP, label="left by this map")
     axis.plot(number, best, "_", color=AT_BEST, markersize=14, markeredgewidth=2.5, label="left by the best one")
-    if sight.n_kept < count:
-        axis.axvline(sight.n_kept + 0.5, color="black", linestyle="--", linewidth=0.8)
-        axis.text(sight.n_kept + 0.6, axis.get_ylim()[1], "cut off", fontsize=8, va="top")
+    if n_kept < count:
+        axis.axvline(n_kept + 0.5, color="black", linestyle="--", linewidth=0.8)
+        axis.text(n_kept + 0.6, axis.get_ylim()[1], "cut off", fontsize=8, va="top")
     axis.set_yscale("log")
     axis.set_ylim(LEAST_SHOWN, 200.0)
     axis.set_xticks(number)
@@ -77,12 +95,19 @@ def modes(report: BuildReport) -> Figure:
     return figure
 
 
-def known_pressure(report: BuildReport) -> Figure:
-    """Draw the unrolled body: the share of the pressure's variance that the data remove, and the gauges."""
+def known_pressure(surface: SurfaceMesh, removed: FloatArray, inverse_map: InverseMap) -> Figure:
+    """Draw the unrolled body: how much of the pressure's variance the data remove, and the gauges.
+
+    Parameters
+    ----------
+    surface : the pressure nodes.
+    removed : (n_p,) part of the variance removed at each node [1]; NaN where there is none.
+    inverse_map : its gauges are drawn.
+    """
     figure = blank_figure(10.0, 3.8)
     axis: Any = figure.subplots()
-    shown = np.nan_to_num(np.clip(100.0 * report.sight.node_removed, 0.0, 100.0))
-    point, roll, triangle, shown = _unrolled(report.surface, shown)
+    shown = np.nan_to_num(np.clip(100.0 * removed, 0.0, 100.0))
+    point, roll, triangle, shown = unrolled_triangles(surface, shown)
     drawn = axis.tripcolor(
         point[:, 0],
         roll,
@@ -94,32 +119,45 @@ def known_pressure(report: BuildReport) -> Figure:
         vmax=100.0,
         rasterized=True,
     )
-    _draw_gauges(axis, report.inverse_map, None)
+    _draw_gauges(axis, inverse_map, None)
     figure.colorbar(drawn, ax=axis, pad=0.01, label="variance removed [%]")
     axis.set_xlabel("station x from the nose tip [m]")
     return figure
 
 
-def coefficients(report: BuildReport) -> Figure:
-    """Draw where each coefficient's variance comes from, its sigma over its range, and the errors' correlation."""
-    found = report.coefficients
+def coefficients(
+    *,
+    causes: Sequence[str],
+    of_variance: FloatArray,
+    std_of_range: FloatArray,
+    correlation: FloatArray,
+) -> Figure:
+    """Draw where each coefficient's variance comes from, its sigma over its range, and the errors' correlation.
+
+    Parameters
+    ----------
+    causes : n names.
+    of_variance : (n, 5) part of each cause in the variance of each coefficient [1].
+    std_of_range : (5,) sigma over the width of the range [1]; infinite where there is no range.
+    correlation : (5, 5) of the errors [1].
+    """
     figure = blank_figure(10.0, 3.6)
-    causes, ranges, correlation = figure.subplots(1, 3, width_ratios=(1.2, 1.0, 1.1))
+    variances, ranges, matrix = figure.subplots(1, 3, width_ratios=(1.2, 1.0, 1.1))
     below = np.zeros(5)
-    place = np.arange(5)
-    for name, share in zip(found.names, 100.0 * found.variance / found.std**2, strict=True):
-        causes.bar(place, share, 0.7, bottom=below, label=name)
-        below += share
-    causes.set_xticks(place, COEFFICIENT_NAMES)
-    causes.set_ylabel("share of the variance [%]")
-    causes.set_ylim(0.0, 100.0 + 12.0 * len(found.names))
-    causes.legend(fontsize=8, loc="upper left")
-    finite = np.where(np.isfinite(found.std_of_range), 300.0 * found.std_of_range, np.nan)
-    ranges.bar(place, finite, 0.7, color=THIS_MAP)
-    ranges.set_xticks(place, COEFFICIENT_NAMES)
+    column = np.arange(5)
+    for name, percent in zip(causes, 100.0 * of_variance, strict=True):
+        variances.bar(column, percent, 0.7, bottom=below, label=name)
+        below += percent
+    variances.set_xticks(column, COEFFICIENT_NAMES)
+    variances.set_ylabel("share of the variance [%]")
+    variances.set_ylim(0.0, 100.0 + 12.0 * len(causes))
+    variances.legend(fontsize=8, loc="upper left")
+    finite = np.where(np.isfinite(std_of_range), 300.0 * std_of_range, np.nan)
+    ranges.bar(column, finite, 0.7, color=THIS_MAP)
+    ranges.set_xticks(column, COEFFICIENT_NAMES)
     ranges.set_ylabel("3 sigma over the range of the snapshots [%]")
     ranges.grid(axis="y", alpha=0.3)
-    _draw_correlation(figure, correlation, found.correlation)
+    _draw_correlation(figure, matrix, correlation)
     return figure
 
 
@@ -134,25 +172,30 @@ def correlations(inverse_map: InverseMap) -> Figure:
 
 def _draw_correlation(figure: Figure, axis: Any, values: FloatArray) -> None:
     drawn = axis.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-    place = np.arange(5)
-    axis.set_xticks(place, COEFFICIENT_NAMES, fontsize=8)
-    axis.set_yticks(place, COEFFICIENT_NAMES, fontsize=8)
+    axis.set_xticks(np.arange(5), COEFFICIENT_NAMES, fontsize=8)
+    axis.set_yticks(np.arange(5), COEFFICIENT_NAMES, fontsize=8)
     for (i, j), value in np.ndenumerate(values):
         colour = "white" if abs(value) > 0.6 else "black"
         axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=colour)
     figure.colorbar(drawn, ax=axis, pad=0.02, label="correlation of errors [1]")
 
 
-def gauge_loss(inverse_map: InverseMap, value: GaugeValue) -> Figure:
-    """Draw, at each gauge of the unrolled body, by how much its loss raises each sigma; and the bias noticed."""
+def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: FloatArray) -> Figure:
+    """Draw, at each gauge of the unrolled body, by how much its loss raises each sigma; and the bias noticed.
+
+    Parameters
+    ----------
+    growth : (n_d, 5) sigma of each load without the gauge over sigma with all [1].
+    detectable_bias : (n_d,) [m/m].
+    """
     figure = blank_figure(11.0, 7.5)
     axes = figure.subplots(3, 2, sharex=True, sharey=True)
     for i, axis in enumerate(axes.flat):
         if i < len(COEFFICIENT_NAMES):
-            numbers, label = 100.0 * (value.growth[:, i] - 1.0), "sigma grows [%]"
+            numbers, label = 100.0 * (growth[:, i] - 1.0), "sigma grows [%]"
             axis.set_title(f"{COEFFICIENT_NAMES[i]}, gauge lost", fontsize=9)
         else:
-            numbers, label = 1e6 * value.detectable_bias, "bias [um/m]"
+            numbers, label = 1e6 * detectable_bias, "bias [um/m]"
             axis.set_title("least bias that is noticed", fontsize=9)
         drawn = _draw_gauges(axis, inverse_map, numbers)
         figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
@@ -161,15 +204,21 @@ def gauge_loss(inverse_map: InverseMap, value: GaugeValue) -> Figure:
     return figure
 
 
-def pair_loss(inverse_map: InverseMap, value: GaugeValue) -> Figure:
-    """Draw by how much the loss of two gauges raises the sigma that it raises most."""
+def pair_loss(inverse_map: InverseMap, *, growth: FloatArray, pairs: IntArray, pair_growth: FloatArray) -> Figure:
+    """Draw by how much the loss of two gauges raises the sigma that it raises most.
+
+    Parameters
+    ----------
+    growth : (n_d, 5) sigma of each load without the gauge over sigma with all [1].
+    pairs, pair_growth : (n, 2) pairs of gauges and (n, 5) the same with both lost.
+    """
     from matplotlib.colors import LogNorm
 
     n = inverse_map.n_gauges
     grown = np.zeros((n, n))
-    i, j = value.pairs.T
-    grown[i, j] = grown[j, i] = 100.0 * (value.pair_growth.max(axis=1) - 1.0)
-    grown[np.arange(n), np.arange(n)] = 100.0 * (value.growth.max(axis=1) - 1.0)
+    i, j = pairs.T
+    grown[i, j] = grown[j, i] = 100.0 * (pair_growth.max(axis=1) - 1.0)
+    grown[np.arange(n), np.arange(n)] = 100.0 * (growth.max(axis=1) - 1.0)
     finite = grown[np.isfinite(grown)]
     most = max(float(finite.max(initial=0.0)), 1.0)
     figure = blank_figure(8.0, 7.0)
@@ -206,16 +255,13 @@ def eigenvalues(values: FloatArray, gamma: float) -> Figure:
     return figure
 
 
-def l_curve(choice: GammaChoice) -> Figure:
-    """Draw the L-curve with the gamma of every rule; those that agree lie on one another."""
+def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> Figure:
+    """Draw the L-curve and on it each of ``gammas`` with its name; those that agree lie on one another."""
     figure = blank_figure(8.0, 4.6)
     axis = figure.subplots()
-    curve = choice.curve
     axis.loglog(curve.residual_norm, curve.solution_norm, color="0.4", linewidth=1.0)
     order = np.log(curve.gamma)
-    found = [one for one in choice.rules if one.gamma is not None]
-    marks = [(one.rule.replace("_", " "), float(one.gamma)) for one in found if one.gamma is not None]
-    for i, (name, gamma) in enumerate([*marks, ("corner of the L-curve", curve.corner)]):
+    for i, (name, gamma) in enumerate([*gammas, ("corner of the L-curve", curve.corner)]):
         at = [
             np.exp(np.interp(np.log(gamma), order, np.log(norm)))
             for norm in (curve.residual_norm, curve.solution_norm)
@@ -240,7 +286,7 @@ def l_curve(choice: GammaChoice) -> Figure:
 def _draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) -> Any:
     """Draw the gauges on an unrolled body, coloured by ``numbers`` or hollow; black where a number is infinite."""
     position = inverse_map.gauge_position
-    roll = _roll_degrees(position)
+    roll = roll_degrees(position)
     hoop = np.abs(angle_from_meridian(position, inverse_map.gauge_direction)) > 0.25 * np.pi
     finite = np.ones(len(roll), dtype=bool) if numbers is None else np.isfinite(numbers)
     drawn: Any = None
@@ -275,31 +321,3 @@ def _draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None)
 def _limits(numbers: FloatArray) -> tuple[float, float]:
     low, high = min(0.0, float(numbers.min(initial=0.0))), float(numbers.max(initial=0.0))
     return low, high if high > low else low + 1.0
-
-
-def _roll_degrees(point: FloatArray) -> FloatArray:
-    roll = np.degrees(np.arctan2(point[:, 1], point[:, 2])) % 360.0
-    return np.where(roll > 360.0 - 1e-9, 0.0, roll)
-
-
-def _unrolled(
-    surface: SurfaceMesh, values: FloatArray
-) -> tuple[FloatArray, FloatArray, NDArray[np.int64], FloatArray]:
-    """Return points, roll angles [deg], triangles and values of a surface cut open at 0 deg.
-
-    Triangles across the cut get nodes of their own beyond 360 deg. Nodes on the axis have no roll angle; their
-    triangles are left out.
-    """
-    point, roll, triangle = surface.point, _roll_degrees(surface.point), surface.triangle
-    off_axis = np.hypot(point[:, 1], point[:, 2]) > 1e-9 * float(np.ptp(point[:, 0]))
-    triangle = triangle[off_axis[triangle].all(axis=1)]
-    across = np.ptp(roll[triangle], axis=1) > 180.0
-    corner = triangle[across].ravel()
-    beyond = np.where(roll[corner] < 180.0, roll[corner] + 360.0, roll[corner])
-    added = len(point) + np.arange(len(corner)).reshape(-1, 3)
-    return (
-        np.concatenate([point, point[corner]]),
-        np.concatenate([roll, beyond]),
-        np.concatenate([triangle[~across], added]),
-        np.concatenate([values, values[corner]]),
-    )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.pressure import COLOUR_MAP, blank_figure
+from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
@@ -27,7 +28,7 @@ HIGHEST = 99.0
 """Percentile at which colours end: at the nose pressure is far higher, as the source notes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FieldRow:
     """One row of a figure.
 
@@ -46,13 +47,17 @@ class FieldRow:
     label: str
 
 
-def pressure_rows(named: dict[str, FloatArray], error: FloatArray) -> list[FieldRow]:
+def pressure_rows(named: Mapping[str, FloatArray], error: FloatArray) -> list[FieldRow]:
     """Return rows of pressures (n_p,) [Pa] on one scale, and one of the absolute ``error`` on its own; in kPa."""
     first = next(iter(named.values()))
     high = 1e-3 * float(np.percentile(first, HIGHEST))
-    rows = [FieldRow(title, 1e-3 * field, 0.0, high, "p [kPa]") for title, field in named.items()]
+    rows = [
+        FieldRow(title=title, field=1e-3 * field, low=0.0, high=high, label="p [kPa]")
+        for title, field in named.items()
+    ]
     size = np.abs(error)
-    return [*rows, FieldRow("absolute error", 1e-3 * size, 0.0, 1e-3 * float(np.percentile(size, HIGHEST)), "kPa")]
+    end = 1e-3 * float(np.percentile(size, HIGHEST))
+    return [*rows, FieldRow(title="absolute error", field=1e-3 * size, low=0.0, high=end, label="kPa")]
 
 
 def field_figure(rows: list[FieldRow], grid: SurfaceGrid, views: dict[str, float | str], title: str) -> Figure:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from builder.figures.canvas import blank_figure, save
 from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.scenario import Scenario
-from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
-from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,19 +24,12 @@ def save_flight_figure(scenario: Scenario, recording: Recording, feedback: str, 
     StrainfmuError
         matplotlib is not installed, or the file could not be written.
     """
-    image = io.BytesIO()
-    # Without a date the same flight gives the same file.
-    flight_figure(scenario, recording, feedback).savefig(image, format="png", dpi=120, metadata={"Software": None})
-    write_bytes_atomically(path, image.getvalue())
+    save(flight_figure(scenario, recording, feedback), path, resolution=120)
 
 
 def flight_figure(scenario: Scenario, recording: Recording, feedback: str) -> Figure:
     """Return the figure of one run."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise StrainfmuError("matplotlib is not installed: pip install 'strainfmu[report]'") from error
-    figure = Figure(figsize=(9.0, 9.5), layout="constrained")
+    figure = blank_figure(9.0, 9.5)
     axes = figure.subplots(5, 1, sharex=True)
     figure.suptitle(f"{scenario.name}: feedback of {feedback}")
     _draw_angle(axes[0], recording)
