@@ -18,11 +18,12 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, layout_of
 
-from strainfmu.can.bridge.bridge import QUEUED_CYCLES, Bridge, BridgeSummary
 from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
 from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
 from strainfmu.can.bridge.reconnect import BackOffSettings
-from strainfmu.can.bridge.result_frames import result_layouts
+from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.run_loop import QUEUED_CYCLES, Bridge
+from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality

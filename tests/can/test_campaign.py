@@ -18,7 +18,7 @@ from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import Fault, FaultKind, random_faults
+from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import PROFILES
 from strainfmu.cosim.step import StepResult

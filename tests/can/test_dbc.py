@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, gauge_names, layout_of
 
-from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames, result_layouts
-from strainfmu.can.bridge.setup import all_layouts
+from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
+from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.tools.dbc_export import all_layouts
 from strainfmu.can.wire.dbc_files import database_of, load_mapping
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.dbc_writer import dbc_text
@@ -211,7 +212,7 @@ def test_a_users_dbc_file_may_state_end_to_end_protection() -> None:
     assert layout.is_timed
     from can_case import run_campaign
 
-    from strainfmu.can.tools.fault_injection import Fault, FaultKind
+    from strainfmu.can.tools.faults import Fault, FaultKind
 
     kinds = (FaultKind.CORRUPTION, FaultKind.CONFIGURATION, FaultKind.DELAY, FaultKind.RESTART)
     run = run_campaign(layout, [Fault(kind, 40 + 60 * i, 10, i) for i, kind in enumerate(kinds)], 300)

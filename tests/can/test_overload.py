@@ -9,8 +9,8 @@ import pytest
 from can_case import CYCLE, Projection, Truth, layout_of
 
 from strainfmu.can.bridge.backlog import Backlog
-from strainfmu.can.bridge.bridge import QUEUED_CYCLES
 from strainfmu.can.bridge.receiver import FrameQueue
+from strainfmu.can.bridge.run_loop import QUEUED_CYCLES
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality

@@ -15,8 +15,9 @@ import pytest
 from bus_run import live_run
 from synthetic_vehicle import SyntheticFiles
 
+from strainfmu.can.tools.log_description import load_description, sidecar
 from strainfmu.can.tools.log_frames import LogState, log_frames
-from strainfmu.can.tools.recording import LOG_SUFFIXES, MicrosecondClock, Recorder, load_description, sidecar
+from strainfmu.can.tools.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
 from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError
 

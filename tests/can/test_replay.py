@@ -15,8 +15,9 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.tools.fault_injection import Fault, FaultKind
-from strainfmu.can.tools.recording import LOG_SUFFIXES, sidecar
+from strainfmu.can.tools.faults import Fault, FaultKind
+from strainfmu.can.tools.log_description import sidecar
+from strainfmu.can.tools.recording import LOG_SUFFIXES
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError

@@ -11,13 +11,14 @@ import pytest
 from slender_vehicle import make_slender_files
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.answers import score_answers
 from strainfmu.can.bridge.bus import BusSettings, open_bus
-from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
+from strainfmu.can.bridge.result_frames import ResultFrames
+from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.tools.answers import score_answers
 from strainfmu.can.tools.sender import SETTLING_CYCLES, planned_faults, send_flight
 from strainfmu.can.tools.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples
 from strainfmu.can.wire.frame import from_message

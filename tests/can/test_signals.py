@@ -13,7 +13,7 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strainfmu.can.cycle.decoded_cycle import StrainDecoder
+from strainfmu.can.cycle.decoder import StrainDecoder
 from strainfmu.can.wire.dbc_signals import signal_layout
 from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.profiles import PROFILES

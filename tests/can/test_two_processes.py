@@ -15,7 +15,7 @@ import pytest
 from sender_process import FOREIGN
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.bridge.result_frames import result_layouts
+from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan

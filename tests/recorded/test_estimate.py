@@ -17,7 +17,8 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.step import Estimator
 from strainfmu.recorded.columns import plan_columns
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.strain_files import BLOCK_ROWS, open_strains
+from strainfmu.recorded.sample_blocks import BLOCK_ROWS
+from strainfmu.recorded.strain_files import open_strains
 
 Run = Callable[..., tuple[int, str, str]]
 Truth = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from strainfmu.can.bridge.setup import BridgeOptions
-from strainfmu.can.tools.recording import MicrosecondClock, Recorder, load_description, sidecar
+from strainfmu.can.tools.log_description import load_description, sidecar
+from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.errors import InputError
 

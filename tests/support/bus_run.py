@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
-from strainfmu.can.bridge.bridge import BridgeSummary
 from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.tools.fault_injection import Fault
+from strainfmu.can.tools.faults import Fault
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.tools.strain_sources import FlownSample

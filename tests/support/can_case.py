@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from strainfmu.can.bridge.result_frames import ResultFrames, result_layouts
+from strainfmu.can.bridge.result_frames import ResultFrames
+from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import Fault, FaultKind, FaultySender
+from strainfmu.can.tools.fault_injection import FaultySender
+from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import Identifiers, profile_layout

@@ -15,7 +15,7 @@ from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Verdict
 from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.decoded_cycle import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
 from strainfmu.can.cycle.dynamic_pressure import HeldPressure
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.judgement import CycleJudge

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import socket
 from collections.abc import Callable, Mapping
@@ -10,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from strainfmu.can.wire.libraries import import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 RECEIVE_BUFFER = 4 << 20
@@ -38,25 +38,6 @@ class BusSettings:
 
 OpenBus = Callable[[], Any]
 """Returns a new, open python-can bus; raises StrainfmuError."""
-
-
-def import_can() -> Any:
-    """Return the package python-can.
-
-    Raises
-    ------
-    StrainfmuError
-        It is not installed.
-    """
-    try:
-        import can
-    except ImportError as error:
-        raise StrainfmuError("python-can is not installed: pip install 'strainfmu[can]'") from error
-    # Where nobody listens, logging writes to standard error, which has room for one line of ours.
-    logger = logging.getLogger("can")
-    if not logger.handlers:
-        logger.addHandler(logging.NullHandler())
-    return can
 
 
 def open_bus(settings: BusSettings) -> Any:

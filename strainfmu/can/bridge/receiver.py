@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from strainfmu.can.bridge.bus import import_can
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message
+from strainfmu.can.wire.libraries import import_can
 
 RECEIVE_TIMEOUT = 0.1
 """Longest wait in one call [s]: so long does a stop take at most."""

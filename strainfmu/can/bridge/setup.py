@@ -7,19 +7,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from strainfmu.can.bridge.bridge import Bridge
-from strainfmu.can.bridge.bus import BusSettings, import_can, open_bus
-from strainfmu.can.bridge.result_frames import result_layouts
+from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import Identifiers, configuration_of, profile_layout
 from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
-from strainfmu.files import write_bytes_atomically
 
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
@@ -156,35 +156,6 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
     return layout, configuration_of(options.dbc.name, gauge_names)
 
 
-def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, identifiers: Identifiers) -> int:
-    """Write the DBC file of a map's (or its FMU's) frames; return how many frames it holds.
-
-    Raises
-    ------
-    InputError
-        The map or an option is wrong.
-    StrainfmuError
-        cantools is not installed, or the file cannot be written.
-    """
-    from strainfmu.can.wire.dbc_writer import dbc_text
-
-    checked_cycle_time(cycle_time, "cycle time")
-    layouts = all_layouts(profile, map_gauge_names(source), cycle_time, identifiers)
-    text = dbc_text(layouts, f"{source.name}, profile {profile}")
-    write_bytes_atomically(output, text.encode("cp1252", "replace"))
-    return len(layouts)
-
-
-def all_layouts(
-    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers
-) -> list[FrameLayout]:
-    """Return every frame of a profile: input, then results."""
-    layout = profile_layout(profile, gauge_names, cycle_time, identifiers)
-    results = result_layouts(_form_of(profile), identifiers, cycle_time)
-    identifiers.checked(len(layout.frames), len(results))
-    return [*(frame.layout for frame in layout.frames), *results]
-
-
 def map_gauge_names(source: Path) -> tuple[str, ...]:
     """Return the gauges of a map or an FMU."""
     if source.suffix == ".fmu":
@@ -196,7 +167,7 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
     return tuple(load_inverse_map(source).gauge_names)
 
 
-def _form_of(profile: str) -> str:
+def form_of_profile(profile: str) -> str:
     """Return the form of results that goes with a profile."""
     return {"fd64": "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
 
@@ -205,7 +176,7 @@ def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
     form = options.result_form
     if form is None:
         if options.dbc is None:
-            return _form_of(options.profile)
+            return form_of_profile(options.profile)
         return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
     if form not in RESULT_FORMS:
         raise InputError(f"result: '{form}' found, one of {', '.join(RESULT_FORMS)} wanted")

@@ -2,17 +2,52 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import dataclass, field
 from math import isnan
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.can.bridge.bridge import BridgeSummary
+from strainfmu.can.cycle.frame_account import FrameAccount
+from strainfmu.can.cycle.quality import Quality
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
+
+
+@dataclass
+class BridgeSummary:
+    """What a run was.
+
+    Attributes
+    ----------
+    duration, cpu : of the run, and processor time of the whole process in it [s].
+    account : every frame.
+    qualities : results by quality.
+    latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
+    sent, send_failures, malformed, reconnects : frames sent and not sent, failed receptions, buses reopened.
+    kernel_drops : datagrams that the system dropped, None where not known.
+    queue_highest : most frames that ever waited.
+    drift_ppm : how much slower than ours the sender's clock ran; NaN if not known.
+    last_fault : the last thing that went wrong on the bus.
+    """
+
+    duration: float
+    cpu: float
+    account: FrameAccount
+    qualities: Counter[Quality] = field(default_factory=Counter)
+    latency: np.ndarray = field(default_factory=lambda: np.empty(0))
+    sent: int = 0
+    send_failures: int = 0
+    malformed: int = 0
+    reconnects: int = 0
+    kernel_drops: int | None = None
+    queue_highest: int = 0
+    drift_ppm: float = float("nan")
+    last_fault: str = ""
 
 
 def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from strainfmu.can.bridge.bus import import_can
 from strainfmu.can.wire.frame import Frame, to_message
+from strainfmu.can.wire.libraries import import_can
 
 FAILURES_IN_A_ROW = 20
 """Failed transmissions in a row after which the bus is taken for broken."""

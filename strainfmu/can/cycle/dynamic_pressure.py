@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from strainfmu.arrays import IntArray
-from strainfmu.can.cycle.decoded_cycle import STATUS_DEGRADED, converter_ends
+from strainfmu.can.cycle.decoder import STATUS_DEGRADED, converter_ends
 from strainfmu.can.e2e.sample_clock import SampleClock
 from strainfmu.can.wire.frame_layout import InputFrame, SignalLayout
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned

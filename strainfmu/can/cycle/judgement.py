@@ -6,7 +6,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.assembler import Arrival, Cycle
-from strainfmu.can.cycle.decoded_cycle import DecodedCycle
+from strainfmu.can.cycle.decoder import DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.assembler import CycleAssembler, Limits
-from strainfmu.can.cycle.decoded_cycle import StrainDecoder
+from strainfmu.can.cycle.decoder import StrainDecoder
 from strainfmu.can.cycle.dynamic_pressure import HeldPressure
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception

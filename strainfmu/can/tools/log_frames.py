@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.bus import import_can
 from strainfmu.can.tools.recording import check_log, whole_microseconds
 from strainfmu.can.wire.frame import Frame, from_message
+from strainfmu.can.wire.libraries import import_can
 from strainfmu.errors import InputError
 
 

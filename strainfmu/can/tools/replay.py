@@ -19,8 +19,8 @@ from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.log_frames import LogState, log_frames
-from strainfmu.can.tools.recording import load_description
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.signal_plan import SignalPlan

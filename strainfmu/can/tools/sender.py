@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.bridge.bus import import_can
 from strainfmu.can.e2e.clock import Clock, monotonic
-from strainfmu.can.tools.fault_injection import Fault, FaultKind, FaultySender, random_faults
+from strainfmu.can.tools.fault_injection import FaultySender
+from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.wire.libraries import import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 SETTLING_CYCLES = 40

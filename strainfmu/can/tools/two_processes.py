@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu.can.bridge.answers import Score
 from strainfmu.can.bridge.bus import BusSettings, open_bus, shut_down
+from strainfmu.can.tools.answers import Score
 from strainfmu.errors import StrainfmuError
 
 GROUP = "239.74.163.9"

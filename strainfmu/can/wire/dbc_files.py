@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 import tomllib
 from pathlib import Path
 from typing import Any
 
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.can.wire.libraries import import_cantools
+from strainfmu.errors import InputError
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
@@ -63,14 +63,7 @@ def database_of(text: str, name: str) -> Any:
     StrainfmuError
         cantools is not installed.
     """
-    try:
-        import cantools
-    except ImportError as error:
-        raise StrainfmuError("cantools is not installed: pip install 'strainfmu[can]'") from error
-    # Where nobody listens, logging writes to standard error, which has room for one line of ours.
-    logger = logging.getLogger("cantools")
-    if not logger.handlers:
-        logger.addHandler(logging.NullHandler())
+    cantools = import_cantools()
     try:
         return cantools.database.load_string(text, database_format="dbc")
     except Exception as error:  # its parser raises what it meets

@@ -8,8 +8,8 @@ from typing import Any
 
 from strainfmu.can.wire.dbc_mapping import E2E_DATA_ID, E2E_PROFILE
 from strainfmu.can.wire.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.libraries import import_cantools
 from strainfmu.can.wire.profiles import BRIDGE, SENDER
-from strainfmu.errors import StrainfmuError
 
 
 def dbc_text(layouts: Sequence[FrameLayout], comment: str) -> str:
@@ -20,12 +20,10 @@ def dbc_text(layouts: Sequence[FrameLayout], comment: str) -> str:
     StrainfmuError
         cantools is not installed.
     """
-    try:
-        from cantools.database import load_string
-        from cantools.database.can import Database, Node
-        from cantools.database.can.formats.dbc.dbc_specifics import DbcSpecifics
-    except ImportError as error:
-        raise StrainfmuError("cantools is not installed: pip install 'strainfmu[can]'") from error
+    import_cantools()
+    from cantools.database import load_string
+    from cantools.database.can import Database, Node
+    from cantools.database.can.formats.dbc.dbc_specifics import DbcSpecifics
 
     definitions = _definitions()
     attributes = OrderedDict()

@@ -15,27 +15,27 @@ from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import EXTENDED_FLAG
 from strainfmu.can.wire.frame_layout import (
     BIG,
-    FLOAT,
     LITTLE,
-    SIGNED,
     FrameLayout,
     InputFrame,
     InputLayout,
     SignalLayout,
+)
+from strainfmu.can.wire.profile_signals import (
+    configuration_signal,
+    float_strain_signal,
+    header_1,
+    header_5,
+    pressure_signal,
+    sample_time_signal,
+    status_signal,
+    strain_signal,
 )
 from strainfmu.errors import InputError
 
 PROFILES = ("fd64", "classic-le", "classic-be", "float2")
 
 GAUGES_PER_FD_FRAME = 27
-STRAIN_SCALE = 0.25
-"""um/m per bit of a 16 bit strain: +-8191.5 um/m, a quarter of a good gauge's noise."""
-
-LARGEST_FLOAT_STRAIN = 50_000.0
-"""um/m that foil gauges stand, 5 %: what a float says beyond is no strain."""
-
-LARGEST_DYNAMIC_PRESSURE = 1e7
-"""Pa; Mach 10 at sea level has 7.1 MPa."""
 
 SENDER = "StrainSender"
 BRIDGE = "StrainBridge"
@@ -125,112 +125,18 @@ def signal_names(gauge_names: Sequence[str]) -> list[str]:
     return names
 
 
-def _strain(name: str, start: int, byte_order: str) -> SignalLayout:
-    """Return a strain of 16 bits."""
-    return SignalLayout(
-        name,
-        start,
-        16,
-        byte_order,
-        SIGNED,
-        STRAIN_SCALE,
-        unit="um/m",
-        minimum=-32766 * STRAIN_SCALE,
-        maximum=32766 * STRAIN_SCALE,
-        not_available=-32768,
-        comment="Strain; -32768 (0x8000) not available, -32767 and 32767 are the ends of the converter: not valid",
-    )
-
-
-def _float_strain(name: str, start: int) -> SignalLayout:
-    """Return a strain of 32 bits."""
-    limit = LARGEST_FLOAT_STRAIN
-    return SignalLayout(
-        name,
-        start,
-        32,
-        LITTLE,
-        FLOAT,
-        unit="um/m",
-        minimum=-limit,
-        maximum=limit,
-        comment="Strain; NaN not available",
-    )
-
-
-def _sample_time(start: int, byte_order: str = LITTLE) -> SignalLayout:
-    return SignalLayout(
-        "SampleTime",
-        start,
-        32,
-        byte_order,
-        unit="us",
-        comment="When the strains were sampled, sender's clock; wraps after 71.6 min",
-    )
-
-
-def _status(start: int, length: int) -> SignalLayout:
-    return SignalLayout(
-        "Status",
-        start,
-        length,
-        choices=((0, "Good"), (1, "Degraded"), (2, "DoNotUse")),
-        comment="The sender's own verdict; above 1: not used",
-    )
-
-
-def _configuration(start: int, configuration: int) -> SignalLayout:
-    return SignalLayout(
-        "Configuration",
-        start,
-        16,
-        initial=configuration,
-        comment="Which gauge lies where; frames with another number are refused",
-    )
-
-
-def header_5() -> tuple[SignalLayout, SignalLayout]:
-    """Return CRC and counter of E2E profile 5."""
-    return (
-        SignalLayout("E2E_CRC", 0, 16, comment="E2E profile 5: CRC-16/CCITT-FALSE over bytes 2.. and the DataID"),
-        SignalLayout("E2E_Counter", 16, 8, comment="E2E profile 5: 0 to 255, one more each time"),
-    )
-
-
-def header_1() -> tuple[SignalLayout, SignalLayout]:
-    """Return CRC and counter of E2E profile 1."""
-    return (
-        SignalLayout("E2E_CRC", 0, 8, comment="E2E profile 1: CRC-8 over the DataID and bytes 1 to 7"),
-        SignalLayout("E2E_Counter", 8, 4, maximum=14, comment="E2E profile 1: 0 to 14, one more each time"),
-    )
-
-
-def _pressure(start: int, byte_order: str) -> SignalLayout:
-    return SignalLayout(
-        "DynamicPressure",
-        start,
-        32,
-        byte_order,
-        FLOAT,
-        unit="Pa",
-        minimum=1e-6,
-        maximum=LARGEST_DYNAMIC_PRESSURE,
-        comment="Free-stream dynamic pressure; NaN not available",
-    )
-
-
 def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configuration: int) -> InputLayout:
     """Return the layout of profile fd64."""
-    head = (*header_5(), _status(24, 8), _sample_time(32))
+    head = (*header_5(), status_signal(24, 8), sample_time_signal(32))
     frames = []
     for number, first in enumerate(range(0, len(names), GAUGES_PER_FD_FRAME)):
         chosen = names[first : first + GAUGES_PER_FD_FRAME]
-        strains = tuple(_strain(name, 64 + 16 * place, LITTLE) for place, name in enumerate(chosen))
+        strains = tuple(strain_signal(name, 64 + 16 * place, LITTLE) for place, name in enumerate(chosen))
         layout = FrameLayout(
             f"Strain{number + 1}",
             identifiers.base + 1 + number,
             64,
-            (*head, *strains, _configuration(496, configuration)),
+            (*head, *strains, configuration_signal(496, configuration)),
             identifiers.is_extended,
             True,
             Protection(5, _STRAIN_DATA_ID + number),
@@ -254,7 +160,7 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
         "DynamicPressure",
         identifiers.base,
         16,
-        (*head, _pressure(64, LITTLE), _configuration(96, configuration)),
+        (*head, pressure_signal(64, LITTLE), configuration_signal(96, configuration)),
         identifiers.is_extended,
         True,
         Protection(5, _PRESSURE_DATA_ID),
@@ -276,10 +182,11 @@ def _classic(
     for number, first in enumerate(range(0, len(names), per_frame)):
         chosen = names[first : first + per_frame]
         if profile == "float2":
-            strains = tuple(_float_strain(name, 32 * place) for place, name in enumerate(chosen))
+            strains = tuple(float_strain_signal(name, 32 * place) for place, name in enumerate(chosen))
         else:
             strains = tuple(
-                _strain(name, 16 * place + (7 if order == BIG else 0), order) for place, name in enumerate(chosen)
+                strain_signal(name, 16 * place + (7 if order == BIG else 0), order)
+                for place, name in enumerate(chosen)
             )
         layout = FrameLayout(
             f"Strain{number + 1}",
@@ -297,7 +204,7 @@ def _classic(
         "StrainTrailer",
         identifiers.base + 1 + len(frames),
         8,
-        (*header_5(), _status(24, 8), _sample_time(39 if order == BIG else 32, order)),
+        (*header_5(), status_signal(24, 8), sample_time_signal(39 if order == BIG else 32, order)),
         identifiers.is_extended,
         # The configuration as DataID: a cycle with other gauges never passes the CRC.
         protection=Protection(5, configuration),
@@ -311,8 +218,8 @@ def _classic(
         8,
         (
             *header_1(),
-            _status(12, 4),
-            _pressure(23 if order == BIG else 16, order),
+            status_signal(12, 4),
+            pressure_signal(23 if order == BIG else 16, order),
             SignalLayout("SampleTime", 55 if order == BIG else 48, 16, order, scale=0.1, unit="ms"),
         ),
         identifiers.is_extended,

@@ -73,7 +73,7 @@ def known_bus_options(interface: str) -> frozenset[str] | None:
     Some read further options out of their keyword arguments: these stand in quotes in their source. A bit timing's
     parameters may always be stated one by one. Interfaces of others, and what does not load here, cannot be told.
     """
-    from strainfmu.can.bridge.bus import import_can
+    from strainfmu.can.wire.libraries import import_can
 
     can = import_can()
     classes = _classes(interface)

@@ -20,7 +20,7 @@ from strainfmu.cli.commands.bus_options import (
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
-    from strainfmu.can.bridge.bridge import Bridge
+    from strainfmu.can.bridge.run_loop import Bridge
     from strainfmu.can.wire.profiles import Identifiers
 
 ProfileOption = Annotated[str, typer.Option(help="fd64, classic-le, classic-be or float2.")]
@@ -136,7 +136,7 @@ def dbc(
 
         strainfmu dbc results/map.h5 -o strains.dbc --profile classic-be --id-base 0x100 --cycle-time 20
     """
-    from strainfmu.can.bridge.setup import write_dbc
+    from strainfmu.can.tools.dbc_export import write_dbc
 
     identifiers = identifiers_of(id_base, result_base, extended)
     n_frames = write_dbc(source, output, profile, cycle_time_of(cycle_time), identifiers)

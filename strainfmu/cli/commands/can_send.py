@@ -27,7 +27,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from strainfmu.can.bridge.answers import Score
+    from strainfmu.can.tools.answers import Score
     from strainfmu.can.tools.sender import SentFlight
     from strainfmu.can.tools.strain_sources import FlownSample
 
@@ -141,10 +141,10 @@ def _send(
     from itertools import islice
     from time import sleep
 
-    from strainfmu.can.bridge.answers import Listener, score_answers
     from strainfmu.can.bridge.bus import open_bus, shut_down
-    from strainfmu.can.bridge.result_frames import result_layouts
+    from strainfmu.can.bridge.result_layouts import result_layouts
     from strainfmu.can.bridge.setup import bus_settings
+    from strainfmu.can.tools.answers import Listener, score_answers
     from strainfmu.can.tools.sender import send_flight
     from strainfmu.can.wire.strain_encoder import frame_of
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.bridge.bus import import_can
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.wire.frame_layout import FrameLayout
+from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 

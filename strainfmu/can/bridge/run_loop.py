@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from time import process_time
 from typing import Any
 
@@ -18,7 +18,9 @@ from strainfmu.can.bridge.backlog import Backlog
 from strainfmu.can.bridge.bus import OpenBus, kernel_drops, shut_down
 from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver
 from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
-from strainfmu.can.bridge.result_frames import STATUS_PERIOD, BridgeStatus, ResultFrames
+from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
+from strainfmu.can.bridge.result_layouts import STATUS_PERIOD
+from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.bridge.transmitter import Transmitter
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.bus_state import BusState
@@ -40,38 +42,6 @@ GATHER, LONGEST_GATHER = 0.2, 2e-4
 _LONGEST_WAIT = 0.1
 _LATENCIES = 200_000
 """Latencies kept for the percentiles: the latest."""
-
-
-@dataclass
-class BridgeSummary:
-    """What a run was.
-
-    Attributes
-    ----------
-    duration, cpu : of the run, and processor time of the whole process in it [s].
-    account : every frame.
-    qualities : results by quality.
-    latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
-    sent, send_failures, malformed, reconnects : frames sent and not sent, failed receptions, buses reopened.
-    kernel_drops : datagrams that the system dropped, None where not known.
-    queue_highest : most frames that ever waited.
-    drift_ppm : how much slower than ours the sender's clock ran; NaN if not known.
-    last_fault : the last thing that went wrong on the bus.
-    """
-
-    duration: float
-    cpu: float
-    account: FrameAccount
-    qualities: Counter[Quality] = field(default_factory=Counter)
-    latency: np.ndarray = field(default_factory=lambda: np.empty(0))
-    sent: int = 0
-    send_failures: int = 0
-    malformed: int = 0
-    reconnects: int = 0
-    kernel_drops: int | None = None
-    queue_highest: int = 0
-    drift_ppm: float = float("nan")
-    last_fault: str = ""
 
 
 class Bridge:

@@ -1,0 +1,194 @@
+"""Layouts of result and status frames: one FD frame each, or eight frames of 8 bytes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.wire.crc import Protection
+from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.profile_signals import header_1, header_5
+from strainfmu.can.wire.profiles import BRIDGE, Identifiers
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+_RESULT_DATA_ID = 0x5380
+STATUS_PERIOD = 0.1
+"""Period of the status frames [s]."""
+
+_QUALITY_CHOICES = tuple((int(quality), quality.name.title()) for quality in Quality)
+_HEALTH_CHOICES = tuple((int(state), state.name.title()) for state in HealthState)
+_BUS_CHOICES = tuple((int(state), state.name.title()) for state in BusState)
+SIGMA_NAMES = tuple(f"sigma_{name}" for name in COEFFICIENT_NAMES)
+LAST_NAMES = tuple(f"last_{name}" for name in COEFFICIENT_NAMES)
+_AGE_TICK = 1e-4
+
+
+def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tuple[FrameLayout, ...]:
+    """Return the frames that the bridge sends.
+
+    Parameters
+    ----------
+    form : "fd", "classic-le" or "classic-be".
+    cycle_time : nominal period of the results [s]. Status frames have none: they go out every STATUS_PERIOD.
+    """
+    if form == "fd":
+        layouts = _fd_layouts(cycle_time)
+    else:
+        layouts = _classic_layouts(BIG if form == "classic-be" else LITTLE, cycle_time)
+    return tuple(
+        replace(
+            layout,
+            identifier=identifiers.result_base + number,
+            is_extended=identifiers.is_extended,
+            protection=Protection(5 if form == "fd" else 1, _RESULT_DATA_ID + number),
+            sender=BRIDGE,
+        )
+        for number, layout in enumerate(layouts)
+    )
+
+
+def _quality(start: int) -> SignalLayout:
+    return SignalLayout("Quality", start, 4, choices=_QUALITY_CHOICES, comment="How far to believe it")
+
+
+def _health(start: int, length: int) -> SignalLayout:
+    largest = (1 << length) - 1
+    return SignalLayout(
+        "Health",
+        start,
+        length,
+        not_available=largest,
+        choices=(*_HEALTH_CHOICES, (largest, "NotAvailable")),
+        comment="health.state of the estimator",
+    )
+
+
+def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
+    """Return LoadEstimate and BridgeStatus in CAN FD frames of 64 bytes."""
+    floats = [
+        SignalLayout(name, 64 + 32 * i, 32, LITTLE, FLOAT, comment="NaN: not available")
+        for i, name in enumerate((*COEFFICIENT_NAMES, *SIGMA_NAMES, "ChiSquare"))
+    ]
+    estimate = (
+        *header_5(),
+        _quality(24),
+        _health(28, 4),
+        SignalLayout("SampleTime", 32, 32, unit="us", not_available=2**32 - 1, comment="Of the strains answered"),
+        *floats,
+        _age(416, LITTLE),
+        SignalLayout("Causes", 432, 16, comment="Why it is not Valid, one bit each"),
+        SignalLayout("GaugesUsed", 448, 8),
+        SignalLayout("AnsweredCounter", 456, 8, comment="E2E counter of the strains answered"),
+        SignalLayout("Configuration", 464, 16),
+        SignalLayout("UsedPressure", 480, 32, LITTLE, FLOAT, unit="Pa", comment="q_inf used; NaN: none"),
+    )
+    lasts = [SignalLayout(name, 64 + 32 * i, 32, LITTLE, FLOAT) for i, name in enumerate(LAST_NAMES)]
+    counts = [
+        SignalLayout(name, 256 + 32 * i, 32, comment="Wraps")
+        for i, name in enumerate(("Received", "Used", "Rejected", "Cycles", "Overrun"))
+    ]
+    status = (
+        *header_5(),
+        _quality(24),
+        SignalLayout("BusState", 28, 4, choices=_BUS_CHOICES),
+        *lasts,
+        SignalLayout(
+            "LastAge", 224, 32, unit="ms", not_available=2**32 - 1, comment="Age of the last valid coefficients"
+        ),
+        *counts,
+        SignalLayout("SendFailures", 416, 16, comment="Wraps"),
+        SignalLayout("Reconnects", 432, 8),
+        SignalLayout("Configuration", 448, 16),
+        _drift(464, LITTLE),
+    )
+    return [
+        FrameLayout("LoadEstimate", 0, 64, estimate, is_fd=True, cycle_time=cycle_time),
+        FrameLayout("BridgeStatus", 0, 64, status, is_fd=True, comment="Every 100 ms"),
+    ]
+
+
+def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
+    """Return five result and three status frames of 8 bytes: 3 x 16 bit behind the header of E2E profile 1."""
+    head = (*header_1(), _quality(12))
+
+    def words(name: str, *signals: SignalLayout, period: float | None = cycle_time) -> FrameLayout:
+        placed = []
+        bit = 16
+        for signal in signals:
+            msb = 8 * (bit // 8) + 7
+            placed.append(
+                replace(signal, start=msb if order == BIG and signal.length > 8 else bit, byte_order=order)
+                if signal.length > 8
+                else replace(signal, start=bit)
+            )
+            bit += signal.length
+        comment = "" if period else "Every 100 ms"
+        return FrameLayout(name, 0, 8, (*head, *placed), cycle_time=period, comment=comment)
+
+    coefficients = [_coefficient(name) for name in COEFFICIENT_NAMES]
+    deviations = [
+        SignalLayout(name, 0, 16, scale=1e-4, not_available=65535, comment="65535: not available")
+        for name in SIGMA_NAMES
+    ]
+    lasts = [_coefficient(name) for name in LAST_NAMES]
+    chi_square = SignalLayout("ChiSquare", 0, 16, scale=0.1, not_available=65535, comment="65535: not available")
+    last_age = SignalLayout("LastAge16", 0, 16, scale=10.0, unit="ms", not_available=65535)
+    return [
+        words("Coefficients1", *coefficients[:3]),
+        words("Coefficients2", *coefficients[3:], chi_square),
+        words("Deviations1", *deviations[:3]),
+        words("Deviations2", *deviations[3:], _age(0, order)),
+        words(
+            "Verdict",
+            SignalLayout("Causes", 0, 16, comment="Why it is not Valid, one bit each"),
+            SignalLayout("AnsweredCounter", 0, 8, comment="E2E counter of the strains answered"),
+            SignalLayout("GaugesUsed", 0, 8),
+            _health(0, 8),
+        ),
+        words("LastValid1", *lasts[:3], period=None),
+        words("LastValid2", *lasts[3:], last_age, period=None),
+        words(
+            "BridgeStatus",
+            SignalLayout("Received16", 0, 16, comment="Wraps"),
+            SignalLayout("Rejected16", 0, 16, comment="Wraps"),
+            SignalLayout("Reconnects", 0, 8),
+            SignalLayout("BusState", 0, 8, choices=_BUS_CHOICES),
+            period=None,
+        ),
+    ]
+
+
+def _coefficient(name: str) -> SignalLayout:
+    """Return a coefficient of 16 bits: +-16.38 in steps of 0.0005."""
+    return SignalLayout(
+        name, 0, 16, LITTLE, SIGNED, 5e-4, not_available=-32768, comment="-32768 (0x8000): not available"
+    )
+
+
+def _age(start: int, order: str) -> SignalLayout:
+    return SignalLayout(
+        "Age",
+        start,
+        16,
+        order,
+        scale=1e3 * _AGE_TICK,
+        unit="ms",
+        not_available=65535,
+        comment="Of the strains when the result was sent; 65535: not available",
+    )
+
+
+def _drift(start: int, order: str) -> SignalLayout:
+    return SignalLayout(
+        "Drift",
+        start,
+        16,
+        order,
+        SIGNED,
+        0.1,
+        unit="ppm",
+        not_available=-32768,
+        comment="How much slower than the bridge's the sender's clock runs",
+    )

@@ -1,0 +1,42 @@
+"""The DBC file of a map's frames, for the tools at the other end of the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.setup import form_of_profile, map_gauge_names
+from strainfmu.can.settings import checked_cycle_time
+from strainfmu.can.wire.frame_layout import FrameLayout
+from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.files import write_bytes_atomically
+
+
+def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, identifiers: Identifiers) -> int:
+    """Write the DBC file of a map's (or its FMU's) frames; return how many frames it holds.
+
+    Raises
+    ------
+    InputError
+        The map or an option is wrong.
+    StrainfmuError
+        cantools is not installed, or the file cannot be written.
+    """
+    from strainfmu.can.wire.dbc_writer import dbc_text
+
+    checked_cycle_time(cycle_time, "cycle time")
+    layouts = all_layouts(profile, map_gauge_names(source), cycle_time, identifiers)
+    text = dbc_text(layouts, f"{source.name}, profile {profile}")
+    write_bytes_atomically(output, text.encode("cp1252", "replace"))
+    return len(layouts)
+
+
+def all_layouts(
+    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers
+) -> list[FrameLayout]:
+    """Return every frame of a profile: input, then results."""
+    layout = profile_layout(profile, gauge_names, cycle_time, identifiers)
+    results = result_layouts(form_of_profile(profile), identifiers, cycle_time)
+    identifiers.checked(len(layout.frames), len(results))
+    return [*(frame.layout for frame in layout.frames), *results]

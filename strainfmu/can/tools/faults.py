@@ -1,0 +1,112 @@
+"""Faults of sensors, senders, gateways and buses: their kinds, when each acts, and random sequences of them.
+
+Names follow ISO 26262-6 (annex D) and IEC 61784-3 where they have one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from strainfmu.errors import InputError
+
+
+class FaultKind(Enum):
+    """What can go wrong; values are the words of the command line."""
+
+    LOSS = "loss"
+    """Single frames are lost."""
+    SILENCE = "silence"
+    """The sender is off."""
+    REPETITION = "repetition"
+    """Frames come twice or more often."""
+    SEQUENCE = "sequence"
+    """Frames of a cycle come after the first of the next."""
+    REPLAY = "replay"
+    """A recorded cycle of before is inserted."""
+    LENGTH = "length"
+    """Frames with other lengths."""
+    FORMAT = "format"
+    """Classic frames for CAN FD frames and the other way round."""
+    IDENTIFIER_WIDTH = "identifier-width"
+    """29 bit identifiers for 11 bit ones and the other way round."""
+    CORRUPTION = "corruption"
+    """Up to three bits are flipped."""
+    BURST_ERROR = "burst-error"
+    """Bits within eight neighbouring ones are flipped."""
+    MASQUERADE = "masquerade"
+    """Another sender's frames, with another DataID, on our identifiers."""
+    CONFIGURATION = "configuration"
+    """A sender with another assignment of gauges."""
+    DELAY = "delay"
+    """A gateway holds frames back, then lets them go on in order."""
+    FREEZE = "freeze"
+    """The sender sends the same strains again and again, with new counters and times."""
+    STUCK_GAUGE = "stuck-gauge"
+    """One gauge does not change any more."""
+    ZERO_GAUGE = "zero-gauge"
+    """One gauge reads exactly zero, as amplifiers send on an error."""
+    NO_VALUE = "no-value"
+    """Gauges say "not available"."""
+    OUT_OF_RANGE = "out-of-range"
+    """A gauge is at the end of its converter's range; a float is 2.0E15."""
+    JUMP = "jump"
+    """A gauge jumps by more than any structure."""
+    SENDER_STATUS = "sender-status"
+    """The sender says that its values are not to be used, and they are not."""
+    BABBLING = "babbling"
+    """A node fills one of our identifiers with garbage."""
+    UNKNOWN_IDENTIFIER = "unknown-identifier"
+    """A node fills the bus with identifiers that are nobody's."""
+    OWN_IDENTIFIER = "own-identifier"
+    """The bridge's own frames come back."""
+    ERROR_FRAMES = "error-frames"
+    """The controller reports errors, on identifiers that look like ours."""
+    BUS_OFF = "bus-off"
+    """The controller goes off the bus."""
+    REMOTE_FRAMES = "remote-frames"
+    """Requests on our identifiers."""
+    RESTART = "restart"
+    """The sender is restarted: counter and clock begin at zero."""
+    CLOCK_JUMP = "clock-jump"
+    """The sender's clock jumps ahead."""
+    JITTER = "jitter"
+    """Frames are late by a fraction of a cycle."""
+    PRESSURE_SILENCE = "pressure-silence"
+    """The dynamic pressure is not sent."""
+    PRESSURE_NONE = "pressure-none"
+    """The dynamic pressure says "not available", or is negative."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault from cycle ``start`` on for ``cycles`` cycles; ``seed`` decides all that is random in it."""
+
+    kind: FaultKind
+    start: int
+    cycles: int
+    seed: int = 0
+
+    def is_active(self, cycle: int) -> bool:
+        """Tell whether the fault acts in ``cycle``."""
+        return self.start <= cycle < self.start + self.cycles
+
+
+def random_faults(
+    n_faults: int, kinds: tuple[FaultKind, ...], seed: int, gap: int, longest: int = 12, first: int = 40
+) -> list[Fault]:
+    """Return ``n_faults`` faults one after the other, ``gap`` cycles apart; a fifth of the time two at once."""
+    if not kinds:
+        raise InputError("faults: none found, at least one kind wanted")
+    random = np.random.default_rng(seed)
+    faults: list[Fault] = []
+    start = first
+    while len(faults) < n_faults:
+        cycles = int(random.integers(1, longest + 1))
+        for _ in range(2 if random.random() < 0.2 and len(faults) + 1 < n_faults else 1):
+            kind = kinds[int(random.integers(len(kinds)))]
+            faults.append(Fault(kind, start, cycles, int(random.integers(1 << 31))))
+        start += cycles + gap
+    return faults

@@ -1,0 +1,44 @@
+"""The optional libraries of the bus, python-can and cantools: imported when needed, quiet on standard error."""
+
+from __future__ import annotations
+
+import logging
+from importlib import import_module
+from typing import Any
+
+from strainfmu.errors import StrainfmuError
+
+
+def import_can() -> Any:
+    """Return the package python-can.
+
+    Raises
+    ------
+    StrainfmuError
+        It is not installed.
+    """
+    return _imported("can", "python-can")
+
+
+def import_cantools() -> Any:
+    """Return the package cantools.
+
+    Raises
+    ------
+    StrainfmuError
+        It is not installed.
+    """
+    return _imported("cantools", "cantools")
+
+
+def _imported(package: str, name: str) -> Any:
+    """Return ``package``, which is installed by the ``name``."""
+    try:
+        module = import_module(package)
+    except ImportError as error:
+        raise StrainfmuError(f"{name} is not installed: pip install 'strainfmu[can]'") from error
+    # Without a handler, logging writes to standard error, where each failure is to be one line of this program.
+    logger = logging.getLogger(package)
+    if not logger.handlers:
+        logger.addHandler(logging.NullHandler())
+    return module

@@ -1,0 +1,113 @@
+"""Signals that the frames of the profiles are made of."""
+
+from __future__ import annotations
+
+from strainfmu.can.wire.frame_layout import (
+    FLOAT,
+    LITTLE,
+    SIGNED,
+    SignalLayout,
+)
+
+STRAIN_SCALE = 0.25
+"""um/m per bit of a 16 bit strain: +-8191.5 um/m, a quarter of a good gauge's noise."""
+
+LARGEST_FLOAT_STRAIN = 50_000.0
+"""um/m that foil gauges stand, 5 %: what a float says beyond is no strain."""
+
+LARGEST_DYNAMIC_PRESSURE = 1e7
+"""Pa; Mach 10 at sea level has 7.1 MPa."""
+
+
+def strain_signal(name: str, start: int, byte_order: str) -> SignalLayout:
+    """Return a strain of 16 bits."""
+    return SignalLayout(
+        name,
+        start,
+        16,
+        byte_order,
+        SIGNED,
+        STRAIN_SCALE,
+        unit="um/m",
+        minimum=-32766 * STRAIN_SCALE,
+        maximum=32766 * STRAIN_SCALE,
+        not_available=-32768,
+        comment="Strain; -32768 (0x8000) not available, -32767 and 32767 are the ends of the converter: not valid",
+    )
+
+
+def float_strain_signal(name: str, start: int) -> SignalLayout:
+    """Return a strain of 32 bits."""
+    limit = LARGEST_FLOAT_STRAIN
+    return SignalLayout(
+        name,
+        start,
+        32,
+        LITTLE,
+        FLOAT,
+        unit="um/m",
+        minimum=-limit,
+        maximum=limit,
+        comment="Strain; NaN not available",
+    )
+
+
+def sample_time_signal(start: int, byte_order: str = LITTLE) -> SignalLayout:
+    return SignalLayout(
+        "SampleTime",
+        start,
+        32,
+        byte_order,
+        unit="us",
+        comment="When the strains were sampled, sender's clock; wraps after 71.6 min",
+    )
+
+
+def status_signal(start: int, length: int) -> SignalLayout:
+    return SignalLayout(
+        "Status",
+        start,
+        length,
+        choices=((0, "Good"), (1, "Degraded"), (2, "DoNotUse")),
+        comment="The sender's own verdict; above 1: not used",
+    )
+
+
+def configuration_signal(start: int, configuration: int) -> SignalLayout:
+    return SignalLayout(
+        "Configuration",
+        start,
+        16,
+        initial=configuration,
+        comment="Which gauge lies where; frames with another number are refused",
+    )
+
+
+def header_5() -> tuple[SignalLayout, SignalLayout]:
+    """Return CRC and counter of E2E profile 5."""
+    return (
+        SignalLayout("E2E_CRC", 0, 16, comment="E2E profile 5: CRC-16/CCITT-FALSE over bytes 2.. and the DataID"),
+        SignalLayout("E2E_Counter", 16, 8, comment="E2E profile 5: 0 to 255, one more each time"),
+    )
+
+
+def header_1() -> tuple[SignalLayout, SignalLayout]:
+    """Return CRC and counter of E2E profile 1."""
+    return (
+        SignalLayout("E2E_CRC", 0, 8, comment="E2E profile 1: CRC-8 over the DataID and bytes 1 to 7"),
+        SignalLayout("E2E_Counter", 8, 4, maximum=14, comment="E2E profile 1: 0 to 14, one more each time"),
+    )
+
+
+def pressure_signal(start: int, byte_order: str) -> SignalLayout:
+    return SignalLayout(
+        "DynamicPressure",
+        start,
+        32,
+        byte_order,
+        FLOAT,
+        unit="Pa",
+        minimum=1e-6,
+        maximum=LARGEST_DYNAMIC_PRESSURE,
+        comment="Free-stream dynamic pressure; NaN not available",
+    )

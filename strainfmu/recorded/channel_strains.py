@@ -1,0 +1,80 @@
+"""Recorded strains in the channels of measurement files: MF4 and TDMS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.recorded.sample_blocks import StrainFile, column_file
+
+# --- measurement files of other makers -------------------------------------------------------------------------
+
+
+@contextmanager
+def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    try:
+        from asammdf import MDF
+    except ImportError as error:
+        raise StrainfmuError("asammdf is not installed: pip install 'strainfmu[mf4]'") from error
+    try:
+        file = MDF(str(path))
+    except Exception as error:  # asammdf raises whatever its parsers do
+        raise InputError(f"{path}: damaged, or not an MF4 file") from error
+    with file:
+        names = [name for name in file.channels_db if name.lower() not in ("time", "t", "timestamps")]
+        wanted = _wanted(names, gauge_names)
+        signals = {}
+        for name in wanted:
+            if len(file.channels_db[name]) > 1:
+                raise InputError(f"{path}: {len(file.channels_db[name])} channels '{name}' found, one wanted")
+            signals[name] = file.get(name)
+        if not signals:
+            raise InputError(f"{path}: no channel of a gauge found, it holds {', '.join(names[:6])}")
+        clock = next(iter(signals.values())).timestamps
+        for name, signal in signals.items():
+            if not np.array_equal(signal.timestamps, clock):
+                raise InputError(
+                    f"{path}: channel '{name}': other sample times than '{next(iter(signals))}' found"
+                )
+        columns = {"time": clock, **{name: signal.samples for name, signal in signals.items()}}
+        units: dict[str, str | None] = {"time": "s", **{name: signal.unit for name, signal in signals.items()}}
+        yield column_file(path, columns, units, gauge_names, fixed)
+
+
+@contextmanager
+def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    try:
+        from nptdms import TdmsFile
+    except ImportError as error:
+        raise StrainfmuError("npTDMS is not installed: pip install 'strainfmu[tdms]'") from error
+    try:
+        file = TdmsFile.open(str(path))
+    except Exception as error:  # npTDMS raises whatever its parsers do
+        raise InputError(f"{path}: damaged, or not a TDMS file") from error
+    with file:
+        channels = [channel for group in file.groups() for channel in group.channels()]
+        columns: dict[str, Any] = {}
+        units: dict[str, str | None] = {}
+        for channel in channels:
+            if channel.name in columns:
+                raise InputError(f"{path}: two channels '{channel.name}' found, one wanted")
+            columns[channel.name] = channel
+            units[channel.name] = channel.properties.get("unit_string") or None
+        if not any(name.lower() == "time" for name in columns):
+            step = next((c.properties["wf_increment"] for c in channels if "wf_increment" in c.properties), None)
+            if step is None:
+                raise InputError(f"{path}: neither a channel 'time' nor the property 'wf_increment' found")
+            columns["time"] = float(step) * np.arange(len(channels[0]))
+            units["time"] = "s"
+        yield column_file(path, columns, units, gauge_names, fixed)
+
+
+def _wanted(names: Sequence[str], gauge_names: tuple[str, ...]) -> list[str]:
+    """Return the names that may be of use, so that no other channel is read."""
+    ends = {f"strain[{i}]" for i in range(1, len(gauge_names) + 1)} | {"dynamic_pressure"}
+    return [name for name in names if name in gauge_names or name.rpartition(".")[2] in ends]

@@ -1,0 +1,124 @@
+"""Recorded strains in HDF5 files: arrays, or the columns of a recorded system simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from strainfmu.errors import InputError
+from strainfmu.recorded.columns import (
+    ColumnPlan,
+    StrainBlock,
+    pressure_factor,
+    strain_factor,
+    time_factor,
+)
+from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
+
+_SLASH = "%2F"
+
+
+# --- HDF5 ------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise InputError(f"{path}: damaged, or not an HDF5 file") from error
+    with file:
+        if "signals" in file:
+            yield column_file(path, *_recorded_columns(path, file), gauge_names, fixed)
+            return
+        yield _hdf5_arrays(path, file, gauge_names, fixed)
+
+
+def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict[str, str | None]]:
+    """Return data sets and units of a recorded system simulation."""
+    signals = file["signals"]
+    if not isinstance(signals, h5py.Group):
+        raise InputError(f"{path}: 'signals': a data set found, a group of them wanted")
+    found = {"time": file.get("time"), **{name.replace(_SLASH, "/"): item for name, item in signals.items()}}
+    columns = {name: item for name, item in found.items() if _is_column(item)}
+    return columns, {name: _unit(path, name, item) for name, item in columns.items()}
+
+
+def _is_column(item: Any) -> bool:
+    return isinstance(item, h5py.Dataset) and item.ndim == 1 and item.dtype.kind in "fiub"
+
+
+def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixed: float | None) -> StrainFile:
+    """Read ``strain`` (n, n_d), ``time`` (n,) and ``dynamic_pressure``, a number or (n,)."""
+    n_d = len(gauge_names)
+    for name in ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure"):
+        if not isinstance(file.get(name), h5py.Dataset):
+            raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
+        if file[name].dtype.kind not in "fiu":
+            raise InputError(f"{path}: data set '{name}': type {file[name].dtype} found, numbers wanted")
+    strain, time = file["strain"], file["time"]
+    if strain.ndim != 2 or strain.shape[1] != n_d:
+        raise InputError(f"{path}: data set 'strain': shape {strain.shape} found, (n, {n_d}) wanted")
+    if time.shape != strain.shape[:1]:
+        raise InputError(f"{path}: data set 'time': shape {time.shape} found, {strain.shape[:1]} wanted")
+    held = None if fixed is not None else file["dynamic_pressure"]
+    if held is not None and held.shape not in ((), (1,), time.shape):
+        raise InputError(
+            f"{path}: data set 'dynamic_pressure': shape {held.shape} found, {time.shape} or one wanted"
+        )
+    _check_gauge_order(path, file, gauge_names)
+    plan = ColumnPlan(
+        path,
+        ("time", *(f"strain, {gauge}" for gauge in gauge_names), "dynamic_pressure"),
+        0,
+        time_factor(path, "time", _unit(path, "time", time)),
+        tuple(range(1, n_d + 1)),
+        np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
+        None if held is None else n_d + 1,
+        1.0 if held is None else pressure_factor(path, "dynamic_pressure", _unit(path, "dynamic_pressure", held)),
+        float("nan") if fixed is None else fixed,
+    )
+    return StrainFile(len(time), _hdf5_blocks(plan, time, strain, held))
+
+
+def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterator[tuple[StrainBlock, int]]:
+    last = -np.inf
+    for first in range(0, len(time), BLOCK_ROWS):
+        rows = slice(first, min(first + BLOCK_ROWS, len(time)))
+        parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)]
+        if held is not None:
+            value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
+            parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
+        block, last = checked_block(plan, np.column_stack(parts), first + 1, last)
+        yield block, rows.stop
+
+
+def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]) -> None:
+    """Where the file names its gauges, hold them against the map's."""
+    if "gauge_names" not in file:
+        return
+    held = file["gauge_names"]
+    if not isinstance(held, h5py.Dataset) or held.ndim != 1:
+        raise InputError(f"{path}: 'gauge_names': a data set of {len(gauge_names)} names wanted")
+    found = [name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in held[()]]
+    if tuple(found) != gauge_names:
+        wrong = next((i for i, (a, b) in enumerate(zip(found, gauge_names, strict=False)) if a != b), len(found))
+        raise InputError(
+            f"{path}: data set 'gauge_names': entry {wrong + 1} is not the map's gauge {wrong + 1}; "
+            f"the map's order, from '{gauge_names[0]}' on, wanted"
+        )
+
+
+def _unit(path: Path, name: str, item: Any) -> str | None:
+    """Return the attribute ``unit`` of a data set, None if it has none."""
+    unit = item.attrs.get("unit")
+    if unit is None or isinstance(unit, str):
+        return unit
+    if isinstance(unit, bytes):
+        return unit.decode("utf-8", "replace")
+    raise InputError(f"{path}: '{name}': attribute unit: {str(unit)[:40]} found, a text wanted")
