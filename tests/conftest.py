@@ -1,4 +1,4 @@
-"""Fixtures shared by all tests: the command as a user runs it, and finished demonstrations to look at."""
+"""Fixtures shared by all tests: the command as a user runs it, and what takes long to make, made once per run."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from math import radians
 from pathlib import Path
 
 import pytest
-from synthetic_vehicle import SyntheticFiles, make_synthetic_files
+from once import once
+from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
 
 from strainfmu.cli.main import main
 
@@ -18,20 +20,41 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 pytest_plugins = ["coarse_vehicle"]
 
-OGIVE = Path(__file__).parent / "acceptance" / "ogive" / "ogive.toml"
+TESTS = Path(__file__).parent
+OGIVE = TESTS / "acceptance" / "ogive" / "ogive.toml"
 
+TOGETHER = ("inverse", "reports")
+"""Folders whose files share results in memory that cost more than the tests: each runs in one process."""
 
-SHARED_FIXTURES = ("acceptance", "campaign", "inverse", "reports")
-"""Folders whose files share results that take long to make: each runs in one process."""
+FIRST = (
+    "acceptance/test_demo.py",
+    "can/test_campaign.py",
+    "inverse",
+    "reports",
+    "campaign/test_resume.py",
+    "campaign/test_dask_workers.py",
+    "structure/test_structure_command.py",
+    "campaign/test_reuse.py",
+    "acceptance/test_bad_input.py",
+    "can/test_demo_bus.py",
+    "can/test_two_processes.py",
+)
+"""The longest groups, begun first so that no process is left with one at the end.
+
+The second does not need the compiled flow solver, which the first prepares meanwhile.
+"""
 
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
+    groups = {}
     for item in items:
-        folder = item.path.relative_to(Path(__file__).parent).parts[0]
-        group = folder if folder in SHARED_FIXTURES else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
+        path = item.path.relative_to(TESTS)
+        groups[item] = path.parts[0] if path.parts[0] in TOGETHER else path.as_posix()
+        item.add_marker(pytest.mark.xdist_group(groups[item]))
+    order = {name: position for position, name in enumerate(FIRST)}
+    items.sort(key=lambda item: order.get(groups[item], len(FIRST)))
 
 
 @pytest.fixture
@@ -47,39 +70,44 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]
     return call
 
 
-def _demo(folder: Path, *arguments: str) -> str:
-    """Run the installed command for a demonstration in its own process and return what it printed."""
-    command = [
-        sys.executable,
-        "-c",
-        "from strainfmu.cli.main import main; main()",
-        "demo",
-        "-o",
-        str(folder),
-        *arguments,
-    ]
+def _demo(folder: Path, *arguments: str) -> None:
+    """Run the command for a demonstration in its own process; leave ``demo`` and ``printed.txt`` in ``folder``."""
+    command = [sys.executable, "-c", "from strainfmu.cli.main import main; main()", "demo"]
+    command += ["-o", str(folder / "demo"), *arguments]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     assert finished.returncode == 0, finished.stderr
-    return finished.stdout
+    (folder / "printed.txt").write_text(finished.stdout, encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
-def ic3x_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Let one process compile the flow solver, where that is not kept on disk yet, before others need it."""
+
+    def compile_it(folder: Path) -> None:
+        from builder.aero.euler.marching_grid import MarchingGrid
+        from builder.aero.euler.solver import solve_flow
+        from builder.vehicle.geometry import chain_segments
+
+        if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0":
+            cone = chain_segments([(1.0, radians(8.0), radians(8.0))])
+            solve_flow(cone, 6.0, radians(2.0), MarchingGrid(n_radial=12, n_circumferential=16))
+
+    once(tmp_path_factory, "compiled_solver", compile_it)
+
+
+@pytest.fixture(scope="session")
+def ic3x_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Path:
     """Return the folder of a finished demonstration of the shipped vehicle."""
-    folder = tmp_path_factory.mktemp("ic3x") / "demo"
-    (folder.parent / "printed.txt").write_text(_demo(folder), encoding="utf-8")
-    return folder
+    return once(tmp_path_factory, "ic3x", _demo) / "demo"
 
 
 @pytest.fixture(scope="session")
-def ogive_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def ogive_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Path:
     """Return the folder of a finished demonstration of the second, coarse vehicle."""
-    folder = tmp_path_factory.mktemp("ogive") / "demo"
-    (folder.parent / "printed.txt").write_text(_demo(folder, "--vehicle", str(OGIVE)), encoding="utf-8")
-    return folder
+    return once(tmp_path_factory, "ogive", lambda folder: _demo(folder, "--vehicle", str(OGIVE))) / "demo"
 
 
 @pytest.fixture(scope="session")
 def synthetic(tmp_path_factory: pytest.TempPathFactory) -> SyntheticFiles:
     """Return the paths of synthetic maps, a flight model, a trajectory and FMUs of them."""
-    return make_synthetic_files(tmp_path_factory.mktemp("synthetic"))
+    return synthetic_files(once(tmp_path_factory, "synthetic", make_synthetic_files))

@@ -107,6 +107,7 @@ def test_gauge_one_millimetre_off_the_surface(vehicle: Path, run: Run) -> None:
     refused(run("check", vehicle), "axial_0_1", "1.00 mm inside", "0.5 mm is allowed")
 
 
+@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -28,7 +28,7 @@ def make_body() -> BodyMaker:
 
 
 @pytest.fixture(scope="session")
-def cone_flow(make_body: BodyMaker) -> ConeFlow:
+def cone_flow(make_body: BodyMaker, compiled_solver: None) -> ConeFlow:
     """Return the flow over a cone of 1 m length by (half-angle [deg], M, a_T [deg]), default grid, kept."""
 
     @cache
@@ -45,7 +45,7 @@ def vehicle_body() -> BodyOfRevolution:
 
 
 @pytest.fixture(scope="session")
-def vehicle_flow(vehicle_body: BodyOfRevolution) -> VehicleFlow:
+def vehicle_flow(vehicle_body: BodyOfRevolution, compiled_solver: None) -> VehicleFlow:
     """Return the flow over the shipped vehicle by (M, a_T [deg]), default grid, kept."""
 
     @cache

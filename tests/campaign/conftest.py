@@ -16,7 +16,7 @@ def vehicle() -> Vehicle:
 
 
 @pytest.fixture(scope="session")
-def undisturbed(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
+def undisturbed(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Undisturbed:
     path = tmp_path_factory.mktemp("undisturbed") / "snapshots.h5"
     run(campaign_of(vehicle), path)
     kept = load_flows(path)

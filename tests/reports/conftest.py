@@ -16,7 +16,7 @@ Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
 
 @pytest.fixture(scope="session")
-def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
+def parts(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Parts:
     return solved_vehicle(tmp_path_factory.mktemp("ogive"))
 
 

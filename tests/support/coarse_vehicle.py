@@ -45,14 +45,14 @@ def structure(vehicle: Vehicle) -> StructuralModel:
 
 
 @pytest.fixture(scope="session")
-def snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
+def snapshots(vehicle: Vehicle, structure: StructuralModel, compiled_solver: None) -> Snapshots:
     """The 90 conditions of the vehicle file."""
     engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
     return snapshots_at(engine, vehicle, vehicle.flight_conditions())
 
 
 @pytest.fixture(scope="session")
-def prior_snapshots(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
+def prior_snapshots(vehicle: Vehicle, structure: StructuralModel, compiled_solver: None) -> Snapshots:
     """The 243 conditions of the published prior: M {5, 6, 7}, a and b {-8, -6, .. 8} deg at 20 km."""
     angles = list(np.arange(-8.0, 9.0, 2.0))
     engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
@@ -102,7 +102,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
 
 
 @pytest.fixture(scope="session")
-def truth_flows(vehicle: Vehicle) -> dict[FlowKey, Flow]:
+def truth_flows(vehicle: Vehicle, compiled_solver: None) -> dict[FlowKey, Flow]:
     """The flows at the knots of the flight model."""
     solved = solve_flows(truth_engine(vehicle), truth_keys(vehicle), Scheduling(workers=0))
     return {one.flow.key: one.flow for one in solved}

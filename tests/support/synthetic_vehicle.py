@@ -101,17 +101,23 @@ class SyntheticFiles:
     plant: Path
 
 
+def synthetic_files(folder: Path) -> SyntheticFiles:
+    """Return where in ``folder`` the synthetic files lie."""
+    return SyntheticFiles(
+        map_1=folder / "map_1.h5",
+        map_2=folder / "map_2.h5",
+        flight_model=folder / "flight_model.h5",
+        trajectory=folder / "trajectory.csv",
+        estimator_1=folder / "estimator_1.fmu",
+        estimator_2=folder / "estimator_2.fmu",
+        plant=folder / "plant.fmu",
+    )
+
+
 def make_synthetic_files(folder: Path) -> SyntheticFiles:
     """Write all synthetic files into ``folder``."""
-    files = SyntheticFiles(
-        folder / "map_1.h5",
-        folder / "map_2.h5",
-        folder / "flight_model.h5",
-        write_trajectory(folder / "trajectory.csv"),
-        folder / "estimator_1.fmu",
-        folder / "estimator_2.fmu",
-        folder / "plant.fmu",
-    )
+    files = synthetic_files(folder)
+    write_trajectory(files.trajectory)
     save_inverse_map(synthetic_inverse_map(1), files.map_1)
     save_inverse_map(synthetic_inverse_map(2), files.map_2)
     save_flight_model(synthetic_flight_model(), files.flight_model)

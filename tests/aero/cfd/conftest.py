@@ -23,7 +23,7 @@ def other_grid() -> SurfaceGrid:
 
 
 @pytest.fixture(scope="session")
-def snapshots() -> Snapshots:
+def snapshots(compiled_solver: None) -> Snapshots:
     """Return two snapshots of one flow on the vehicle's own grid: rolled, and in the plane of symmetry."""
     vehicle = load_vehicle(IC3X)
     resolution = vehicle.resolution.map

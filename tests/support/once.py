@@ -1,0 +1,30 @@
+"""Results that take long to make: one process of a run makes them, all of them read them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+
+
+def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """Return the folder ``name`` of this run, filled by ``make(folder)`` in the first process that needs it.
+
+    Other processes that need it meanwhile wait. Where ``make`` fails, the next process tries again. Nobody may
+    change what lies in the folder.
+    """
+    run = factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        run = run.parent  # each process of a run has its folder there
+    folder, finished = run / name, run / f"{name}.finished"
+    with FileLock(run / f"{name}.lock"):
+        if not finished.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            make(folder)
+            finished.touch()
+    return folder
