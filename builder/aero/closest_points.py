@@ -33,7 +33,7 @@ _BLOCK = 2048
 _FIRST_GUESSES = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ClosestPoints:
     """Where target points lie on a source surface.
 

@@ -20,7 +20,7 @@ FlowKey = tuple[float, ...]
 """What tells one flow from another: conditions with equal keys share one solution."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Flow:
     """One solved flow, as it is kept on disk.
 

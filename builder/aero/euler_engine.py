@@ -23,7 +23,7 @@ METHOD_VERSION = 3
 """Raised whenever the solver's results change, so that stored flows of an older one are solved again."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EulerEngine:
     """Inviscid flow over a pointed body of revolution (:mod:`builder.aero.euler`).
 

@@ -108,7 +108,7 @@ def _cross_matrix(vector: FloatArray) -> FloatArray:
     return matrix
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PressureMap:
     """Transfer of nodal pressure from a source surface to a target surface, made once for many fields.
 

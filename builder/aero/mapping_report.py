@@ -17,7 +17,7 @@ OPEN_SURFACE = 1e-6
 """A surface is open if its vector areas sum to more than this share of its area."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MappingReport:
     """What the consistent transfer of a pressure loses, and how the surfaces lie to each other.
 

@@ -38,7 +38,7 @@ FEATURE_ANGLE = radians(30.0)
 BASE_ANGLE = radians(30.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NewtonianEngine:
     """Pressure from the inclination of the nodes' normals to the free stream.
 

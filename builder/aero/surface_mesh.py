@@ -16,7 +16,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfaceMesh:
     """Nodes and triangles.
 

@@ -36,7 +36,7 @@ class CampaignInterrupted(StrainfmuError):
     exit_code = 130
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Campaign:
     """What is wanted.
 
@@ -77,7 +77,7 @@ class Tally:
     seconds_per_flow: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CampaignResult:
     """What a run left behind; ``up_to_date`` if the file was there already, the same in every entry."""
 

@@ -36,7 +36,7 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Snapshots:
     """Surface pressure at N flight conditions.
 
@@ -140,7 +140,7 @@ class Snapshots:
         return coefficients
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KeptFlows:
     """The solved flows that a snapshot file holds beside the pressures, for later campaigns.
 

@@ -11,7 +11,7 @@ from builder.aero.engine import Engine, Flow, FlowKey
 from strainfmu.files import fingerprint
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SolvedFlow:
     """One flow as a worker hands it back.
 

@@ -31,7 +31,7 @@ from strainfmu.errors import InputError
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StructuralModel:
     """Strain per pressure of every gauge of the layouts asked for.
 

@@ -33,7 +33,7 @@ MOST_CONDITION = 1e8
 """Of the Gram matrix of the smooth pressures, above which the mesh does not tell them apart."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SmoothResponse:
     """Strain of gauges under smooth pressures on one surface.
 
@@ -185,7 +185,7 @@ class Symmetry:
 SYMMETRIES = tuple(Symmetry(y, z) for y in (True, False) for z in (True, False))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SymmetryResponse:
     """What a layout sees of one class of pressures.
 

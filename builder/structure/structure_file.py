@@ -26,7 +26,7 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Structure:
     """Z_p of a vehicle's gauges, with the surface it takes pressure on.
 

@@ -15,7 +15,7 @@ from strainfmu.errors import InputError
 CSV_COLUMNS = ("name", "x_m", "y_m", "z_m", "direction_x", "direction_y", "direction_z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GaugeLayout:
     """Gauges in body axes.
 

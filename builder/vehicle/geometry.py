@@ -150,7 +150,7 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
     return BodyOfRevolution(tuple(segments))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfaceGrid:
     """Pressure nodes on a body of revolution: a product of stations and roll angles.
 

@@ -23,7 +23,7 @@ SCALARS = ("Cp", "rho", "u", "v", "w", "p")
 """Names of the six scalars that flowCart writes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Triangulation:
     """What a .tri or .triq file holds.
 

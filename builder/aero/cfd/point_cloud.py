@@ -41,7 +41,7 @@ _SECTORS, _PER_SECTOR = 8, 2
 _CHUNK = 1000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Cloud:
     """Points (n, 3) [m] of one smooth piece with their unit normals (n, 3); ``scale`` [m] per rad of turn."""
 

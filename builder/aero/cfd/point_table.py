@@ -17,7 +17,7 @@ _AXES = ("x", "y", "z")
 NORMALS = ("normal_x", "normal_y", "normal_z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointTable:
     """Points and one quantity.
 

@@ -22,7 +22,7 @@ Location = Literal["node", "cell"]
 FIELD_FORMATS = (*VTK_FORMATS, ".triq", ".csv")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfaceField:
     """Values at points or in cells of a surface.
 

@@ -34,7 +34,7 @@ _LARGEST = 3.0
 """The file may be larger than the vehicle's surface by this factor: a base, a sting, a booster."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TableEngine:
     """Imported results; one flow per case of the manifest, and none between them.
 

@@ -26,7 +26,7 @@ _LONGEST = 600.0
 _WRITTEN_TYPE = {".vtu": "UnstructuredGrid", ".vtp": "PolyData"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VtkSurface:
     """The surface cells of a VTK file.
 

@@ -47,7 +47,7 @@ OGIVE_START = 0.01
 """Share of the first piece's length that is taken as a cone where that piece is curved."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Marched:
     """What a march over a body gives; see :class:`~builder.aero.euler.solver.FlowSolution`.
 

@@ -17,7 +17,7 @@ MASS_WEIGHT = 10.0
 """How much more an imbalance of mass counts than one of force: 1e-5 of it is as bad as 1e-4 of the force."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Plane:
     """State of the march at one station, and what has been summed so far.
 

@@ -18,7 +18,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlowSolution:
     """Wall pressure of one flow, and how well it was computed.
 

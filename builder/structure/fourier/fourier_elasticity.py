@@ -32,7 +32,7 @@ def roll_integral(harmonic: int) -> float:
     return 2.0 * np.pi if harmonic == 0 else np.pi
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FourierStiffness:
     """Stiffness of every harmonic: K_m = K_0 + m K_1 + m^2 K_2, without the roll integral.
 
@@ -171,7 +171,7 @@ def free_motions(mesh: MeridianMesh, harmonic: int) -> csc_array:
     return csc_array((entry, (row, column)), shape=(mesh.n_dof, len(dof)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HarmonicSolver:
     """Factored stiffness of one harmonic with its supports.
 

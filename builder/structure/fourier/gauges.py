@@ -16,7 +16,7 @@ LARGEST_DISTANCE = 0.5e-3  # m, normal to the inner surface
 LARGEST_TILT = np.deg2rad(5.0)  # out of the tangent plane
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlacedGauges:
     """Gauges on the inner surface, in the surface's own directions.
 

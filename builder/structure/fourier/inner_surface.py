@@ -14,7 +14,7 @@ from strainfmu.errors import InputError
 STENCIL = 5  # nodes of two edges
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Points on the inner surface, each with the nodes whose values give a field there.
 

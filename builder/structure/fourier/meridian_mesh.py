@@ -20,7 +20,7 @@ End = Literal["free", "guided", "clamped"]
 NO_NODES: IntArray = np.zeros(0, dtype=np.intp)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MeridianMesh:
     """Mesh of the meridian plane.
 

@@ -44,7 +44,7 @@ class Resolution:
     max_harmonic: int = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HarmonicResponse:
     """Strain on the inner surface per pressure 1 Pa * (hat function of station k) * cos(m phi).
 

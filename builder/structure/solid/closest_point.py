@@ -18,7 +18,7 @@ CONVERGED = 1e-13  # of a facet's reference length
 BULGE = 0.25  # how far a curved facet may leave the box of its nodes, over the box's diagonal
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CurvedFacets:
     """Facets by the places of their nodes, with what a search needs.
 
@@ -52,7 +52,7 @@ class CurvedFacets:
         return chosen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FootPoint:
     """The point of a surface closest to a given one.
 

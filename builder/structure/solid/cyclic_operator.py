@@ -27,7 +27,7 @@ from strainfmu.arrays import FloatArray
 IndexArray = NDArray[np.int32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CircularOperator:
     """A block-circulant operator.
 
@@ -66,7 +66,7 @@ class CircularOperator:
         return pointer.astype(np.int32), (common % n_columns).astype(np.int32), entry
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CyclicProblem:
     """A u = f for a held structure of equal sectors.
 

@@ -77,7 +77,7 @@ functions are of degree 4 (2); on the quadratic triangle 2 and 4 in all.
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReferenceElement:
     """Shape functions and their gradients at the quadrature points of a reference element or facet.
 

@@ -27,7 +27,7 @@ POINTS_ALONG_GAUGE = 5
 ROSETTE_ANGLES = (0, 45, 90)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gauges:
     """Strain gauges in body axes.
 
@@ -79,7 +79,7 @@ def gauges_at(
     return Gauges(names, position, direction, np.full(len(names), length), (surface,) * len(names))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlacedGauge:
     """A gauge on its surface.
 

@@ -34,7 +34,7 @@ GROUP_NUMBERS = ("gmsh:physical", "nastran:ref", "medit:ref", "cell_tags")
 DEFAULT_REGION = "wall"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NamedCells:
     """Cells of one kind and the named groups they are in.
 

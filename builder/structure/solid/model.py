@@ -51,7 +51,7 @@ from strainfmu.files import fingerprint
 FOURIER_REFERENCE = "the Fourier model"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SolidCase:
     """All that Z_p depends on.
 

@@ -19,7 +19,7 @@ EXTERNAL, INTERNAL, SUPPORT = "external", "internal", "support"
 """Names of the surfaces that carry the air load, the gauges, and the support."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SolidMesh:
     """Nodes, elements of one kind, and what their faces are called.
 

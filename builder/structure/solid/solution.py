@@ -22,7 +22,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StrainSolution:
     """Z_p and how it was found.
 

@@ -38,7 +38,7 @@ REACH = 0.5
 """Distance at which the weight of a sample has fallen to exp(-1/2), in lengths of the gauge's facet."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfacePatches:
     """Facets of a surface and their neighbours.
 

@@ -73,7 +73,7 @@ class Foundation:
 Support = Clamped | Symmetric | Foundation
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Restraint:
     """What the supports leave free, and the stiffness they add.
 

@@ -35,7 +35,7 @@ BORE_SHARE = 0.1  # radius of the bore through the solid tip over the inner radi
 CUT_SHARE = 0.02  # length cut off at the apex over the tip's length
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SweptSector:
     """One of ``n_sectors`` equal sectors round the x axis.
 

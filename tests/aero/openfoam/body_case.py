@@ -32,7 +32,7 @@ OVERLAP = 2
 """Planes at a window's end that the next one does again, for the outlet's sake."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodyCase:
     """One flow and its mesh.
 
@@ -91,7 +91,7 @@ class BodyCase:
         return np.stack([x, radius * sine[:, None], radius * cosine[:, None]], axis=-1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """Flow in some cells (...,): pressure and temperature over the free stream's, velocity (..., 3) over its
     sound speed."""
@@ -101,7 +101,7 @@ class State:
     velocity: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Wall pressure of a case, and what it took.
 

@@ -36,7 +36,7 @@ LENGTH, INSIDE, OUTSIDE = 1.2, 0.138, 0.15
 STATIONS, ROLLS = np.linspace(0.2, 1.0, 9), np.deg2rad([0.0, 90.0, 225.0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """A clamped mesh, prepared: its solver, its load C_map, its gauges and the nodes they sit on."""
 

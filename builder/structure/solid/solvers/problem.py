@@ -30,7 +30,7 @@ class SolverError(StrainfmuError):
     """A matrix cannot be factorised, or a solution is not one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SparseProblem:
     """A u = f for a held structure; u = free q with q the free motions.
 
