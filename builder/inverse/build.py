@@ -18,8 +18,9 @@ from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nui
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
 from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import Problem, Solution, solve
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.model import StructuralModel, solid_case
+from builder.structure.solid.case import solid_case
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu import __version__

@@ -9,11 +9,12 @@ import numpy as np
 from builder.inverse.noise_model import central_difference
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.model import StructuralModel, wall_of
 from builder.structure.solid import displaced_gauges as displaced
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

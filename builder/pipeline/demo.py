@@ -28,7 +28,7 @@ from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.reporting import Reporter
-from builder.structure.model import refuse_beyond_fourier, structural_model
+from builder.structure.fourier.model import refuse_beyond_fourier, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.geometry import surface_grid
 from builder.workspace import Workspace

@@ -18,7 +18,7 @@ from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.loads import load_operator
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray

@@ -27,10 +27,11 @@ from builder.reporting import Reporter
 from builder.reports import build_page
 from builder.reports.build_report import BuildReport, build_report
 from builder.structure import structure_file
-from builder.structure.model import solid_case, used_layouts
+from builder.structure.solid.case import solid_case
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_needs import used_layouts
 from builder.workspace import Workspace
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map

@@ -16,19 +16,15 @@ from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
 from builder.reporting import Reporter, Silent
+from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.gauge_checks import check_gauges
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.model import (
-    StructuralModel,
-    check_gauges,
-    check_map_size,
-    solid_case,
-    structural_model,
-    used_layouts,
-)
+from builder.structure.solid.case import solid_case
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_needs import check_map_size, used_layouts
 from strainfmu.estimator.inverse_map import InverseMap
 
 AnyProgress = bool | Reporter | None

@@ -20,10 +20,11 @@ from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, internal_pressure, snapshot_coefficients
 from builder.reporting import Progress, Reporter
+from builder.structure.fourier.model import StructuralModel, place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
-from builder.structure.model import StructuralModel, place_layouts, solid_case, used_layouts, wall_of
+from builder.structure.solid.case import solid_case
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
@@ -34,10 +35,11 @@ from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetra
 from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import SweptSector, swept_wall
-from builder.structure.wall import Wall
+from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.map_needs import used_layouts
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap

@@ -13,9 +13,9 @@ from builder.campaign.snapshots import Snapshots
 from builder.reporting import Progress
 from builder.reproduce.protocol import Sizes
 from builder.reproduce.readings import ALL
+from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.model import structural_model, wall_of
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
@@ -25,6 +25,7 @@ from builder.structure.solid.supports import Clamped
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import SweptSector, full_mesh, swept_wall
 from builder.structure.solid.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

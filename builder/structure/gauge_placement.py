@@ -9,6 +9,8 @@ import numpy as np
 
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.wall import wall_of
 from builder.vehicle.file import GaugeRow, Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout, checked_layout, read_layout
 from strainfmu.errors import InputError
@@ -56,3 +58,11 @@ def _layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str) 
                     [along_x, along_r * sine, along_r * cosine] if kind == "axial" else [0.0, cosine, -sine]
                 )
     return checked_layout(GaugeLayout(tuple(names), np.array(position), np.array(direction)), where)
+
+
+def gauge_mesh(vehicle: Vehicle) -> MeridianMesh:
+    """Return a coarse meridian mesh, on whose inner surface rows of gauges are laid."""
+    try:
+        return shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
+    except InputError as error:
+        raise InputError(f"structure: {error}") from error

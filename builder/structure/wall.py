@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -72,3 +73,9 @@ class Wall:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"wall {name} {value:g} m must be greater than 0")
+
+
+def wall_of(vehicle: Vehicle) -> Wall:
+    """Return the wall and its material."""
+    material = Material(1e9 * vehicle.material.youngs_modulus_GPa, vehicle.material.poisson_ratio)
+    return Wall(1e-3 * vehicle.structure.wall_thickness_mm, vehicle.structure.solid_tip_length_m, material)

@@ -21,7 +21,7 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map, internal_pressure, snapshot_coefficients
-from builder.structure.model import StructuralModel, structural_model
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from builder.vehicle.map_options import MapEntry

@@ -15,7 +15,7 @@ from builder.inverse.case_2 import gaussian_map
 from builder.inverse.field import estimated_field
 from builder.inverse.noise_model import nuisance_modes
 from builder.inverse.prior import LowRankPrior
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError

@@ -13,7 +13,7 @@ from builder.inverse.baselines import unweighted_gain
 from builder.inverse.build import build_inverse_map, gauge_noise_covariance, snapshot_coefficients
 from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
 from builder.inverse.pod import PressureModes
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError

@@ -13,8 +13,8 @@ from scipy.stats import binom, chi2
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.map_options import MapEntry

@@ -26,9 +26,10 @@ from builder.inverse.noise_model import (
     truncated_modes,
 )
 from builder.structure.fourier.gauges import place_gauges
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
-from builder.structure.model import StructuralModel, wall_of
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError

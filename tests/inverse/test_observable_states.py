@@ -11,7 +11,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.inverse_map import InverseMap

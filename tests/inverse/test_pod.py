@@ -8,7 +8,7 @@ import pytest
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import area_weights, proper_orthogonal_decomposition
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from strainfmu.errors import InputError
 
 

@@ -13,14 +13,16 @@ from builder.inverse.build import build_inverse_map, noise_terms
 from builder.inverse.gauge_derivatives import gauge_derivatives
 from builder.inverse.noise_model import NoiseTerm
 from builder.reporting import Silent
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.model import StructuralModel, solid_case, wall_of
+from builder.structure.solid.case import solid_case
 from builder.structure.solid.displaced_gauges import displaced_gauges
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.model import solve_solid_structure
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError

@@ -14,7 +14,7 @@ import pytest
 import builder
 from builder.pipeline.stages import AnyProgress
 from builder.reporting import Silent
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import GaugeLayoutEntry
 from strainfmu.errors import InputError

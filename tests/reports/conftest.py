@@ -9,7 +9,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.reports.build_page import report_page
 from builder.reports.build_report import BuildReport, build_report
 from builder.reports.html import page_html
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]

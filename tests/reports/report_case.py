@@ -14,8 +14,9 @@ from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.coefficients import load_error_covariance
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem, Solution, solve
-from builder.structure.model import StructuralModel, structural_model, used_layouts
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.inverse_map import InverseMap
 

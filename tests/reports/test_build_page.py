@@ -23,8 +23,8 @@ from builder.reports.build_tables import report_tables
 from builder.reports.exclusions import exclusions
 from builder.reports.html import Page, Section, page_html, picture
 from builder.reports.tables import Column, shown
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError

@@ -13,7 +13,7 @@ from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.regularisation import expected_data, select_gamma
 from builder.reports.coefficient_sources import OF_STATES, coefficient_sources
 from builder.reports.gamma_choice import gamma_choice
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
 

@@ -13,7 +13,7 @@ from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
 from builder.reports.coefficient_sources import coefficient_sources
 from builder.reports.gauge_value import gauge_value, loss_growth
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.step import Estimator
 

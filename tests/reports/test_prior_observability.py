@@ -14,7 +14,7 @@ from builder.inverse.noise_model import gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.reports.prior_observability import PriorSight, prior_sight
 from builder.reports.symmetry_classes import mirror_operators, symmetric_part
-from builder.structure.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.structure.model import wall_of
 from builder.structure.solid.element_faces import boundary_facets
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
@@ -14,6 +13,7 @@ from builder.structure.solid.supports import Clamped
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.solid.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.errors import InputError
 

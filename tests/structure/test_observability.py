@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.structure.model import StructuralModel, structural_model, wall_of
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.structure.observability import (
     SYMMETRIES,
     SmoothResponse,
@@ -27,6 +27,7 @@ from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operat
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
+from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Resolution, Vehicle, load_vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid

@@ -14,8 +14,9 @@ from cad_files import write_step, write_stl
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import run_build
 from builder.reporting import Silent
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.model import StructuralModel, solid_case, structural_model, used_layouts, wall_of
+from builder.structure.solid.case import solid_case
 from builder.structure.solid.gmsh_mesh import load_gmsh
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.mesh_export import write_mesh
@@ -24,7 +25,9 @@ from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import largest_amplitude, reference_pressures
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.structure_file import SCHEMA, SCHEMA_VERSION, Structure, load_structure
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.files import content_hash_of

@@ -18,7 +18,7 @@ from builder.inverse.build import gauge_noise_covariance, internal_pressure
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
 from builder.pipeline.flight_tables import truth_engine, truth_keys
-from builder.structure.model import StructuralModel, structural_model
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import IC3X, Resolution, Resolutions, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.flight_condition import FlightCondition

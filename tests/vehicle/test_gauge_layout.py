@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.gauge_checks import check_gauges
 from builder.structure.gauge_placement import gauge_layout
-from builder.structure.model import check_gauges, place_layouts, wall_of
+from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, GaugeLayoutEntry, GaugeRow, Vehicle, load_vehicle
 from builder.vehicle.gauge_layout import read_layout
 from strainfmu.errors import InputError

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from builder.structure.model import check_gauges, solid_case, support_of, used_layouts, wall_of
+from builder.structure.gauge_checks import check_gauges
+from builder.structure.solid.case import solid_case, support_of
 from builder.structure.solid.supports import Clamped, Foundation
+from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError
 
 TEXT = IC3X.read_text(encoding="utf-8")

@@ -16,9 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.gauge_placement import gauge_layout
-from builder.structure.model import wall_of
+from builder.structure.gauge_placement import gauge_layout, gauge_mesh
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.cyclic_operator import CyclicProblem, cyclic_problem
 from builder.structure.solid.gauge_rows import Gauges, gauges_at
@@ -37,6 +35,7 @@ from builder.structure.solid.swept_mesh import (
     full_mesh,
     swept_wall,
 )
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.errors import InputError, StrainfmuError
 
@@ -107,8 +106,7 @@ def layout_gauges(vehicle: Vehicle) -> Gauges:
     InputError
         A gauge is not on the inner surface.
     """
-    mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
-    layout = gauge_layout(vehicle, vehicle.gauges.layout, mesh)
+    layout = gauge_layout(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle))
     return gauges_at(layout.position, layout.direction, layout.names)
 
 

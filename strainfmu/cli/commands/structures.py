@@ -86,10 +86,11 @@ def structure(
 
         strainfmu structure my_vehicle.toml --model wall.msh --mesh-unit 0.001
     """
-    from builder.structure.model import solid_case, used_layouts
+    from builder.structure.solid.case import solid_case
     from builder.structure.solid.mesh_choice import MeshChoice
     from builder.structure.solid.model import update_structure
     from builder.vehicle.file import load_vehicle
+    from builder.vehicle.map_needs import used_layouts
     from builder.workspace import Workspace
 
     start = perf_counter()

@@ -110,8 +110,9 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
     from builder.aero.engines import make_engine
     from builder.inverse.build import check_noise
     from builder.pipeline.flight_tables import truth_knots
-    from builder.structure.model import check_gauges, check_map_size
+    from builder.structure.gauge_checks import check_gauges
     from builder.vehicle.file import load_vehicle
+    from builder.vehicle.map_needs import check_map_size
     from strainfmu.cosim.flight_model import check_envelope
     from strainfmu.cosim.trajectory import load_trajectory
     from strainfmu.estimator.validity import condition_ranges, valid_conditions

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
 from solid_bodies import METAL, tube
 
-from builder.structure.model import wall_of
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.cyclic_operator import (
     CircularOperator,
@@ -33,6 +32,7 @@ from builder.structure.solid.strain_operator import held_problem, strain_operato
 from builder.structure.solid.supports import Clamped, Foundation, Support, Symmetric
 from builder.structure.solid.surface_load import pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh
+from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError

@@ -8,7 +8,6 @@ import pytest
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
-from builder.structure.model import wall_of
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
@@ -18,6 +17,7 @@ from builder.structure.solid.strain_operator import held_problem
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.surface_load import pressure_load, surface_points
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
+from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError

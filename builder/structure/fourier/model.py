@@ -1,0 +1,114 @@
+"""The semi-analytic model of a vehicle: gauges on the inner surface of its wall, and their strain per pressure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.reporting import Progress
+from builder.structure.fourier.gauges import PlacedGauges, place_gauges
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
+from builder.structure.gauge_placement import gauge_layout
+from builder.structure.wall import wall_of
+from builder.vehicle.file import GaugeLayoutEntry, GaugeRow, Resolution, Vehicle
+from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class StructuralModel:
+    """Strain per pressure of every gauge of the layouts asked for.
+
+    Attributes
+    ----------
+    surface : the pressure nodes.
+    response : strain per harmonic of the pressure at every gauge station.
+    layouts, placed : per layout name, the gauges in body axes and on the inner surface.
+    """
+
+    surface: SurfaceGrid
+    response: HarmonicResponse
+    layouts: dict[str, GaugeLayout]
+    placed: dict[str, PlacedGauges]
+
+    @property
+    def description(self) -> str:
+        return "fourier"
+
+    def strain_operator(self, layout: str) -> FloatArray:
+        """Return Z_p (n_d, n_p) [1/Pa] of a layout."""
+        return strain_operator(self.response, self.placed[layout], self.surface)
+
+
+def structural_model(
+    vehicle: Vehicle, resolution: Resolution, layouts: list[str], progress: Progress | None = None
+) -> StructuralModel:
+    """Mesh the wall, place the gauges and solve for their strain per harmonic of the pressure.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body or a gauge is not on the inner surface.
+    """
+    body = vehicle.body()
+    wall = wall_of(vehicle)
+    mesh = shell_mesh(body, wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    surface = surface_grid(body, resolution.surface_stations, resolution.surface_roll_angles)
+    found, placed = place_layouts(vehicle, mesh, layouts)
+    stations = np.concatenate([gauges.x for gauges in placed.values()])
+    response = harmonic_response(mesh, wall.material, stations, surface.x, resolution.harmonics, progress)
+    return StructuralModel(surface, response, found, placed)
+
+
+def place_layouts(
+    vehicle: Vehicle, mesh: MeridianMesh, layouts: list[str]
+) -> tuple[dict[str, GaugeLayout], dict[str, PlacedGauges]]:
+    """Return the gauges of each layout in body axes and on the inner surface of ``mesh``.
+
+    Raises
+    ------
+    InputError
+        A gauge is not on the inner surface, or the model cannot do what is asked for; the message names it.
+    """
+    refuse_beyond_fourier(vehicle, layouts)
+    found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
+    placed = {
+        name: place_gauges(mesh, layout.position, layout.direction, layout.names) for name, layout in found.items()
+    }
+    return found, placed
+
+
+def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
+    """Refuse what the Fourier model cannot do: other supports, gauges outside or of a length.
+
+    Raises
+    ------
+    InputError
+        Names the entry, and the model that can.
+    """
+    cannot = "the Fourier model cannot do that, structure.model = 'solid' and `strainfmu structure` can"
+    support = vehicle.structure.support
+    if support != "clamped_aft":
+        raise InputError(f"structure.support: '{support}' found, {cannot}")
+    for name in layouts:
+        entry = vehicle.gauges.layouts[name]
+        for where, one in _with_surface_and_length(name, entry):
+            if one.surface == "outer":
+                raise InputError(f"{where}.surface: 'outer' found, {cannot}")
+            if one.length_mm:
+                raise InputError(f"{where}.length_mm: {one.length_mm:g} found, {cannot}")
+
+
+def _with_surface_and_length(
+    name: str, entry: GaugeLayoutEntry
+) -> list[tuple[str, GaugeLayoutEntry] | tuple[str, GaugeRow]]:
+    """Return the parts of a layout that say surface and length, each with its place in the file."""
+    where = f"gauges.layouts.{name}"
+    if entry.rows is None:
+        return [(where, entry)]
+    return [(f"{where}.rows.{number}", row) for number, row in enumerate(entry.rows, start=1)]

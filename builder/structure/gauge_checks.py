@@ -1,0 +1,28 @@
+"""Checks of a vehicle's gauge layouts against its wall, before anything is solved."""
+
+from __future__ import annotations
+
+from builder.structure.fourier.model import place_layouts
+from builder.structure.gauge_placement import gauge_mesh
+from builder.structure.solid.gauge_layouts import solid_gauges
+from builder.structure.solid.model import check_gauges_on_mesh
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+
+
+def check_gauges(vehicle: Vehicle) -> dict[str, int]:
+    """Place the gauges of every layout on a coarse mesh and return their number per layout.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body, a gauge is not on its surface, or the model cannot do what is asked for.
+    """
+    names = list(vehicle.gauges.layouts)
+    mesh = gauge_mesh(vehicle)
+    if vehicle.structure.model == "solid":
+        gauges = {name: solid_gauges(vehicle, name, mesh) for name in names}
+        check_gauges_on_mesh(vehicle.body(), wall_of(vehicle), gauges)
+        return {name: len(one.name) for name, one in gauges.items()}
+    found, _ = place_layouts(vehicle, mesh, names)
+    return {name: len(layout.names) for name, layout in found.items()}

@@ -1,0 +1,29 @@
+"""What a map needs of a vehicle file: its gauge layouts, and enough gauges and conditions for its modes."""
+
+from __future__ import annotations
+
+from builder.vehicle.file import Vehicle
+from strainfmu.errors import InputError
+
+
+def used_layouts(vehicle: Vehicle) -> list[str]:
+    """Return the layouts a map needs: the one in use and the one its noise is measured on."""
+    reference = vehicle.noise.of_layout or vehicle.gauges.layout
+    return sorted({vehicle.gauges.layout, reference})
+
+
+def check_map_size(vehicle: Vehicle, n_gauges: int) -> None:
+    """Refuse more modes than the gauges or the snapshots can carry.
+
+    Raises
+    ------
+    InputError
+        ``map.modes`` is too large.
+    """
+    conditions = len(vehicle.flight_conditions())
+    most = min(n_gauges, conditions) - 1
+    if vehicle.map.case == 1 and vehicle.map.modes > most:
+        raise InputError(
+            f"map.modes: {vehicle.map.modes} found, at most {most} allowed with {n_gauges} gauges and "
+            f"{conditions} conditions"
+        )
