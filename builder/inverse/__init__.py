@@ -1,1 +1,1 @@
-"""Strain -> pressure state -> loads: modes and priors, the two inverse maps, their noise and their uncertainty."""
+"""The inverse problem, from strain to pressure states and loads: modes, priors, both cases, noise, uncertainty."""

@@ -1,9 +1,8 @@
-"""From snapshots and strain per pressure to the finished inverse map."""
+"""The inverse map from snapshots and strain per pressure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.gauge_derivatives import gauge_derivatives
 from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nuisance_terms
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
@@ -35,7 +34,7 @@ AnyStructure = StructuralModel | MappedStructure
 def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> FloatArray:
     """Return the covariance (n_d, n_d) of the noise of the gauges in use [(m/m)^2].
 
-    Relative noise is a share of the median |strain| over the snapshots and the gauges of ``noise.of_layout``.
+    Relative noise is a fraction of the median |strain| over the snapshots and the gauges of ``noise.of_layout``.
 
     Raises
     ------
@@ -51,7 +50,9 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
 
 
 def check_noise(vehicle: Vehicle) -> None:
-    """Refuse entries and files of the section [noise] that do not fit the gauges in use, before the long work.
+    """Refuse entries and files of the section [noise] that do not fit the gauges in use.
+
+    Called before the long work.
 
     Raises
     ------
@@ -68,12 +69,12 @@ def check_noise(vehicle: Vehicle) -> None:
 def noise_terms(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, strain_operator: FloatArray
 ) -> list[NoiseTerm]:
-    """Return the terms of the section [noise] but for the truncated modes.
+    """Return the noise terms of the section [noise], without the truncated modes.
 
     Raises
     ------
     InputError
-        The section does not fit the gauges, or asks the structure for what it cannot do.
+        The section does not fit the gauges, or the structural model cannot do what it requests.
     """
     entry = vehicle.noise
     layout, file = vehicle.gauges.layout, entry.nuisance_file
@@ -104,10 +105,10 @@ def internal_pressure(vehicle: Vehicle, snapshots: Snapshots) -> float:
 def build_inverse_map(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, nuisance: Sequence[NoiseTerm] = ()
 ) -> InverseMap:
-    """Build the map of the case that the vehicle file asks for, for the layout in use.
+    """Build the map of the case in the vehicle file, for the layout in use.
 
-    Parameters and errors are those of :func:`inverse_problem`; the gauges may also fail to identify the modes
-    asked for.
+    Parameters and errors are those of :func:`inverse_problem`. The gauges may also fail to identify the requested
+    modes.
     """
     snapshots = _on_structure(snapshots, structure)
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
@@ -124,7 +125,7 @@ def inverse_problem(
     vehicle : the vehicle file.
     snapshots : surface pressure at the flight conditions.
     structure : strain per pressure.
-    nuisance : further noise terms, as of thermal strain.
+    nuisance : further noise terms, such as thermal strain.
 
     Raises
     ------
@@ -168,7 +169,7 @@ def inverse_map_of(
         state_offset=solved.state_offset,
         load_per_state=load_per_state,
         load_of_mean=loads @ (solution.mean - inside),
-        load_covariance=load_error_covariance(
+        load_covariance=load_covariance_by_terms(
             solved, load_per_state, solution.noise, solution.noise.strain_load_covariance
         ),
         mean_strain=solved.mean_strain,
@@ -186,7 +187,7 @@ def inverse_map_of(
 
 
 def _on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
-    """Return the snapshots at the structure's nodes; the same where they are there already."""
+    """Return the snapshots at the structure's nodes, unchanged where they are there already."""
     return snapshots_on(snapshots, structure.surface) if isinstance(structure.surface, SurfaceGrid) else snapshots
 
 
@@ -200,7 +201,10 @@ def _provenance(
         "snapshots": len(conditions),
         "flows_solved": int(snapshots.solved.sum()),
         **solution.facts,
-        "noise_terms": [asdict(share) for share in solution.noise.shares()],
+        "noise_terms": [
+            {"name": one.name, "share": one.fraction, "rms_strain": one.rms_strain}
+            for one in solution.noise.fractions()
+        ],
         "internal_pressure_Pa": inside,
         **condition_ranges(conditions),
         "moment_station_m": vehicle.reference_quantities().moment_station,
@@ -210,7 +214,7 @@ def _provenance(
 
 
 def _field(solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
-    """Return what turns states into pressure on the surface, in single precision."""
+    """Return the fields of the map that give pressure on the surface, in single precision."""
     return {
         "field_mean": solution.mean.astype(np.float32),
         "field_modes": solution.field_modes.astype(np.float32),

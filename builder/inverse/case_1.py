@@ -1,9 +1,9 @@
-"""Case 1: no more pressure states than gauges, weighted least squares (paper, section Case 1).
+"""Case 1: at most as many pressure states as gauges, weighted least squares (paper, section Case 1).
 
 With the pressure p = p_mean + V_r q + V_t c_t (kept and truncated modes) and Z_p the strain per pressure,
-a gauge reads d = Z_p (p_mean - p_internal) + Z q + Z_t c_t + noise, Z = Z_p V_r. The truncated part is treated as
-further noise with the covariance it has over the snapshots; left out of the weights it aliases into q and the
-stated sigma is far too small.
+a gauge reads d = Z_p (p_mean - p_internal) + Z q + Z_t c_t + noise, Z = Z_p V_r. The truncated part counts as
+noise with the covariance it has over the snapshots. Left out of the weights, it aliases into q, and the stated
+sigma is far too small.
 """
 
 from __future__ import annotations
@@ -18,17 +18,18 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
 
-LARGEST_CONDITION_NUMBER = 1e10
+MAX_CONDITION_NUMBER = 1e10
+"""Of the whitened, scaled Z: above it the gauges do not identify the states."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LeastSquaresMap(StateMap):
     """The state map of Case 1; states are POD coefficients [Pa], gamma = 0.
 
     Attributes
     ----------
     state_covariance : (r, r) (Z^T Gamma^-1 Z)^-1 (paper, eq. sls-cov) [Pa^2].
-    condition_number : kappa of the whitened Z, its columns scaled by the states' spread.
+    condition_number : kappa of the whitened Z with its columns scaled by the states' spread.
     """
 
     state_covariance: FloatArray
@@ -45,23 +46,23 @@ def least_squares_map(
     state_operator : (n_d, r) Z [1/Pa].
     mean_strain : (n_d,) Z_p (p_mean - p_internal) [m/m].
     noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
-    state_std : (r,) spread of the states [Pa]; it scales the columns and cancels in the result.
+    state_std : (r,) standard deviation of the states [Pa]. It scales the columns and cancels in the result.
 
     Raises
     ------
     InputError
-        More states than gauges, gauges that cannot tell the states apart, or no covariance.
+        More states than gauges, gauges that do not identify the states, or a covariance that is none.
     """
     n_gauges, n_states = state_operator.shape
     if n_states > n_gauges:
         raise InputError(f"map.modes: {n_states} found, at most {n_gauges} with {n_gauges} gauges")
     whitening = inverse_cholesky(noise_covariance)
-    # Columns scaled by the states' spread, so that the condition number speaks of gauges and not of units.
+    # Columns are scaled by the states' spread: the condition number then depends on gauges, not on units.
     whitened = whitening @ (state_operator * state_std)
     condition_number = float(np.linalg.cond(whitened))
-    if not condition_number < LARGEST_CONDITION_NUMBER:
+    if not condition_number < MAX_CONDITION_NUMBER:
         raise InputError(
-            f"map.modes: the {n_gauges} gauges cannot tell {n_states} modes apart "
+            f"map.modes: the {n_gauges} gauges do not identify {n_states} modes "
             f"(condition number {condition_number:.1e}); keep fewer modes or move gauges to other roll angles"
         )
     q, r = np.linalg.qr(whitened)
@@ -82,11 +83,11 @@ def least_squares_map(
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RelativeCondition:
-    """K = kappa(Z) / (nu cos theta) (paper, eq. of the relative condition number) and what it depends on.
+    """K = kappa(Z) / (nu cos theta) (paper, eq. of the relative condition number) and its inputs.
 
-    K equals |d| / (sigma_min(Z) |q|): it changes with the units of d and q, so it is stated with them.
+    K equals |d| / (sigma_min(Z) |q|). It changes with the units of d and q, so they are stated beside it.
 
     Attributes
     ----------
@@ -107,7 +108,7 @@ class RelativeCondition:
 
     @property
     def scaling(self) -> str:
-        """The scaling in words, to stand beside K."""
+        """The scaling in words, printed beside K."""
         return (
             f"|d| = {1e6 * self.strain_norm:.6g} um/m, |q| = {self.state_norm:g} in units of "
             f"{self.state_scale:.6g} Pa, sigma_min(Z) = {1e6 * self.smallest_singular_value:.6g} um/m"
@@ -125,7 +126,7 @@ def relative_condition(
     Raises
     ------
     InputError
-        A norm or the scale is not positive, or Z has not full rank.
+        A norm or the scale is not positive, or Z lacks full rank.
     """
     for name, value in (("strain norm", strain_norm), ("state norm", state_norm), ("state scale", state_scale)):
         if not 0.0 < value < np.inf:
@@ -133,7 +134,12 @@ def relative_condition(
     singular_values = state_scale * np.linalg.svd(state_operator, compute_uv=False)
     largest, smallest = float(singular_values[0]), float(singular_values[-1])
     if not smallest > 1e-14 * largest or len(state_operator) < state_operator.shape[1]:
-        raise InputError("relative condition: the gauges do not see every state, K is infinite")
+        raise InputError("relative condition: the gauges do not observe every state, K is infinite")
     return RelativeCondition(
-        strain_norm / (smallest * state_norm), strain_norm, state_norm, state_scale, smallest, largest / smallest
+        value=strain_norm / (smallest * state_norm),
+        strain_norm=strain_norm,
+        state_norm=state_norm,
+        state_scale=state_scale,
+        smallest_singular_value=smallest,
+        kappa=largest / smallest,
     )

@@ -1,8 +1,8 @@
-"""Case 2: more pressure states than gauges, a Gaussian prior of low rank (paper, section Case 2).
+"""Case 2: more pressure states than gauges, with a Gaussian prior of low rank (paper, section Case 2).
 
-With p = p_mean + F q, q standard normal, and Gamma = L L^T all follows from one singular value decomposition,
-L^-1 Z_p F = U S V^T. Woodbury's form of the posterior covariance takes the difference of nearly equal matrices and
-loses log10(lambda_1 / gamma) digits; here every covariance is a sum of positive terms.
+With p = p_mean + F q, q standard normal, and Gamma = L L^T everything follows from one singular value
+decomposition, L^-1 Z_p F = U S V^T. Woodbury's form of the posterior covariance subtracts nearly equal matrices
+and loses log10(lambda_1 / gamma) digits. Here every covariance is a sum of positive terms.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class WhitenedSpectrum:
     """L^-1 A = U S V^T, complete on both sides.
 
@@ -26,7 +26,7 @@ class WhitenedSpectrum:
     whitening : (n_d, n_d) L^-1 [1/(m/m)].
     left : (n_d, n_d) U.
     singular_values : (k,) S, k = min(n_d, n_q), falling.
-    right : (n_q, n_q) V; columns beyond k are those that no gauge sees.
+    right : (n_q, n_q) V; no gauge observes its columns beyond k.
     """
 
     whitening: FloatArray
@@ -59,10 +59,10 @@ def whitened_spectrum(state_operator: FloatArray, noise_covariance: FloatArray) 
     """
     whitening = inverse_cholesky(noise_covariance)
     left, singular_values, right = np.linalg.svd(whitening @ state_operator)
-    return WhitenedSpectrum(whitening, left, singular_values, right.T)
+    return WhitenedSpectrum(whitening=whitening, left=left, singular_values=singular_values, right=right.T)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GaussianMap(StateMap):
     """The state map of Case 2; states are standard normal under the prior.
 
@@ -75,7 +75,7 @@ class GaussianMap(StateMap):
 
     @property
     def filter_factors(self) -> FloatArray:
-        """(k,) lambda / (lambda + gamma): the share of each mode that the data and not the prior decide."""
+        """(k,) lambda / (lambda + gamma): the fraction of each mode that the data determine, not the prior."""
         return self.spectrum.eigenvalues / (self.spectrum.eigenvalues + self.regularisation)
 
     @property
@@ -94,8 +94,8 @@ class GaussianMap(StateMap):
     def error_factor(self) -> FloatArray:
         """Return R (n_q, n_q) with R R^T = T Gamma T^T + (I - T A)(I - T A)^T.
 
-        The covariance of the error of q for noise Gamma and q standard normal, whatever gamma is (Joseph's form).
-        With gamma = 1 it is the inverse Hessian.
+        The covariance of the error of q for noise Gamma and q standard normal, for any gamma (Joseph's form). With
+        gamma = 1 it is the inverse Hessian.
         """
         eigenvalues, gamma = self.spectrum.state_eigenvalues, self.regularisation
         return self.spectrum.right * (np.sqrt(eigenvalues + gamma**2) / (eigenvalues + gamma))
@@ -115,8 +115,8 @@ def gaussian_map(
     state_operator : (n_d, n_q) A = Z_p F [1].
     mean_strain : (n_d,) m = Z_p (p_mean - p_internal) [m/m].
     noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
-    regularisation : gamma [1]; 1 is Bayes' value for a calibrated prior and noise.
-    spectrum : of ``state_operator`` and ``noise_covariance``, if it is there already.
+    regularisation : gamma [1]; 1 is the Bayesian value for calibrated prior and noise.
+    spectrum : of ``state_operator`` and ``noise_covariance``, if it is known already.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def gaussian_map(
         regularisation=regularisation,
         strain_gain=gain,
         state_offset=-gain @ mean_strain,
-        # Of the model, gamma = 1: the chi-square tells whether strains fit the prior, not the regularisation.
+        # With gamma = 1, the model's: the chi-square tests strains against the prior, not against gamma.
         residual_whitening=innovation_whitening(state_operator, noise_covariance, 1.0),
         residual_degrees_of_freedom=len(state_operator),
         unresolved=spectrum.right * (regularisation / (spectrum.state_eigenvalues + regularisation)),

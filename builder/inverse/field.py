@@ -1,4 +1,4 @@
-"""The pressure field of Case 2: what the gauges see of it, what is left uncertain, and samples of it."""
+"""The pressure field of Case 2: modes that the gauges observe, variance, estimates and samples."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 NODES_AT_ONCE = 4096
-"""Nodes treated together: memory beyond prior and result stays of this many rows."""
+"""Nodes treated together: memory beyond prior and result is that of so many rows."""
 
 
 def data_informed_modes(prior: LowRankPrior, spectrum: WhitenedSpectrum, n_modes: int | None = None) -> FloatArray:
     """Return the first modes b_k = F v_k (n_p, n_modes) [Pa] (paper, eq. eigproblem), by falling eigenvalue.
 
-    b_j^T Z^T Gamma^-1 Z b_k = lambda_k where j = k and 0 elsewhere. By default all that a gauge sees.
+    b_j^T Z^T Gamma^-1 Z b_k = lambda_k where j = k and 0 elsewhere. By default all modes that the gauges observe.
 
     Raises
     ------
     InputError
         There are fewer modes.
     """
-    most = len(spectrum.singular_values)
-    n_modes = most if n_modes is None else n_modes
-    if not 1 <= n_modes <= most:
-        raise InputError(f"modes: {n_modes} found, must be 1 to {most}")
+    available = len(spectrum.singular_values)
+    n_modes = available if n_modes is None else n_modes
+    if not 1 <= n_modes <= available:
+        raise InputError(f"modes: {n_modes} found, must be 1 to {available}")
     modes: FloatArray = prior.factor @ spectrum.right[:, :n_modes]
     return modes
 
@@ -39,8 +39,8 @@ def project_on_modes(
 ) -> FloatArray:
     """Return the pressures (.., n_p) [Pa] nearest to ``pressure`` in mean + span of ``modes`` (n_p, r).
 
-    The published projection names no inner product; here it is the orthogonal one, the best that r modes can do,
-    in the Euclidean norm or in that of positive ``weights`` (n_p,).
+    The source names no inner product for its projection. Here it is the orthogonal one, which is the best for r
+    modes, in the Euclidean norm or in that of positive ``weights`` (n_p,).
     """
     root = np.ones(len(mean)) if weights is None else np.sqrt(weights)
     basis, _ = np.linalg.qr(modes * root[:, None])
@@ -48,7 +48,7 @@ def project_on_modes(
     return nearest
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FieldVariance:
     """Variance of the pressure at every node.
 
@@ -61,21 +61,21 @@ class FieldVariance:
     posterior: FloatArray
 
     @property
-    def share_removed(self) -> FloatArray:
-        """(n_p,) 1 - posterior / prior: what was measured there; 0 where the prior has no variance.
+    def fraction_removed(self) -> FloatArray:
+        """(n_p,) 1 - posterior / prior: the fraction determined by the data; 0 where the prior has no variance.
 
         Negative where a gamma far below 1 makes the estimate worse than the mean.
         """
-        share = np.zeros(len(self.prior))
-        np.divide(self.prior - self.posterior, self.prior, out=share, where=self.prior > 0.0)
-        return share
+        fraction = np.zeros(len(self.prior))
+        np.divide(self.prior - self.posterior, self.prior, out=fraction, where=self.prior > 0.0)
+        return fraction
 
 
 def field_variance(prior: LowRankPrior, solved: GaussianMap, nodes_at_once: int = NODES_AT_ONCE) -> FieldVariance:
-    """Return prior variance and variance of the error at every node, a chunk of nodes at a time."""
+    """Return the prior variance and the variance of the error at every node, some nodes at a time."""
     factor = solved.error_factor()
     before, after = np.empty(len(prior.mean)), np.empty(len(prior.mean))
-    for nodes in _chunks(len(prior.mean), nodes_at_once):
+    for nodes in _blocks(len(prior.mean), nodes_at_once):
         rows = prior.factor[nodes]
         before[nodes] = np.einsum("ij,ij->i", rows, rows)
         of_error = rows @ factor
@@ -104,5 +104,5 @@ def posterior_samples(
     return fields
 
 
-def _chunks(n: int, size: int) -> Iterator[slice]:
+def _blocks(n: int, size: int) -> Iterator[slice]:
     return (slice(first, min(first + size, n)) for first in range(0, n, size))

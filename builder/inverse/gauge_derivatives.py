@@ -1,4 +1,4 @@
-"""How strain changes where gauges sit or point a little differently: differences of displaced gauges' strains."""
+"""Derivatives of strain by position and direction of the gauges, from displaced gauges by differences."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEP = 1e-3
 """Step of the differences: 1 mm along the surface, 1 mrad of direction."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GaugeDerivatives:
     """Derivatives of Z_p (n_d, n_p).
 
@@ -41,12 +41,12 @@ class GaugeDerivatives:
 def gauge_derivatives(
     vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
 ) -> GaugeDerivatives:
-    """Return the derivatives at the gauges of ``layout`` by the model that the map is built on.
+    """Return the derivatives at the gauges of ``layout`` with the structural model of the map.
 
     Raises
     ------
     InputError
-        A gauge lies within a step of the end of its surface, or the structure was computed without them.
+        A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
     """
     if isinstance(structure, StructuralModel):
         return fourier_gauge_derivatives(vehicle, structure, layout)
@@ -79,7 +79,7 @@ def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDer
 
 
 def fourier_gauge_derivatives(vehicle: Vehicle, structure: StructuralModel, layout: str) -> GaugeDerivatives:
-    """Return the derivatives at the gauges of ``layout``, with the mesh and harmonics that the map is built on.
+    """Return the derivatives at the gauges of ``layout``, with the mesh and harmonics of the map.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The gauges' own noise and their errors, from the entries of a vehicle file."""
+"""Noise and errors of the gauges, from the section [noise] of a vehicle file."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def gauge_covariance(entry: Noise, n_gauges: int, median_strain: float, folder: 
     ----------
     entry : section [noise].
     n_gauges : n_d.
-    median_strain : median |strain| that a relative noise refers to [m/m].
+    median_strain : median |strain| that relative noise refers to [m/m].
     folder : where ``covariance_file`` lies.
 
     Raises
     ------
     InputError
-        The number of values is not that of the gauges, or a file is no covariance.
+        The number of values differs from the number of gauges, or a file holds no covariance.
     """
     if entry.covariance_file is not None:
         return MICRO**2 * _covariance_of(folder / entry.covariance_file, n_gauges)
@@ -67,14 +67,14 @@ def _covariance_of(path: Path, n_gauges: int) -> FloatArray:
 def gauge_error_terms(
     entry: Noise, net_pressure: FloatArray, strain_operator: FloatArray, derivatives: GaugeDerivatives | None
 ) -> list[NoiseTerm]:
-    """Return the terms that ``entry`` adds for apparent strain and for the gauges' gain, position and orientation.
+    """Return the terms for apparent strain and for errors of the gauges' gain, position and orientation.
 
     Parameters
     ----------
     entry : section [noise].
-    net_pressure : (N, n_p) p - p_internal of the snapshots [Pa], over which errors are averaged.
+    net_pressure : (N, n_p) p - p_internal of the snapshots [Pa], over which variances are averaged.
     strain_operator : (n_d, n_p) Z_p [1/Pa].
-    derivatives : of Z_p; None where neither position nor orientation errors are asked for.
+    derivatives : of Z_p; None without position and orientation errors.
     """
     terms = []
     if entry.apparent_strain_um_per_m > 0.0:
@@ -95,16 +95,16 @@ def gauge_error_terms(
 
 
 def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:
-    """Read further modes of strain error from a CSV file: one term per column, named by it.
+    """Read further modes of strain error from a CSV file: one term per column, with the column's name.
 
-    The header is ``gauge`` and a name per mode; a row is a gauge's name and its strain [um/m] in each mode at one
-    standard deviation. Rows may stand in any order.
+    The header is ``gauge`` and a name per mode. A row is a gauge's name and its strain [um/m] in each mode at one
+    standard deviation. Rows may be in any order.
 
     Raises
     ------
     InputError
-        The file is missing, holds other gauges than ``gauge_names``, or a value is no number; the message says
-        where.
+        The file is missing, holds other gauges than ``gauge_names``, or a value is no number; the message names
+        the gauge.
     """
     where = f"noise.nuisance_file: {path}"
     try:
@@ -119,7 +119,7 @@ def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:
         raise InputError(f"{where}: columns {', '.join(header)} found, must be gauge and a name per mode")
     found = dict(_nuisance_row(row, len(names), where) for row in rows)
     if len(found) < len(rows):
-        raise InputError(f"{where}: a gauge is there twice")
+        raise InputError(f"{where}: a gauge is listed twice")
     for name in gauge_names:
         if name not in found:
             raise InputError(f"{where}: gauge '{name}' of the layout in use is missing")

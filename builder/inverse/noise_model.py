@@ -1,8 +1,8 @@
-"""Everything in the strain that the pressure states do not explain, term by term, as one covariance Gamma.
+"""Covariance Gamma of the strain that the pressure states do not explain, term by term.
 
-Each term is a factor N of its covariance N N^T: strain at one standard deviation, column by column. A quantity
-that is marginalised so is estimated implicitly and dropped (Kaipio & Somersalo, Statistical and Computational
-Inverse Problems, 2005, section 5.8).
+Each term is a factor N of its covariance N N^T: strain at one standard deviation, column by column. This
+marginalises the quantity behind the term: it is estimated implicitly and dropped (Kaipio & Somersalo, Statistical
+and Computational Inverse Problems, 2005, section 5.8).
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import inverse_cholesky
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NoiseTerm:
-    """One cause of strain error, independent of the others and of the states.
+    """One source of strain error, independent of the others and of the states.
 
     Attributes
     ----------
     name : for reports.
     strain : (n_d, k) columns of strain at one standard deviation [m/m].
-    load : (5, k) loads [N, N m] that the same columns bring and no state holds, or None where they bring none.
+    load : (5, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
     """
 
     name: str
@@ -35,22 +35,22 @@ class NoiseTerm:
 
 
 @dataclass(frozen=True)
-class NoiseShare:
-    """How much of Gamma one term is.
+class NoiseFraction:
+    """The part of one term in Gamma.
 
     Attributes
     ----------
     name : of the term.
-    share : tr(Gamma^-1 Gamma_term) / n_d [1]: its part of the whitened variance; the shares add up to 1.
+    fraction : tr(Gamma^-1 Gamma_term) / n_d [1] of the whitened variance; the fractions add up to 1.
     rms_strain : root of the mean variance over the gauges [m/m].
     """
 
     name: str
-    share: float
+    fraction: float
     rms_strain: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NoiseModel:
     """All terms together."""
 
@@ -63,11 +63,11 @@ class NoiseModel:
 
     @cached_property
     def strain_load_covariance(self) -> FloatArray | None:
-        """(n_d, 5) covariance of strain error and load that no state holds [m/m (N, N m)]; None if no term has."""
+        """(n_d, 5) covariance of strain error and load that no state holds [m/m (N, N m)], or None."""
         parts = [term.strain @ term.load.T for term in self.terms if term.load is not None]
         return np.sum(parts, axis=0) if parts else None
 
-    def shares(self) -> list[NoiseShare]:
+    def fractions(self) -> list[NoiseFraction]:
         """Return one row per term.
 
         Raises
@@ -78,7 +78,7 @@ class NoiseModel:
         whitening = inverse_cholesky(self.covariance)
         n_gauges = len(whitening)
         return [
-            NoiseShare(
+            NoiseFraction(
                 term.name,
                 float(np.sum((whitening @ term.strain) ** 2)) / n_gauges,
                 float(np.sqrt(np.sum(term.strain**2) / n_gauges)),
@@ -88,28 +88,28 @@ class NoiseModel:
 
 
 def gauge_noise(covariance: FloatArray) -> NoiseTerm:
-    """Return the gauges' own noise of ``covariance`` (n_d, n_d) [(m/m)^2]: diagonal or full.
+    """Return the term of the gauges' own noise with ``covariance`` (n_d, n_d) [(m/m)^2], diagonal or full.
 
     Raises
     ------
     InputError
         The matrix is not symmetric and positive definite.
     """
-    inverse_cholesky(covariance)  # refuses what is no covariance
+    inverse_cholesky(covariance)  # refuses a matrix that is no covariance
     return NoiseTerm("gauge noise", np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
 
 
 def truncated_modes(
     strain_of_modes: FloatArray, load_of_modes: FloatArray, modes: PressureModes, kept: int
 ) -> NoiseTerm:
-    """Return the strain and load of the POD modes beyond the first ``kept``, at their spread over the snapshots.
+    """Return the term of the POD modes beyond the first ``kept``, at their spread over the snapshots.
 
     Parameters
     ----------
     strain_of_modes : (n_d, k) Z_p V of all modes [1/Pa].
     load_of_modes : (5, k) G C_map V of all modes [N/Pa, N m/Pa].
     modes : POD of the snapshots.
-    kept : modes that are states.
+    kept : number of modes that are states.
     """
     std = modes.coefficient_std()[kept:]
     return NoiseTerm("truncated modes", strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std)
@@ -118,8 +118,8 @@ def truncated_modes(
 def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
     """Return a term of ``strain`` columns (n_d, k) per unit of quantities with standard deviations ``std`` (k,).
 
-    For thermal strain a column is the apparent strain of one temperature distribution, the gauges' own and that of
-    the structure together.
+    For thermal strain a column is the apparent strain of one temperature distribution: of the gauges and of the
+    structure together.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
 
 
 def gauge_errors(name: str, sensitivity: FloatArray, std: float) -> NoiseTerm:
-    """Return the term of an error that each gauge makes on its own, to first order.
+    """Return the term of an error that is independent from gauge to gauge, to first order.
 
     The strain error of gauge i is g_i s_ij in flight j, with g_i of standard deviation ``std``; its variance is
     averaged over the flights. For gains s is the strain itself; for position and orientation its derivative.

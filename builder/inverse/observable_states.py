@@ -1,4 +1,4 @@
-"""A finished map on the states that its gauges see: fewer of them, and nothing else changes."""
+"""The reduction of a finished map to the states that its gauges observe; nothing else changes."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     """Return ``inverse_map`` with n_d states, where it has more than its n_d gauges.
 
     With L^-1 A = U S V^T the new states are V_d^T q, amplitudes of the data-informed modes F v_k by falling
-    eigenvalue (paper, eq. eigproblem). No gauge sees the others, with any gauges lost: their estimate is the
-    prior's mean, 0. So loads, fields and residuals stay as they are; what the others add to the covariance of the
-    loads is part of ``load_covariance``, and no gain changes it. With 243 snapshots a field of 60,000 nodes so
-    takes 13 MB, not 58.
+    eigenvalue (paper, eq. eigproblem). No gauge observes the other states, whichever gauges are lost: their
+    estimate is the prior's mean, 0. So loads, fields and residuals do not change. What the other states add to the
+    covariance of the loads is part of ``load_covariance``, and no gain changes it. With 243 snapshots a field of
+    60,000 nodes takes 13 MB instead of 58.
     """
     n_gauges, n_states = inverse_map.state_operator.shape
     if n_states <= n_gauges:
         return inverse_map
-    seen = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right[:, :n_gauges]
+    observable = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right[:, :n_gauges]
     field = inverse_map.field_modes
     return replace(
         inverse_map,
-        state_operator=inverse_map.state_operator @ seen,
-        strain_gain=seen.T @ inverse_map.strain_gain,
-        state_offset=seen.T @ inverse_map.state_offset,
-        load_per_state=inverse_map.load_per_state @ seen,
-        field_modes=None if field is None else field @ seen.astype(np.float32),
+        state_operator=inverse_map.state_operator @ observable,
+        strain_gain=observable.T @ inverse_map.strain_gain,
+        state_offset=observable.T @ inverse_map.state_offset,
+        load_per_state=inverse_map.load_per_state @ observable,
+        field_modes=None if field is None else field @ observable.astype(np.float32),
     )

@@ -10,14 +10,14 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PressureModes:
     """p = mean + V c (paper, eq. pod), V orthonormal in an inner product over the nodes: V^T W V = I.
 
     Attributes
     ----------
     mean : (n_p,) p_bar [Pa].
-    modes : (n_p, k) V [1], k = all that carry energy.
+    modes : (n_p, k) V [1], all k that carry energy.
     singular_values : (k,) of the centred snapshots in the same inner product, falling [Pa].
     n_snapshots : N.
     weights : (n_p,) diagonal of W [1], or None for the Euclidean inner product, W = I.
@@ -31,7 +31,7 @@ class PressureModes:
 
     @property
     def energy(self) -> FloatArray:
-        """(k,) share of the energy held by the first 1, 2, .. k modes."""
+        """(k,) fraction of the energy in the first 1, 2, .. k modes."""
         square = self.singular_values**2
         return np.cumsum(square) / np.sum(square)
 
@@ -41,14 +41,36 @@ class PressureModes:
 
     def coefficients(self, pressure: FloatArray) -> FloatArray:
         """Return c = V^T W (p - mean), (N, k) [Pa], of pressures (N, n_p) [Pa]."""
-        centred = pressure - self.mean
-        return (centred if self.weights is None else centred * self.weights) @ self.modes
+        return modal_coefficients(pressure, self.mean, self.modes, self.weights)
+
+
+def modal_coefficients(
+    pressure: FloatArray, mean: FloatArray, modes: FloatArray, weights: FloatArray | None
+) -> FloatArray:
+    """Return c = V^T W (p - mean), (.., r) [Pa], of pressures (.., n_p) [Pa] on modes V (n_p, r)."""
+    centred = pressure - mean
+    coefficients: FloatArray = (centred if weights is None else centred * weights) @ modes
+    return coefficients
+
+
+def mean_snapshot(snapshots: FloatArray) -> FloatArray:
+    """Return the mean (n_p,) [Pa] of ``snapshots`` (N, n_p) [Pa].
+
+    Raises
+    ------
+    InputError
+        Fewer than two snapshots.
+    """
+    if len(snapshots) < 2:
+        raise InputError(f"{len(snapshots)} snapshot found, at least 2 are needed")
+    mean: FloatArray = snapshots.mean(axis=0)
+    return mean
 
 
 def area_weights(node_area: FloatArray) -> FloatArray:
     """Return the weights (n_p,) of the area-weighted inner product: area [m2] over the mean area.
 
-    So scaled, coefficients keep the unit Pa, and equal areas give the Euclidean inner product.
+    With this scaling coefficients keep the unit Pa, and equal areas give the Euclidean inner product.
 
     Raises
     ------
@@ -67,8 +89,8 @@ def area_weights(node_area: FloatArray) -> FloatArray:
 def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray | None = None) -> PressureModes:
     """Decompose ``snapshots`` (N, n_p) [Pa], centred by their mean.
 
-    Modes below 1e-10 of the largest singular value are round-off and left out. Each mode's sign is fixed by
-    its largest entry being positive, so that results repeat.
+    Modes below 1e-10 of the largest singular value are round-off and are left out. The largest entry of each mode
+    is positive, so that results repeat.
 
     Parameters
     ----------
@@ -78,17 +100,21 @@ def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray |
     Raises
     ------
     InputError
-        Fewer than two snapshots, or snapshots that are all alike.
+        Fewer than two snapshots, or snapshots that are all equal.
     """
-    if len(snapshots) < 2:
-        raise InputError(f"{len(snapshots)} snapshot found, at least 2 are needed")
-    mean = snapshots.mean(axis=0)
+    mean = mean_snapshot(snapshots)
     root = 1.0 if weights is None else np.sqrt(weights)
     left, singular_values, _ = np.linalg.svd(((snapshots - mean) * root).T, full_matrices=False)
     kept = singular_values > 1e-10 * singular_values[0]
     if singular_values[0] <= 1e-10 * float(np.linalg.norm(mean * root)):
-        raise InputError("the snapshots are all alike: no modes")
+        raise InputError("the snapshots are all equal: no modes")
     modes = left[:, kept] if weights is None else left[:, kept] / np.sqrt(weights)[:, None]
     largest = np.abs(modes).argmax(axis=0)
     modes = modes * np.sign(modes[largest, np.arange(modes.shape[1])])
-    return PressureModes(mean, modes, singular_values[kept], len(snapshots), weights)
+    return PressureModes(
+        mean=mean,
+        modes=modes,
+        singular_values=singular_values[kept],
+        n_snapshots=len(snapshots),
+        weights=weights,
+    )

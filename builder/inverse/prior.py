@@ -1,4 +1,4 @@
-"""The Gaussian prior of Case 2, kept as a factor: Gamma_pr = F F^T is never formed."""
+"""The Gaussian prior of Case 2 as a factor F: Gamma_pr = F F^T is never formed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.pod import PressureModes
+from builder.inverse.pod import PressureModes, mean_snapshot
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LowRankPrior:
     """p = mean + F q with q standard normal (paper, eq. prior_cov: Gamma_pr = F F^T).
 
@@ -35,27 +35,27 @@ def prior_of_snapshots(snapshots: FloatArray) -> LowRankPrior:
     Raises
     ------
     InputError
-        Fewer than two snapshots, or snapshots that are all alike.
+        Fewer than two snapshots, or snapshots that are all equal.
     """
-    if len(snapshots) < 2:
-        raise InputError(f"{len(snapshots)} snapshot found, at least 2 are needed")
-    mean = snapshots.mean(axis=0)
+    mean = mean_snapshot(snapshots)
     factor = snapshots - mean
     factor /= np.sqrt(len(snapshots) - 1)
     if np.linalg.norm(factor) <= 1e-10 * np.linalg.norm(mean):
-        raise InputError("the snapshots are all alike: no prior")
+        raise InputError("the snapshots are all equal: no prior")
     return LowRankPrior(mean, factor.T)
 
 
 def prior_of_modes(modes: PressureModes, n_modes: int) -> LowRankPrior:
-    """Return the prior cut to the first ``n_modes`` POD modes: F = V_r diag(standard deviations).
+    """Return the prior truncated to the first ``n_modes`` POD modes: F = V_r diag(standard deviations).
 
     Raises
     ------
     InputError
         The snapshots hold fewer modes.
     """
-    most = modes.modes.shape[1]
-    if not 1 <= n_modes <= most:
-        raise InputError(f"map.prior_modes: {n_modes} found, at most {most} with {modes.n_snapshots} snapshots")
+    available = modes.modes.shape[1]
+    if not 1 <= n_modes <= available:
+        raise InputError(
+            f"map.prior_modes: {n_modes} found, at most {available} with {modes.n_snapshots} snapshots"
+        )
     return LowRankPrior(modes.mean, modes.modes[:, :n_modes] * modes.coefficient_std()[:n_modes])

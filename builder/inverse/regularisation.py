@@ -1,9 +1,9 @@
-"""How large gamma should be: five rules, all on the spectrum of the whitened problem.
+"""Choice of gamma: four rules and the L-curve, all on the spectrum of the whitened problem.
 
 With L^-1 A = U S V^T, lambda = S^2 and z = U^T L^-1 (d - m), the residual is
-r2(gamma) = sum_k (gamma / (lambda_k + gamma))^2 z_k^2 + |z beyond the spectrum|^2 and the data decide
+r2(gamma) = sum_k (gamma / (lambda_k + gamma))^2 z_k^2 + |z beyond the spectrum|^2 and the data determine
 dof(gamma) = sum_k lambda_k / (lambda_k + gamma) states. Every rule depends on mean squares of z alone, so one
-gamma serves an ensemble of flights.
+gamma can be chosen for an ensemble of flights.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ SMALLEST, LARGEST = 1e-12, 1e12
 """Range of gamma that is searched."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class DataSpectrum:
-    """Data as the rules see them.
+    """Statistics of the data that the rules use.
 
     Attributes
     ----------
@@ -49,49 +49,59 @@ class DataSpectrum:
         return float(np.sum(self.eigenvalues * self.mean_square / (self.eigenvalues + gamma) ** 2))
 
     def degrees_of_freedom(self, gamma: float) -> float:
-        """Return the number of states that the data decide."""
+        """Return the number of states that the data determine."""
         return float(np.sum(self.eigenvalues / (self.eigenvalues + gamma)))
 
 
 def expected_data(spectrum: WhitenedSpectrum) -> DataSpectrum:
-    """Return the data that prior and noise lead to expect: E z_k^2 = lambda_k + 1.
+    """Return the expected data of prior and noise: E z_k^2 = lambda_k + 1.
 
     With a prior made of the snapshots these are the means over the snapshots' own strain (but for a factor
     (N - 1) / N) with noise added.
     """
     n_gauges, k = len(spectrum.left), len(spectrum.singular_values)
-    return DataSpectrum(spectrum.eigenvalues, spectrum.eigenvalues + 1.0, float(n_gauges - k), n_gauges)
+    return DataSpectrum(
+        eigenvalues=spectrum.eigenvalues,
+        mean_square=spectrum.eigenvalues + 1.0,
+        outside=float(n_gauges - k),
+        n_gauges=n_gauges,
+    )
 
 
 def measured_data(spectrum: WhitenedSpectrum, strain: FloatArray, mean_strain: FloatArray) -> DataSpectrum:
     """Return the data of measured ``strain`` (n, n_d) [m/m], n flights or samples."""
     z2 = np.mean(np.atleast_2d(spectrum.whitened_data(strain, mean_strain)) ** 2, axis=0)
     k = len(spectrum.singular_values)
-    return DataSpectrum(spectrum.eigenvalues, z2[:k], float(np.sum(z2[k:])), len(spectrum.left))
+    return DataSpectrum(
+        eigenvalues=spectrum.eigenvalues,
+        mean_square=z2[:k],
+        outside=float(np.sum(z2[k:])),
+        n_gauges=len(spectrum.left),
+    )
 
 
 def select_gamma(rule: Rule, data: DataSpectrum) -> float:
     """Return gamma by one of the rules.
 
     ``morozov``: r2 = n_d (Morozov 1966; the paper's |Z q - d| = sigma sqrt(n_d), here in whitened strain). As the
-    estimate has used dof of the data, it smooths more than the noise asks for.
+    estimate has used dof of the data, it smooths more than the noise requires.
     ``corrected_discrepancy``: r2 = n_d - dof, which holds on average at gamma = 1 for a calibrated prior.
-    ``gcv``: least r2 / (n_d - dof)^2 (Golub, Heath & Wahba, Technometrics 21, 1979).
-    ``evidence``: largest marginal likelihood of d under q ~ N(0, I/gamma) (MacKay, Neural Computation 4, 1992).
+    ``gcv``: minimum of r2 / (n_d - dof)^2 (Golub, Heath & Wahba, Technometrics 21, 1979).
+    ``evidence``: maximum marginal likelihood of d under q ~ N(0, I/gamma) (MacKay, Neural Computation 4, 1992).
 
     Raises
     ------
     InputError
-        An unknown rule, or no gamma within 1e-12 .. 1e12 fulfils it; the message says why.
+        An unknown rule, or no gamma within 1e-12 .. 1e12 fulfils it; the message gives the reason.
     """
     if rule == "morozov":
         return _root(rule, lambda gamma: data.residual(gamma) - data.n_gauges)
     if rule == "corrected_discrepancy":
         return _root(rule, lambda gamma: data.residual(gamma) - data.n_gauges + data.degrees_of_freedom(gamma))
     if rule == "gcv":
-        return _least(rule, lambda gamma: _gcv(data, gamma))
+        return _minimum(rule, lambda gamma: _gcv(data, gamma))
     if rule == "evidence":
-        return _least(rule, lambda gamma: -log_evidence(data, gamma))
+        return _minimum(rule, lambda gamma: -log_evidence(data, gamma))
     raise InputError(f"map.gamma: '{rule}' found, must be a positive number or one of {', '.join(RULES)}")
 
 
@@ -101,9 +111,9 @@ def log_evidence(data: DataSpectrum, gamma: float) -> float:
     return -0.5 * float(np.sum(data.mean_square / (1.0 + ratio) + np.log1p(ratio)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LCurve:
-    """Residual against size of the solution (Hansen, Discrete Inverse Problems, 2010, section 4.7).
+    """Norm of the residual against norm of the solution (Hansen, Discrete Inverse Problems, 2010, section 4.7).
 
     Attributes
     ----------
@@ -127,9 +137,15 @@ def l_curve(data: DataSpectrum, gamma: FloatArray) -> LCurve:
     t, x, y = np.log(gamma), np.log(residual), np.log(solution)
     dx, dy = np.gradient(x, t), np.gradient(y, t)
     curvature = (dx * np.gradient(dy, t) - dy * np.gradient(dx, t)) / np.maximum(dx**2 + dy**2, 1e-300) ** 1.5
-    # Where both norms stand still the curve has no direction.
+    # Where neither norm changes, the curve has no direction.
     curvature[np.hypot(dx, dy) < 1e-6] = 0.0
-    return LCurve(gamma, residual, solution, curvature, float(gamma[int(np.argmax(curvature))]))
+    return LCurve(
+        gamma=gamma,
+        residual_norm=residual,
+        solution_norm=solution,
+        curvature=curvature,
+        corner=float(gamma[int(np.argmax(curvature))]),
+    )
 
 
 def _gcv(data: DataSpectrum, gamma: float) -> float:
@@ -156,8 +172,8 @@ def _root(rule: str, excess: Callable[[float], float]) -> float:
     return float(np.exp(brentq(lambda t: excess(float(np.exp(t))), low, high, xtol=1e-12)))
 
 
-def _least(rule: str, cost: Callable[[float], float]) -> float:
-    """Return the gamma of least ``cost``, from a scan and Brent's method round its best point."""
+def _minimum(rule: str, cost: Callable[[float], float]) -> float:
+    """Return the gamma of minimum ``cost``, from a scan and Brent's method round its best point."""
     grid = _grid()
     best = int(np.argmin([cost(gamma) for gamma in grid]))
     if best in (0, len(grid) - 1):

@@ -1,4 +1,4 @@
-"""Both cases from the same arrays: snapshots, strain and loads per pressure, noise."""
+"""The solution of either case from snapshots, strain and loads per pressure, and noise."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """What an inverse map is made of.
+    """The inputs of an inverse map.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Problem:
     strain_operator : (n_d, n_p) Z_p [1/Pa].
     load_operator : (5, n_p) G C_map [m2, m3].
     node_area : (n_p,) area of the nodes [m2].
-    noise : terms but for the truncated modes.
+    noise : terms without the truncated modes.
     with_truncated_modes : whether these count as noise.
     entry : section [map] of the vehicle file.
     """
@@ -46,14 +46,14 @@ class Problem:
     entry: MapEntry
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Solution:
     """A solved problem: p = mean + field_modes q with q from ``solved``.
 
     Attributes
     ----------
     solved : the state map.
-    noise : all terms that its covariance holds.
+    noise : all terms of its covariance.
     mean : (n_p,) [Pa].
     field_modes : (n_p, n_q) V_r [1] or F [Pa].
     facts : numbers for the map's provenance.
@@ -67,30 +67,32 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution:
-    """Solve the case that ``problem.entry`` asks for.
+    """Solve the case of ``problem.entry``.
 
     Raises
     ------
     InputError
-        The gauges or snapshots do not carry it; the message names the entry.
+        The gauges or snapshots do not suffice; the message names the entry.
     """
     return _solve_case_1(problem) if problem.entry.case == 1 else _solve_case_2(problem)
 
 
 def _solve_case_1(problem: Problem) -> Solution:
-    modes, kept = _modes(problem), problem.entry.modes
-    n_gauges, most = len(problem.strain_operator), modes.modes.shape[1]
-    if kept > min(n_gauges, most):
+    modes, kept = pressure_modes(problem), problem.entry.modes
+    n_gauges = len(problem.strain_operator)
+    limit = min(n_gauges, modes.modes.shape[1])
+    if kept > limit:
         raise InputError(
-            f"map.modes: {kept} found, at most {min(n_gauges, most)} with {n_gauges} gauges "
-            f"and {modes.n_snapshots} snapshots"
+            f"map.modes: {kept} found, at most {limit} with {n_gauges} gauges and {modes.n_snapshots} snapshots"
         )
     strain_of_modes = problem.strain_operator @ modes.modes
     noise = _with_truncated(problem, modes, kept, strain_of_modes)
     std, z = modes.coefficient_std()[:kept], strain_of_modes[:, :kept]
     solved = least_squares_map(z, _mean_strain(problem, modes.mean), noise.covariance, std)
     # The published scaling: 100 um/m per gauge, states in units of their root mean square norm over the snapshots.
-    relative = relative_condition(z, 1e-4 * np.sqrt(n_gauges), 1.0, float(np.linalg.norm(std)))
+    relative = relative_condition(
+        z, strain_norm=1e-4 * np.sqrt(n_gauges), state_norm=1.0, state_scale=float(np.linalg.norm(std))
+    )
     facts = {
         "modes": kept,
         "energy_of_modes": float(modes.energy[kept - 1]),
@@ -98,7 +100,7 @@ def _solve_case_1(problem: Problem) -> Solution:
         "relative_condition_number": relative.value,
         "relative_condition_scaling": relative.scaling,
     }
-    return Solution(solved, noise, modes.mean, modes.modes[:, :kept], facts)
+    return Solution(solved=solved, noise=noise, mean=modes.mean, field_modes=modes.modes[:, :kept], facts=facts)
 
 
 def _solve_case_2(problem: Problem) -> Solution:
@@ -106,7 +108,7 @@ def _solve_case_2(problem: Problem) -> Solution:
     if entry.prior_modes is None:
         prior, noise, energy = prior_of_snapshots(problem.pressure), NoiseModel(problem.noise), 1.0
     else:
-        modes = _modes(problem)
+        modes = pressure_modes(problem)
         prior = prior_of_modes(modes, entry.prior_modes)
         noise = _with_truncated(problem, modes, entry.prior_modes, problem.strain_operator @ modes.modes)
         energy = float(modes.energy[entry.prior_modes - 1])
@@ -125,10 +127,11 @@ def _solve_case_2(problem: Problem) -> Solution:
         "recoverable_modes": solved.n_recoverable,
         "hessian_eigenvalues": spectrum.eigenvalues.tolist(),
     }
-    return Solution(solved, noise, prior.mean, prior.factor, facts)
+    return Solution(solved=solved, noise=noise, mean=prior.mean, field_modes=prior.factor, facts=facts)
 
 
-def _modes(problem: Problem) -> PressureModes:
+def pressure_modes(problem: Problem) -> PressureModes:
+    """Return the POD of the snapshots in the inner product of the map."""
     weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
     return proper_orthogonal_decomposition(problem.pressure, weights)
 

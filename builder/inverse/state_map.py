@@ -1,4 +1,4 @@
-"""What both cases leave behind: the affine map from strain to pressure state, and all it follows from."""
+"""The affine map from strain to pressure states, with what it follows from: the result of either case."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from strainfmu.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StateMap:
     """q = T d + k minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2 with L L^T = Gamma; n_d gauges, n_q states.
 
@@ -15,13 +15,13 @@ class StateMap:
     ----------
     state_operator : (n_d, n_q) A, strain per state [1/Pa, or 1 where states are standard normal].
     mean_strain : (n_d,) m, strain of the mean pressure [m/m].
-    noise_covariance : (n_d, n_d) Gamma, covariance of everything that the states do not explain [(m/m)^2].
+    noise_covariance : (n_d, n_d) Gamma, covariance of the strain that the states do not explain [(m/m)^2].
     regularisation : gamma [1], 0 in Case 1.
     strain_gain : (n_q, n_d) T = (A^T Gamma^-1 A + gamma I)^-1 A^T Gamma^-1.
     state_offset : (n_q,) k = -T m.
-    residual_whitening : (n_d, n_d) W: |W (d - m)|^2 is the chi-square of the residual, whatever gamma is.
+    residual_whitening : (n_d, n_d) W: |W (d - m)|^2 is the chi-square of the residual, for any gamma.
     residual_degrees_of_freedom : expected value of that chi-square.
-    unresolved : (n_q, j) factor E of what the gain leaves of the states: E E^T = (I - T A)(I - T A)^T.
+    unresolved : (n_q, j) factor E of the part of q that the gain does not resolve: E E^T = (I - T A)(I - T A)^T.
     """
 
     state_operator: FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem
-from builder.inverse.noise_model import NoiseShare, NoiseTerm
+from builder.inverse.noise_model import NoiseFraction, NoiseTerm
 from builder.inverse.solution import Solution, solve
 from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.exclusions import exclusions
@@ -66,7 +66,7 @@ class BuildReport:
     sight: PriorSight
     coefficients: CoefficientSources
     gauges: GaugeValue
-    noise: tuple[NoiseShare, ...]
+    noise: tuple[NoiseFraction, ...]
     gamma: GammaChoice | None
     excluded: tuple[str, ...]
 
@@ -112,7 +112,7 @@ def build_report(
         sight=prior_sight(problem, solution, grid),
         coefficients=coefficient_sources(inverse_map, problem, solution),
         gauges=gauge_value(inverse_map),
-        noise=tuple(solution.noise.shares()),
+        noise=tuple(solution.noise.fractions()),
         gamma=gamma_choice(inverse_map, problem, solution, grid),
         excluded=exclusions(vehicle, snapshots.engine),
     )

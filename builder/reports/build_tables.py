@@ -211,7 +211,7 @@ def _by_coefficient(
 def noise(report: BuildReport) -> Table:
     columns = (
         ("name", Column("noise term")),
-        ("share", Column("share", "%", ".1f")),
+        ("fraction", Column("fraction", "%", ".1f")),
         ("rms_strain", Column("rms over the gauges", "um/m", ".3g")),
     )
     caption = "What the states do not explain of the strain; shares of the whitened variance."

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.inverse.coefficients import load_error_factors
 from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_errors import residual_load_gain
 
 OF_STATES = "prior and gamma"
 
@@ -56,19 +55,18 @@ def coefficient_scales(inverse_map: InverseMap) -> FloatArray:
 def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Solution) -> CoefficientSources:
     """Return what the variance of each coefficient is made of; the map is that of ``problem`` and ``solution``.
 
-    The terms are those of :func:`builder.inverse.coefficients.load_error_covariance`: G N_i - M_i of each noise
-    term, and in Case 2 what the gain leaves of the states, by the prior and gamma.
+    The sources are the factors of :func:`builder.inverse.coefficients.load_error_factors`: each noise term, and in
+    Case 2 what the gain does not resolve of the states, which depends on the prior and gamma.
     """
     scale, gain = coefficient_scales(inverse_map), inverse_map.load_gain
-    # The solution's own states: the map may hold the seen ones only.
-    of_state = problem.load_operator @ solution.field_modes
-    outside = inverse_map.strain_load_covariance
-    if outside is not None:
-        of_residual = residual_load_gain(inverse_cholesky(inverse_map.noise_covariance), outside)
-        of_state = of_state - of_residual @ solution.solved.state_operator
-    parts = {term.name: gain @ term.strain - _load(term.load) for term in solution.noise.terms}
+    # The solution's own states: the map may hold only the observable ones.
+    load_per_state = problem.load_operator @ solution.field_modes
+    factors = load_error_factors(
+        solution.solved, load_per_state, gain, solution.noise, inverse_map.strain_load_covariance
+    )
+    parts = {term.name: part for term, part in zip(solution.noise.terms, factors.of_noise, strict=True)}
     if inverse_map.case == 2:
-        parts[OF_STATES] = of_state @ solution.solved.unresolved
+        parts[OF_STATES] = factors.of_states
     covariance = inverse_map.load_covariance
     std = np.sqrt(np.diag(covariance))
     return CoefficientSources(
@@ -78,7 +76,3 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
         names=tuple(parts),
         variance=np.stack([scale**2 * np.sum(part**2, axis=1) for part in parts.values()]),
     )
-
-
-def _load(load: FloatArray | None) -> FloatArray | float:
-    return 0.0 if load is None else load

@@ -8,7 +8,7 @@ import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.inverse.case_2 import GaussianMap, gaussian_map
-from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
@@ -114,7 +114,9 @@ def _at(
     other = gaussian_map(
         solved.state_operator, solved.mean_strain, solved.noise_covariance, gamma, solved.spectrum
     )
-    covariance = load_error_covariance(other, load_per_state, solution.noise, inverse_map.strain_load_covariance)
+    covariance = load_covariance_by_terms(
+        other, load_per_state, solution.noise, inverse_map.strain_load_covariance
+    )
     return GammaOfRule(
         rule,
         gamma,

@@ -97,7 +97,18 @@ def field(_: Path) -> dict[str, object]:
         MapEntry(case=1, modes=3, inner_product="area"),
     )
     shapes = [
-        solve(Problem(pressure, 0.0, operator, loads, area, noise, True, entry)).field_modes.shape
+        solve(
+            Problem(
+                pressure=pressure,
+                internal_pressure=0.0,
+                strain_operator=operator,
+                load_operator=loads,
+                node_area=area,
+                noise=noise,
+                with_truncated_modes=True,
+                entry=entry,
+            )
+        ).field_modes.shape
         for entry in entries
     ]
     prior = prior_of_snapshots(pressure)
@@ -106,7 +117,7 @@ def field(_: Path) -> dict[str, object]:
     project_on_modes(pressure[:2], prior.mean, modes)
     variance = field_variance(prior, solved)
     samples = posterior_samples(prior, solved, solved.mean_strain, 2, 0)
-    return {"shapes": shapes, "share": float(variance.share_removed.mean()), "samples": samples.shape}
+    return {"shapes": shapes, "share": float(variance.fraction_removed.mean()), "samples": samples.shape}
 
 
 def square(_: Path) -> dict[str, object]:

@@ -139,7 +139,7 @@ def test_more_modes_than_gauges_or_snapshots_are_refused(
 
 def test_gauges_that_read_the_same_are_refused(case: Case) -> None:
     same = np.tile((case.strain_operator @ case.modes.modes[:, :3])[:1], (8, 1))
-    with pytest.raises(InputError, match=r"the 8 gauges cannot tell 3 modes apart \(condition number"):
+    with pytest.raises(InputError, match=r"the 8 gauges do not identify 3 modes \(condition number"):
         least_squares_map(same, np.zeros(8), np.eye(8), case.modes.coefficient_std()[:3])
 
 

@@ -278,7 +278,7 @@ def test_wrong_numbers_are_refused(case: Case, prior_snapshots: Snapshots) -> No
         gaussian_map(a, m, -covariance)
     with pytest.raises(InputError, match="1 snapshot found"):
         prior_of_snapshots(prior_snapshots.pressure[:1])
-    with pytest.raises(InputError, match="all alike"):
+    with pytest.raises(InputError, match="all equal"):
         prior_of_snapshots(np.tile(prior_snapshots.pressure[:1], (4, 1)))
     with pytest.raises(InputError, match=r"map.prior_modes: 90 found, at most 89 with 90 snapshots"):
         prior_of_modes(case.modes, 90)

@@ -13,7 +13,7 @@ from builder.aero.loads import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.case_1 import least_squares_map
 from builder.inverse.case_2 import gaussian_map
-from builder.inverse.coefficients import coefficient_covariance, load_error_covariance
+from builder.inverse.coefficients import coefficient_covariance, load_covariance_by_terms
 from builder.inverse.noise_model import NoiseModel, gauge_noise
 from builder.inverse.prior import LowRankPrior, prior_of_modes
 from builder.vehicle.reference_quantities import ReferenceQuantities
@@ -27,7 +27,7 @@ N_DRAWS = 20_000
 def covariance_of(case: Case) -> np.ndarray:
     """Case 1 with the default noise."""
     per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
-    return load_error_covariance(least_squares(case, N_MODES), per_state, noise, noise.strain_load_covariance)
+    return load_covariance_by_terms(least_squares(case, N_MODES), per_state, noise, noise.strain_load_covariance)
 
 
 def gain_of(case: Case) -> np.ndarray:
@@ -104,7 +104,7 @@ def test_noise_enters_squared_where_nothing_is_truncated(case: Case) -> None:
     for factor in (1.0, 10.0):
         noise = NoiseModel((gauge_noise(np.diag((factor * case.noise_std) ** 2)),))
         solved = least_squares_map(z, np.zeros(len(z)), noise.covariance, case.modes.coefficient_std()[:3])
-        found.append(load_error_covariance(solved, case.loads @ case.modes.modes[:, :3], noise))
+        found.append(load_covariance_by_terms(solved, case.loads @ case.modes.modes[:, :3], noise))
     np.testing.assert_allclose(found[1], 100.0 * found[0], rtol=1e-9, atol=1e-9 * np.abs(found[1]).max())
 
 
@@ -128,7 +128,7 @@ def test_case_2_covariance_is_that_of_draws(gamma: float, case: Case, prior: Low
     states = random.normal(size=(4000, prior.n_states))
     strain = states @ solved.state_operator.T + random.normal(size=(4000, len(case.noise_std))) * case.noise_std
     error = (strain @ solved.strain_gain.T - states) @ per_state.T
-    assert_coverage(error, load_error_covariance(solved, per_state, noise))
+    assert_coverage(error, load_covariance_by_terms(solved, per_state, noise))
 
 
 def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
@@ -137,7 +137,7 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
     mean_strain = case.strain_operator @ (prior.mean - case.internal_pressure)
     solved = gaussian_map(case.strain_operator @ prior.factor, mean_strain, noise.covariance)
     per_state, x = case.loads @ prior.factor, noise.strain_load_covariance
-    covariance = load_error_covariance(solved, per_state, noise, x)
+    covariance = load_covariance_by_terms(solved, per_state, noise, x)
     random = np.random.default_rng(21)
     states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std()
     measured = states @ (case.strain_operator @ case.modes.modes).T
@@ -156,7 +156,7 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
 def test_case_2_covers_flights_never_seen(case: Case, prior: LowRankPrior, held_out_of_prior: Snapshots) -> None:
     """3 sigma hold at least 99 % of each load over conditions that the prior was not made of."""
     solved, noise = gaussian(case, prior), noise_model(case, 0, with_truncated=False)
-    std = np.sqrt(np.diag(load_error_covariance(solved, case.loads @ prior.factor, noise)))
+    std = np.sqrt(np.diag(load_covariance_by_terms(solved, case.loads @ prior.factor, noise)))
     deviation = held_out_of_prior.pressure - prior.mean
     draws = np.random.default_rng(8).normal(size=(len(deviation), 100, len(case.noise_std))) * case.noise_std
     strain = (deviation @ case.strain_operator.T)[:, None] + draws
@@ -167,7 +167,7 @@ def test_case_2_covers_flights_never_seen(case: Case, prior: LowRankPrior, held_
 def test_case_2_covariance_stays_positive_where_gamma_is_small(case: Case, prior: LowRankPrior) -> None:
     """gamma = 1e-6: symmetric and positive definite."""
     noise = noise_model(case, 0, with_truncated=False)
-    covariance = load_error_covariance(gaussian(case, prior, 1e-6), case.loads @ prior.factor, noise)
+    covariance = load_covariance_by_terms(gaussian(case, prior, 1e-6), case.loads @ prior.factor, noise)
     np.testing.assert_array_equal(covariance, covariance.T)
     scale = np.sqrt(np.diag(covariance))
     assert np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() > 0.0

@@ -66,15 +66,15 @@ def test_variance_is_that_of_the_error(gamma: float, case: Case, prior: LowRankP
     np.testing.assert_allclose(chunked.posterior, found.posterior, rtol=1e-12)
     assert np.all(found.posterior > 0.0)
     if gamma == 1.0:
-        assert np.all((found.share_removed >= 0.0) & (found.share_removed <= 1.0))
-        assert found.share_removed.max() > 0.9
+        assert np.all((found.fraction_removed >= 0.0) & (found.fraction_removed <= 1.0))
+        assert found.fraction_removed.max() > 0.9
 
 
 def test_a_node_without_prior_variance_was_not_measured() -> None:
     factor = np.array([[1.0, 0.0], [0.0, 0.0], [0.5, 2.0]])
     prior = LowRankPrior(np.zeros(3), factor)
     found = field_variance(prior, gaussian_map(np.array([[1.0, 0.0]]), np.zeros(1), np.array([[0.1]])))
-    np.testing.assert_allclose(found.share_removed[:2], [1.0 / 1.1, 0.0])
+    np.testing.assert_allclose(found.fraction_removed[:2], [1.0 / 1.1, 0.0])
 
 
 def test_samples_have_the_stated_mean_and_variance(case: Case, prior: LowRankPrior) -> None:

@@ -14,7 +14,7 @@ from inverse_case import Case, noise_model
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, check_noise, gauge_noise_covariance, noise_terms
 from builder.inverse.case_1 import least_squares_map
-from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
 from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nuisance_terms
 from builder.inverse.noise_model import (
@@ -61,13 +61,13 @@ def test_shares_add_up_and_name_every_term(case: Case) -> None:
     """Whitened shares sum to 1; the mean square strains to the trace of Gamma; of gauge noise alone it is 1."""
     model = noise_model(case, N_MODES)
     model = NoiseModel((*model.terms, nuisance_modes("heat", np.ones((54, 1)), np.array([1e-6]))))
-    rows = model.shares()
+    rows = model.fractions()
     assert [row.name for row in rows] == ["gauge noise", "truncated modes", "heat"]
-    assert sum(row.share for row in rows) == pytest.approx(1.0, rel=1e-10)
+    assert sum(row.fraction for row in rows) == pytest.approx(1.0, rel=1e-10)
     assert sum(row.rms_strain**2 for row in rows) == pytest.approx(np.trace(model.covariance) / 54, rel=1e-10)
     assert rows[2].rms_strain == pytest.approx(1e-6, rel=1e-12)
-    alone = noise_model(case, N_MODES, with_truncated=False).shares()
-    assert alone[0].share == pytest.approx(1.0, rel=1e-12)
+    alone = noise_model(case, N_MODES, with_truncated=False).fractions()
+    assert alone[0].fraction == pytest.approx(1.0, rel=1e-12)
 
 
 def test_full_covariance_is_kept_as_given() -> None:
@@ -108,7 +108,7 @@ def test_thermal_strain_is_covered_with_its_term_and_not_without(case: Case) -> 
     coverage = []
     for model in (NoiseModel((*default.terms, heat)), default):
         solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std()[:N_MODES])
-        std = np.sqrt(np.diag(load_error_covariance(solved, per_state, model)))
+        std = np.sqrt(np.diag(load_covariance_by_terms(solved, per_state, model)))
         error = np.abs(strain @ solved.strain_gain.T @ per_state.T - truth)
         coverage.append((error < 3.0 * std).mean(axis=0))
     assert np.all(coverage[0] > 0.9973 - 0.004)
@@ -209,7 +209,7 @@ def test_gauge_errors_are_covered_with_their_term_and_not_without(
             noise_whitening=inverse_cholesky(model.covariance),
             strain_load_covariance=x,
         )
-        std = np.sqrt(np.diag(load_error_covariance(solved, per_state, model, x)))
+        std = np.sqrt(np.diag(load_covariance_by_terms(solved, per_state, model, x)))
         coverage.append((np.abs(strain @ gain.T - truth) < 3.0 * std).mean(axis=(0, 1)))
     assert np.all(coverage[0] >= 0.99)
     assert coverage[1].min() < 0.95
@@ -278,7 +278,7 @@ def test_nuisance_file_is_a_term_per_column(tmp_path: Path) -> None:
         ("gauge, a, a\nG1, 1, 2\n", "columns gauge,  a,  a found"),
         (NUISANCE.replace("G3, 0.5, 0", ""), "gauge 'G3' of the layout in use is missing"),
         (NUISANCE + "G4, 1, 1\n", "gauge 'G4' is not in the layout in use"),
-        (NUISANCE + "G1, 1, 1\n", "a gauge is there twice"),
+        (NUISANCE + "G1, 1, 1\n", "a gauge is listed twice"),
         (NUISANCE.replace("0.5, 0", "0.5"), "gauge 'G3': 1 values found, must be 2"),
         (NUISANCE.replace("0.5", "half"), "gauge 'G3':  half,  0 found, must be numbers"),
         (NUISANCE.replace("0.5", "nan"), "gauge 'G3':  nan,  0 found, must be finite"),
@@ -382,7 +382,7 @@ def test_nuisance_that_is_no_numbers_is_refused() -> None:
 def test_a_model_without_gauge_noise_has_no_shares() -> None:
     model = NoiseModel((nuisance_modes("heat", np.ones((4, 1)), np.ones(1)),))
     with pytest.raises(InputError, match="positive definite"):
-        model.shares()
+        model.fractions()
     assert model.strain_load_covariance is None
     term = replace(model.terms[0], load=np.ones((5, 1)))
     np.testing.assert_array_equal(NoiseModel((term,)).strain_load_covariance, np.ones((4, 5)))

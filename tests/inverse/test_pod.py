@@ -75,7 +75,7 @@ def test_round_off_is_no_mode() -> None:
 def test_too_few_or_equal_snapshots_are_refused() -> None:
     with pytest.raises(InputError, match="1 snapshot found, at least 2"):
         proper_orthogonal_decomposition(np.ones((1, 4)))
-    with pytest.raises(InputError, match="all alike"):
+    with pytest.raises(InputError, match="all equal"):
         proper_orthogonal_decomposition(np.full((5, 4), 5474.9))
 
 

@@ -110,7 +110,9 @@ def test_gcv_is_leave_one_out_where_all_gauges_are_alike() -> None:
 
 
 def test_rules_without_an_answer_say_so() -> None:
-    data = DataSpectrum(np.array([100.0, 1.0]), np.array([0.1, 0.1]), 0.1, 3)
+    data = DataSpectrum(
+        eigenvalues=np.array([100.0, 1.0]), mean_square=np.array([0.1, 0.1]), outside=0.1, n_gauges=3
+    )
     with pytest.raises(InputError, match=r"no gamma fulfils 'morozov', the misfit stays below the noise"):
         select_gamma("morozov", data)
     with pytest.raises(InputError, match=r"no gamma fulfils 'morozov', the misfit stays above the noise"):
@@ -124,7 +126,7 @@ def test_rules_without_an_answer_say_so() -> None:
 def test_l_curve_is_monotonous_with_a_corner() -> None:
     """Residual rises, solution falls; the corner of a problem with a clear gap lies inside the gap."""
     eigenvalues = np.array([1e6, 1e5, 1e4, 1e-4, 1e-5, 1e-6])
-    data = DataSpectrum(eigenvalues, eigenvalues + 1.0, 0.0, 6)
+    data = DataSpectrum(eigenvalues=eigenvalues, mean_square=eigenvalues + 1.0, outside=0.0, n_gauges=6)
     curve = l_curve(data, np.logspace(-8, 8, 161))
     assert np.all(np.diff(curve.residual_norm) > 0.0)
     assert np.all(np.diff(curve.solution_norm) < 0.0)

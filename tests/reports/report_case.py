@@ -11,7 +11,7 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import inverse_map_of, inverse_problem
-from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem, Solution, solve
 from builder.structure.fourier.model import StructuralModel, structural_model
@@ -94,7 +94,7 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
         strain_gain=solved.strain_gain,
         state_offset=solved.state_offset,
         load_per_state=per_state,
-        load_covariance=load_error_covariance(solved, per_state, solution.noise, outside),
+        load_covariance=load_covariance_by_terms(solved, per_state, solution.noise, outside),
         mean_strain=solved.mean_strain,
         residual_whitening=solved.residual_whitening,
         residual_degrees_of_freedom=solved.residual_degrees_of_freedom,

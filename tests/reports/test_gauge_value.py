@@ -8,7 +8,7 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of, map_of_some, others
 from scipy.stats import norm
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.coefficients import load_error_covariance
+from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
 from builder.reports.coefficient_sources import coefficient_sources
@@ -25,7 +25,7 @@ def rebuilt_std(case: ReportCase, lost: list[int]) -> np.ndarray:
     problem = with_gauges(case.problem, others(case.inverse_map.n_gauges, lost))
     solution = solve(problem)
     per_state = problem.load_operator @ solution.field_modes
-    covariance = load_error_covariance(
+    covariance = load_covariance_by_terms(
         solution.solved, per_state, solution.noise, solution.noise.strain_load_covariance
     )
     return np.sqrt(np.diag(covariance))

@@ -44,7 +44,16 @@ def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorSight,
     strain_operator = 1e-9 * (1.0 + np.cos(phi - at[:, None])) * area
     noise = (gauge_noise(np.diag(np.full(4, 1e-12) ** 2)),)
     entry = MapEntry(case=2, gamma=1.0)
-    problem = Problem(pressure, 0.0, strain_operator, np.ones((5, len(phi))), area, noise, True, entry)
+    problem = Problem(
+        pressure=pressure,
+        internal_pressure=0.0,
+        strain_operator=strain_operator,
+        load_operator=np.ones((5, len(phi))),
+        node_area=area,
+        noise=noise,
+        with_truncated_modes=True,
+        entry=entry,
+    )
     # Both waves have a mean square of 1/2 over the area.
     share = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
     return prior_sight(problem, solve(problem), grid), share
