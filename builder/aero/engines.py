@@ -11,8 +11,9 @@ from strainfmu.errors import InputError
 if TYPE_CHECKING:
     from builder.aero.engine import Engine
     from builder.aero.euler.marching_grid import MarchingGrid
-    from builder.vehicle.file import Resolution, Vehicle
+    from builder.vehicle.file import Vehicle
     from builder.vehicle.geometry import SurfaceGrid
+    from builder.vehicle.sections import Resolution
 
 Note = Callable[[str], None]
 

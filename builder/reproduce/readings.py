@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from builder.vehicle.file import GaugeLayoutEntry, GaugeRow, Vehicle
+from builder.vehicle.file import Vehicle
+from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow
 
 GAUGES_PER_ROW = 9
 ALL = "all"

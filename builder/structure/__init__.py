@@ -1,6 +1,12 @@
 """Structure: from shape, wall and material to gauge strain per surface pressure, by two independent models.
 
-:mod:`builder.structure.solid` is three-dimensional elasticity on any mesh; :mod:`builder.structure.fourier` is the
-semi-analytic model of a body of revolution, harmonic by harmonic. Either stands as the check of the other.
-:mod:`builder.structure.wall` says what the vehicle is made of.
+:mod:`~builder.structure.fourier` is the semi-analytic model of a body of revolution, harmonic by harmonic;
+:mod:`~builder.structure.solid` is three-dimensional elasticity on any mesh. Each checks the other.
+
+Read in this order: :mod:`~builder.structure.wall` (what the vehicle is made of),
+:mod:`~builder.structure.gauge_placement` (rows of gauges on the inner surface),
+:mod:`~builder.structure.gauge_checks`; the models, each with its ``model.py`` first; then the results:
+:mod:`~builder.structure.structure_file` (``structure.h5``), :mod:`~builder.structure.mapped_structure` (the solid
+model's strain per pressure at the nodes of snapshots), :mod:`~builder.structure.observability` (what pressure a
+layout responds to).
 """

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator, model_validator
+from pydantic import Field, PositiveFloat, field_validator, model_validator
 
 from builder.vehicle.gamma_rules import RULES
+from builder.vehicle.sections import Section
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class MapEntry(_Section):
+class MapEntry(Section):
     """The inverse map.
 
     ``case`` 1 keeps ``modes`` POD modes and solves by least squares; 2 takes the snapshots as a Gaussian prior,
@@ -37,7 +34,7 @@ class MapEntry(_Section):
         return value
 
 
-class Noise(_Section):
+class Noise(Section):
     """Strain error: the gauges' own noise, and what is added to its covariance.
 
     The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,

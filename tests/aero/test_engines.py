@@ -11,7 +11,8 @@ import pytest
 from builder.aero.engines import ENGINES, make_engine
 from builder.aero.euler_engine import EulerEngine
 from builder.campaign.snapshots import load_snapshots
-from builder.vehicle.file import IC3X, Aerodynamics, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.sections import Aerodynamics
 from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]

@@ -16,7 +16,7 @@ from builder.pipeline.stages import AnyProgress
 from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.structure_file import Structure
-from builder.vehicle.file import GaugeLayoutEntry
+from builder.vehicle.sections import GaugeLayoutEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
 

@@ -28,9 +28,10 @@ from builder.structure.solid.supports import Clamped
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
-from builder.vehicle.file import IC3X, Resolution, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -14,8 +14,9 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
-from builder.vehicle.file import IC3X, GaugeLayoutEntry, GaugeRow, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauge_layout import read_layout
+from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow
 from strainfmu.errors import InputError
 
 HEADER = "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\n"

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from builder.aero.cfd.text_numbers import read_file
 from builder.aero.cfd.units import METRES, PRESSURE_UNITS, QUANTITIES
+from builder.vehicle.sections import Section
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
@@ -37,11 +38,7 @@ _CASE_KEYS = ("file", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg"
 _TEXT_KEYS = ("file", "quantity", "unit", "length_unit", "array", "location", "axes")
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class CaseEntry(_Section):
+class CaseEntry(Section):
     """One file and the flight condition that it holds."""
 
     file: str = Field(min_length=1)
@@ -60,7 +57,7 @@ class CaseEntry(_Section):
         )
 
 
-class ManifestEntries(_Section):
+class ManifestEntries(Section):
     """A manifest as it is written; docs/cfd.md says what the entries mean."""
 
     quantity: str

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.vehicle.file import Resolution
+from builder.vehicle.sections import Resolution
 from strainfmu.arrays import FloatArray
 
 

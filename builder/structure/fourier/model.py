@@ -13,9 +13,10 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
-from builder.vehicle.file import GaugeLayoutEntry, GaugeRow, Resolution, Vehicle
+from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow, Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -1,15 +1,23 @@
 """Structure as a solid: three-dimensional linear elasticity of the vehicle, any shape.
 
-The data go one way:
+:mod:`~builder.structure.solid.case` makes the input of a vehicle file, :mod:`~builder.structure.solid.model` runs
+the stages. The data go one way:
 
-a :class:`~builder.structure.solid.solid_mesh.SolidMesh`, swept round the axis
-(:mod:`~builder.structure.solid.swept_mesh`), made of a body's surface or imported
--> :mod:`~builder.structure.solid.stiffness` (A), :mod:`~builder.structure.solid.surface_load` (C_map: pressure at
-the nodes of a surface to nodal forces), :mod:`~builder.structure.solid.gauge_rows` (B: gauge strain per
-displacement)
--> :mod:`~builder.structure.solid.supports` (what holds the body) and a solver of
-:mod:`~builder.structure.solid.solvers`
--> :mod:`~builder.structure.solid.strain_operator` (Z_p = B A^-1 C_map).
+- Mesh: :mod:`~builder.structure.solid.mesh_choice` picks one, a
+  :class:`~builder.structure.solid.solid_mesh.SolidMesh`: swept round the axis
+  (:mod:`~builder.structure.solid.swept_mesh`), made by Gmsh (:mod:`~builder.structure.solid.gmsh_mesh`) or read
+  (:mod:`~builder.structure.solid.mesh_import`). It is checked (``mesh_checks``, ``locking``) and described
+  (``mesh_report``).
+- Operators: :mod:`~builder.structure.solid.stiffness` (A), :mod:`~builder.structure.solid.surface_load` (C_map:
+  pressure at the nodes of a surface to nodal forces), :mod:`~builder.structure.solid.gauge_rows` (B: gauge strain
+  per displacement), on :mod:`~builder.structure.solid.elements`. The gauges of a vehicle file: ``gauge_layouts``,
+  ``displaced_gauges``.
+- Solution: :mod:`~builder.structure.solid.supports` or :mod:`~builder.structure.solid.free_flight`, a solver of
+  :mod:`~builder.structure.solid.solvers`, then Z_p = B A^-1 C_map:
+  :mod:`~builder.structure.solid.strain_operator` on the full mesh; ``cyclic_operator`` and ``cyclic_gauges`` on
+  one of equal sectors; :mod:`~builder.structure.solid.solution` chooses.
+- Error of the mesh: :mod:`~builder.structure.solid.reference_loads`. For comparison alone: ``swept_tetrahedra``,
+  ``growth``.
 
 A displacement component is dof = 3 * node + component, components along body axes x, y, z.
 """

@@ -10,9 +10,10 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.solid.gauge_rows import Gauges, gauges_at
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
-from builder.vehicle.file import GaugeLayoutEntry, GaugeRow, Vehicle
+from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow
 from strainfmu.errors import InputError
 
 SURFACE = {"inner": INTERNAL, "outer": EXTERNAL}
