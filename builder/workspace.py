@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from strainfmu import __version__
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import fingerprint, write_bytes_atomically
+from strainfmu.version import __version__
 
 MANIFEST = "manifest.json"
 

@@ -1,9 +1,87 @@
-"""strainfmu: aerodynamic loads in real time from structural strain (run-time package).
+"""strainfmu: aerodynamic loads in real time from structural strain.
 
-This package applies a finished inverse map: :mod:`strainfmu.estimator.inverse_map` is the artefact on disk,
-:mod:`strainfmu.estimator.step` one step of it, :mod:`strainfmu.fmu` the FMU around it and
-:mod:`strainfmu.cosim` the system simulation. It needs numpy and h5py only; the package ``builder``
-makes the maps.
+    import strainfmu
+
+    estimator = strainfmu.load("map.h5")
+    result = estimator.estimate(strain, dynamic_pressure=95.8e3)
+    result.C_N, result.sigma.C_N, result.health
+
+Names are imported when they are used first. Applying a map needs numpy and h5py; the rest comes with the extras.
+The package ``builder`` makes the maps.
 """
 
-__version__ = "0.1.0"
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from strainfmu.version import __version__
+
+if TYPE_CHECKING:
+    from strainfmu.cosim.master import simulate
+    from strainfmu.cosim.recording import Recording
+    from strainfmu.cosim.system import Connection, System
+    from strainfmu.errors import InputError, StrainfmuError
+    from strainfmu.estimator.health import HealthState
+    from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+    from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.settings import EstimatorSettings
+    from strainfmu.estimator.step import Estimator, load
+    from strainfmu.fmu.export import ExportOptions, export_estimator
+    from strainfmu.recorded.run import estimate_file
+
+_MODULES = {
+    "Connection": "cosim.system",
+    "Estimator": "estimator.step",
+    "EstimatorSettings": "estimator.settings",
+    "ExportOptions": "fmu.export",
+    "HealthState": "estimator.health",
+    "InputError": "errors",
+    "InverseMap": "estimator.inverse_map",
+    "LoadEstimate": "estimator.load_estimate",
+    "LoadEstimates": "estimator.load_estimate",
+    "Recording": "cosim.recording",
+    "StrainfmuError": "errors",
+    "System": "cosim.system",
+    "estimate_file": "recorded.run",
+    "export_estimator": "fmu.export",
+    "load": "estimator.step",
+    "load_inverse_map": "estimator.inverse_map",
+    "save_inverse_map": "estimator.inverse_map",
+    "simulate": "cosim.master",
+}
+"""Module of each public name."""
+
+__all__ = [
+    "Connection",
+    "Estimator",
+    "EstimatorSettings",
+    "ExportOptions",
+    "HealthState",
+    "InputError",
+    "InverseMap",
+    "LoadEstimate",
+    "LoadEstimates",
+    "Recording",
+    "StrainfmuError",
+    "System",
+    "__version__",
+    "estimate_file",
+    "export_estimator",
+    "load",
+    "load_inverse_map",
+    "save_inverse_map",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

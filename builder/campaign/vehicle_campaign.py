@@ -11,7 +11,7 @@ from builder.aero.engines import own_surface
 from builder.campaign.run import Campaign
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet
-from strainfmu import __version__
+from strainfmu.version import __version__
 
 
 def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionSet] = ()) -> Campaign:

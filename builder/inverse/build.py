@@ -22,11 +22,11 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import solid_case
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
-from strainfmu import __version__
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.validity import condition_ranges
+from strainfmu.version import __version__
 
 AnyStructure = StructuralModel | MappedStructure
 

@@ -251,10 +251,7 @@ def _row(
     noise = np.random.default_rng(SEED).standard_normal((NOISE_DRAWS, *truth.strain.shape)) * truth.sigma
     estimator = Estimator(inverse_map)
     estimates = [
-        [
-            estimator.estimate(strain, q)
-            for strain, q in zip(truth.strain + one, truth.dynamic_pressure, strict=True)
-        ]
+        [estimator.step(strain, q) for strain, q in zip(truth.strain + one, truth.dynamic_pressure, strict=True)]
         for one in noise
     ]
     error = np.array([[e.coefficients for e in draw] for draw in estimates]) - truth.coefficients

@@ -138,7 +138,7 @@ class EstimatorSlave(Fmi2Slave):
         """Compute the outputs if an input was set since."""
         if not self._outdated:
             return
-        estimate = self._estimator.estimate(
+        estimate = self._estimator.step(
             self._values[self._first_input : self._valid],
             float(self._values[self._pressure]),
             self._values[self._valid : self._pressure] != 0.0,

@@ -50,10 +50,8 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     cost = dict(zip(flown.instances, np.median(flown.step_cost, axis=0).tolist(), strict=True))
     return {
         f"bare product 5 x {n}, numpy": time_per_call(lambda: np.dot(rows, strain, out=out)),
-        f"Estimator.estimate, {n} gauges, with health": time_per_call(
-            lambda: estimator.estimate(strain, pressure)
-        ),
-        f"Estimator.estimate, {LOST} gauges lost": time_per_call(lambda: estimator.estimate(broken, pressure)),
+        f"Estimator.step, {n} gauges, with health": time_per_call(lambda: estimator.step(strain, pressure)),
+        f"Estimator.step, {LOST} gauges lost": time_per_call(lambda: estimator.step(broken, pressure)),
         f"estimator FMU in the demo's simulation: set {n + 1}, step, get {len(out)}": cost["estimator"],
         f"plant FMU: step, get {n + 1}": cost["plant"],
         **step_costs(map_path, time_per_call),

@@ -70,7 +70,7 @@ def open_step(source: Path) -> Iterator[ReadyStep]:
     estimator = Estimator(inverse_map)
 
     def step(strain: FloatArray, dynamic_pressure: float, step_size: float) -> StepResult:
-        found = estimator.estimate(strain, dynamic_pressure)
+        found = estimator.step(strain, dynamic_pressure)
         return StepResult(found.coefficients, found.coefficients_std, int(found.health), found.chi_square)
 
     yield ReadyStep(step, tuple(inverse_map.gauge_names))

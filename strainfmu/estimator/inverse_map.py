@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,11 @@ class InverseMap:
             _check_consistency(self)
         except InputError as error:
             raise InputError(f"inverse map: {error}") from error
+
+    def _repr_html_(self) -> str:
+        from strainfmu.estimator.notebook import map_html
+
+        return map_html(self)
 
     @property
     def n_gauges(self) -> int:
@@ -275,7 +281,7 @@ def _units(case: int) -> dict[str, str]:
     }
 
 
-def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
+def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
     """Write ``inverse_map`` to ``path`` atomically and return its content hash.
 
     Raises
@@ -283,10 +289,10 @@ def save_inverse_map(inverse_map: InverseMap, path: Path) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-    return save_record(inverse_map, path, SCHEMA, SCHEMA_VERSION, _units(inverse_map.case))
+    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, _units(inverse_map.case))
 
 
-def load_inverse_map(path: Path) -> InverseMap:
+def load_inverse_map(path: str | PathLike[str]) -> InverseMap:
     """Read and check a map.
 
     Raises
@@ -294,4 +300,4 @@ def load_inverse_map(path: Path) -> InverseMap:
     InputError
         The file is missing, damaged, altered, or of another schema version.
     """
-    return load_record(InverseMap, path, SCHEMA, SCHEMA_VERSION)
+    return load_record(InverseMap, Path(path), SCHEMA, SCHEMA_VERSION)

@@ -77,3 +77,17 @@ def suspected_gauges(z: FloatArray, threshold: float, groups: tuple[tuple[int, .
     if not abs(z[worst]) > threshold:
         return ()
     return next((group for group in groups if worst in group), (worst,))
+
+
+def suspects_by_gauge(
+    n_gauges: int, groups: tuple[tuple[int, ...], ...]
+) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
+    """Return (n_gauges + 1,) tuples: the answer of :func:`suspected_gauges` for each gauge; the last one is ()."""
+    table = np.empty(n_gauges + 1, dtype=object)
+    for gauge in range(n_gauges):
+        table[gauge] = (gauge,)
+    table[n_gauges] = ()
+    for group in groups:
+        for gauge in group:
+            table[gauge] = group
+    return table

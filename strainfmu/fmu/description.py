@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from datetime import UTC, datetime
 
-from strainfmu import __version__
 from strainfmu.errors import InputError
 from strainfmu.interface.fmi_variables import Variable
+from strainfmu.version import __version__
 
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "strainfmu")
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from html import escape
 from math import atan2, degrees
 
-from strainfmu import __version__
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation import Section, table_html
 from strainfmu.fmu.reference_run import ReferenceRun, example_plot
+from strainfmu.version import __version__
 
 _LIMITS = (
     "sigma is one standard deviation: gauge noise and what the map's model leaves out, for conditions like those "

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu import __version__
 from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
@@ -29,12 +28,14 @@ from strainfmu.fmu.reference_run import layered_standard_files, reference_run
 from strainfmu.fmu.terminals import terminal_files
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.plant_variables import plant_interface
+from strainfmu.version import __version__
 
 KINDS = ("native", "python")
 FMI_VERSIONS = ("2", "3")
 
 _COMMON_SOURCES = (
     "__init__.py",
+    "version.py",
     "arrays.py",
     "errors.py",
     "files.py",

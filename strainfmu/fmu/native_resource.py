@@ -28,7 +28,7 @@ from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_thresho
 from strainfmu.estimator.map_parts import MapParts, map_parts
 from strainfmu.estimator.masks import LEAST_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
-from strainfmu.estimator.step import LEAST_DYNAMIC_PRESSURE
+from strainfmu.estimator.step import MIN_DYNAMIC_PRESSURE
 
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 1
@@ -77,7 +77,7 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
             inverse_map.nominal_dynamic_pressure,
             LEAST_INFORMATION,
             AMBIGUOUS_CORRELATION,
-            LEAST_DYNAMIC_PRESSURE,
+            MIN_DYNAMIC_PRESSURE,
             LARGEST_SENSOR_RANGE,
             LARGEST_SETTING,
         ]

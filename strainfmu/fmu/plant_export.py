@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu import __version__
 from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
@@ -38,6 +37,7 @@ from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
 from strainfmu.fmu.terminals import terminal_files
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
+from strainfmu.version import __version__
 
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0

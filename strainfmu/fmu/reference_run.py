@@ -59,7 +59,7 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     rows = [_strain(inverse_map, t) for t in time]
     strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows])
     q, estimator = inverse_map.nominal_dynamic_pressure, Estimator(inverse_map)
-    values = np.array([output_values(estimator.estimate(row, q)) for row in strain])
+    values = np.array([output_values(estimator.step(row, q)) for row in strain])
     held = np.concatenate([values[:1], values[:-1]])
     outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
     signals = dict(zip(outputs, held.T, strict=True))

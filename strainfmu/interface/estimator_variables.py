@@ -18,7 +18,7 @@ from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_nam
 
 if TYPE_CHECKING:
     from strainfmu.estimator.inverse_map import InverseMap
-    from strainfmu.estimator.step import LoadEstimate
+    from strainfmu.estimator.load_estimate import LoadEstimate
 
 LOADS = {
     "force.axial": ("Axial force, positive aft, fore-body", "N"),

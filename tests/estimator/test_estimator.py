@@ -276,7 +276,7 @@ def assert_same(found: LoadEstimate, wanted: LoadEstimate) -> None:
     "valid", [np.ones(7, dtype=bool), np.ones(N_GAUGES), [1] * N_GAUGES, np.ones((N_GAUGES, 1), dtype=bool), True]
 )
 def test_mask_of_another_shape_or_type_is_refused(valid: object) -> None:
-    with pytest.raises(InputError, match=r"valid: .* found, 8 values of bool wanted"):
+    with pytest.raises(InputError, match=r"valid: expected \(8,\) values of bool, got"):
         Estimator(random_map()).estimate(np.zeros(N_GAUGES), Q, valid=valid)  # type: ignore[arg-type]
 
 
@@ -340,7 +340,7 @@ def test_loads_do_not_need_dynamic_pressure(dynamic_pressure: float) -> None:
 
 @pytest.mark.parametrize("shape", [(7,), (9,), (8, 1), ()])
 def test_strain_of_the_wrong_shape_is_refused(shape: tuple[int, ...]) -> None:
-    with pytest.raises(InputError, match="8 values wanted"):
+    with pytest.raises(InputError, match=r"strain: expected (8|\(k, 8\)) values, got"):
         Estimator(random_map()).estimate(np.zeros(shape), Q)
 
 

@@ -44,9 +44,9 @@ from builder.structure.solid.swept_mesh import SweptSector
 from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import BodyOfRevolution
-from strainfmu import __version__
 from strainfmu.arrays import FloatArray
 from strainfmu.files import fingerprint
+from strainfmu.version import __version__
 
 FOURIER_REFERENCE = "the Fourier model"
 

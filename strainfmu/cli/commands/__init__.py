@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from strainfmu import __version__
 from strainfmu.cli.commands import (
     can_bus,
     can_data,
@@ -18,6 +17,7 @@ from strainfmu.cli.commands import (
     structures,
     whole_way,
 )
+from strainfmu.version import __version__
 
 app = typer.Typer(
     no_args_is_help=True,

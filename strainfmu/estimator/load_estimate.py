@@ -1,0 +1,249 @@
+"""Estimates of loads: of one sample, or of a series of samples, with every number by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+class NamedLoads:
+    """Loads and coefficients by name: views of the last axis of ``loads`` (.., 5) and ``coefficients`` (.., 5)."""
+
+    loads: FloatArray
+    coefficients: FloatArray
+
+    @property
+    def axial_force(self) -> FloatArray:
+        """F_x [N], positive aft, of the fore-body."""
+        return self.loads[..., 0]
+
+    @property
+    def normal_force(self) -> FloatArray:
+        """F_z [N], positive up."""
+        return self.loads[..., 1]
+
+    @property
+    def side_force(self) -> FloatArray:
+        """F_y [N], positive to starboard."""
+        return self.loads[..., 2]
+
+    @property
+    def pitching_moment(self) -> FloatArray:
+        """Moment about y [N m], positive nose-up."""
+        return self.loads[..., 3]
+
+    @property
+    def yawing_moment(self) -> FloatArray:
+        """Moment about z [N m], positive nose to starboard."""
+        return self.loads[..., 4]
+
+    @property
+    def C_A(self) -> FloatArray:
+        """Coefficient of the axial force [1]."""
+        return self.coefficients[..., 0]
+
+    @property
+    def C_N(self) -> FloatArray:
+        """Coefficient of the normal force [1]."""
+        return self.coefficients[..., 1]
+
+    @property
+    def C_Y(self) -> FloatArray:
+        """Coefficient of the side force [1]."""
+        return self.coefficients[..., 2]
+
+    @property
+    def M_P(self) -> FloatArray:
+        """Coefficient of the pitching moment [1]."""
+        return self.coefficients[..., 3]
+
+    @property
+    def M_Y(self) -> FloatArray:
+        """Coefficient of the yawing moment [1]."""
+        return self.coefficients[..., 4]
+
+
+@dataclass(frozen=True, eq=False)
+class Sigma(NamedLoads):
+    """Standard deviations by name: of the ``loads`` (.., 5) [N, N m] and of the ``coefficients`` (.., 5) [1]."""
+
+    loads: FloatArray
+    coefficients: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadEstimate(NamedLoads):
+    """The estimate of one sample. Of a gauge that is not valid, no number here depends on its strain.
+
+    Attributes
+    ----------
+    loads : (5,) forces and moments [N, N, N, N m, N m], order of ``LOAD_NAMES``; NaN where they cannot be known.
+    loads_std : (5,) their standard deviations.
+    coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1]; NaN where they cannot be computed.
+    coefficients_std : (5,) their standard deviations [1].
+    chi_square : |W (d - mean_strain)|^2 of the residual of the valid gauges [1].
+    health : state of this estimate.
+    load_covariance : (5, 5) covariance of the loads [(N, N m)^2].
+    chi_square_limit : alarm level for the valid gauges, times ``alarm_scale``; infinite where nothing checks the
+        estimate.
+    degrees_of_freedom : of chi_square; 0 where nothing checks the estimate.
+    valid : (n_d,) gauges that were used.
+    standardised_residual : (n_d,) z, standard normal where a gauge fits the others; 0 where no other checks it.
+    suspects : gauges, by index, that the largest |z| points to, none below its alarm level; more than one where
+        they cannot be told apart.
+    """
+
+    loads: FloatArray
+    loads_std: FloatArray
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+    chi_square: float
+    health: HealthState
+    load_covariance: FloatArray
+    chi_square_limit: float
+    degrees_of_freedom: int
+    valid: BoolArray
+    standardised_residual: FloatArray
+    suspects: tuple[int, ...]
+
+    @property
+    def sigma(self) -> Sigma:
+        """Standard deviations by name: ``estimate.sigma.C_N``."""
+        return Sigma(self.loads_std, self.coefficients_std)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return one row: coefficients, loads, their standard deviations and health. Needs pandas."""
+        return _dataframe(self, [self.health.name])
+
+    def _repr_html_(self) -> str:
+        from strainfmu.estimator.notebook import estimate_html
+
+        return estimate_html(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadEstimates(NamedLoads):
+    """The estimates of k samples; row i of every array is the :class:`LoadEstimate` of sample i.
+
+    Attributes
+    ----------
+    loads, loads_std, coefficients, coefficients_std : (k, 5).
+    chi_square, chi_square_limit : (k,).
+    health : (k,) values of :class:`~strainfmu.estimator.health.HealthState`.
+    load_covariance : (k, 5, 5).
+    degrees_of_freedom : (k,).
+    valid : (k, n_d).
+    standardised_residual : (k, n_d).
+    suspects : (k,) of tuples.
+    """
+
+    loads: FloatArray
+    loads_std: FloatArray
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+    chi_square: FloatArray
+    health: IntArray
+    load_covariance: FloatArray
+    chi_square_limit: FloatArray
+    degrees_of_freedom: IntArray
+    valid: BoolArray
+    standardised_residual: FloatArray
+    suspects: np.ndarray[tuple[int], np.dtype[np.object_]]
+
+    @property
+    def sigma(self) -> Sigma:
+        """Standard deviations by name: ``estimates.sigma.C_N`` (k,)."""
+        return Sigma(self.loads_std, self.coefficients_std)
+
+    def __len__(self) -> int:
+        return len(self.loads)
+
+    def __getitem__(self, sample: int) -> LoadEstimate:
+        """Return the estimate of one sample."""
+        return LoadEstimate(
+            loads=self.loads[sample],
+            loads_std=self.loads_std[sample],
+            coefficients=self.coefficients[sample],
+            coefficients_std=self.coefficients_std[sample],
+            chi_square=float(self.chi_square[sample]),
+            health=HealthState(int(self.health[sample])),
+            load_covariance=self.load_covariance[sample],
+            chi_square_limit=float(self.chi_square_limit[sample]),
+            degrees_of_freedom=int(self.degrees_of_freedom[sample]),
+            valid=self.valid[sample],
+            standardised_residual=self.standardised_residual[sample],
+            suspects=self.suspects[sample],
+        )
+
+    def to_dataframe(self) -> DataFrame:
+        """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
+        names = np.array([state.name for state in HealthState])
+        return _dataframe(self, names[self.health])
+
+    def _repr_html_(self) -> str:
+        from strainfmu.estimator.notebook import estimates_html
+
+        return estimates_html(self)
+
+
+def empty_estimates(k: int, n_gauges: int) -> LoadEstimates:
+    """Return estimates of ``k`` samples whose arrays are to be filled."""
+    return LoadEstimates(
+        loads=np.empty((k, 5)),
+        loads_std=np.empty((k, 5)),
+        coefficients=np.empty((k, 5)),
+        coefficients_std=np.empty((k, 5)),
+        chi_square=np.empty(k),
+        health=np.empty(k, dtype=np.int64),
+        load_covariance=np.empty((k, 5, 5)),
+        chi_square_limit=np.empty(k),
+        degrees_of_freedom=np.empty(k, dtype=np.int64),
+        valid=np.empty((k, n_gauges), dtype=bool),
+        standardised_residual=np.empty((k, n_gauges)),
+        suspects=np.empty(k, dtype=object),
+    )
+
+
+def set_unknown(estimates: LoadEstimates, rows: IntArray) -> None:
+    """Fill ``rows``, whose ``valid`` gauges do not identify the state: no number is known."""
+    for values in (
+        estimates.loads,
+        estimates.loads_std,
+        estimates.coefficients,
+        estimates.coefficients_std,
+        estimates.chi_square,
+        estimates.load_covariance,
+        estimates.chi_square_limit,
+        estimates.standardised_residual,
+    ):
+        values[rows] = np.nan
+    estimates.degrees_of_freedom[rows] = 0
+    for row in rows:
+        estimates.suspects[row] = ()
+    some = estimates.valid[rows].any(axis=1)
+    estimates.health[rows] = np.where(some, HealthState.UNIDENTIFIED, HealthState.INVALID)
+
+
+def _dataframe(estimate: LoadEstimate | LoadEstimates, health: Any) -> DataFrame:
+    from pandas import DataFrame
+
+    columns: dict[str, Any] = {}
+    for names, values, std in (
+        (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
+        (LOAD_NAMES, estimate.loads, estimate.loads_std),
+    ):
+        columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))
+        columns |= {f"sigma.{name}": row for name, row in zip(names, np.atleast_2d(std).T, strict=True)}
+    columns["chi_square"] = np.atleast_1d(estimate.chi_square)
+    columns["health"] = health
+    columns["valid_gauges"] = np.atleast_1d(np.sum(estimate.valid, axis=-1))
+    return DataFrame(columns)

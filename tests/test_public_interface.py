@@ -1,0 +1,52 @@
+"""The public names of strainfmu: there, lazy, and enough for the first lines that a user writes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_map import random_map
+
+import strainfmu
+
+pytestmark = pytest.mark.fast
+
+
+def test_every_public_name_is_there() -> None:
+    for name in strainfmu.__all__:
+        assert getattr(strainfmu, name) is not None
+    assert set(strainfmu.__all__) <= set(dir(strainfmu))
+    with pytest.raises(AttributeError, match="has no attribute 'none_such'"):
+        _ = strainfmu.none_such
+
+
+def test_import_is_lazy() -> None:
+    """Plain ``import strainfmu`` imports neither numpy nor h5py; the estimator needs no optional package."""
+    program = (
+        "import sys, strainfmu\n"
+        "assert not {'numpy', 'h5py', 'fmpy', 'can'} & set(sys.modules)\n"
+        "strainfmu.Estimator\n"
+        "assert not {'scipy', 'fmpy', 'can', 'pandas', 'pydantic', 'typer'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_first_lines_of_a_user(kind: type, tmp_path: Path) -> None:
+    inverse_map = random_map()
+    path = kind(tmp_path / "map.h5")
+    strainfmu.save_inverse_map(inverse_map, path)
+    estimator = strainfmu.load(path)
+    result = estimator.estimate(inverse_map.mean_strain, dynamic_pressure=95.8e3)
+    assert result.health is strainfmu.HealthState.OK
+    assert result.sigma.C_N == result.coefficients_std[1]
+    series = estimator.estimate(np.tile(inverse_map.mean_strain, (3, 1)), dynamic_pressure=np.full(3, 95.8e3))
+    np.testing.assert_allclose(series.C_N, result.C_N, rtol=1e-12)
+
+
+def test_wrong_file_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(strainfmu.InputError, match="no such file"):
+        strainfmu.load(tmp_path / "none.h5")
