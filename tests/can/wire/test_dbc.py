@@ -30,7 +30,7 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import PROFILES, Identifiers, configuration_of
 from strainfmu.errors import InputError
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "can_cantools_example.py"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "can_cantools_example.py"
 
 
 def text_of(profile: str, n_gauges: int = 54, extended: bool = False) -> str:

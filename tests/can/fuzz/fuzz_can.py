@@ -2,8 +2,8 @@
 
 From the root of the repository, in an environment that holds the project:
 
-    python tests/can/fuzz_can.py frames tests/can/corpus/frames -max_total_time=600
-    python tests/can/fuzz_can.py database tests/can/corpus/database -max_total_time=600
+    python tests/can/fuzz/fuzz_can.py frames tests/can/fuzz/corpus/frames -max_total_time=600
+    python tests/can/fuzz/fuzz_can.py database tests/can/fuzz/corpus/database -max_total_time=600
 
 New inputs go into the first folder: give an empty one ahead of the corpus to keep that small.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "support")]
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "support")]
 
 
 def main() -> None:
