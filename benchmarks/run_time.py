@@ -80,7 +80,7 @@ class BusCycles:
     def setup(self) -> None:
         inverse_map = synthetic_inverse_map(n_gauges=N_GAUGES)
         names = [f"gauge {i}" for i in range(N_GAUGES)]
-        self.layout = profile_layout("fd64", names, CYCLE_TIME, Identifiers())
+        self.layout = profile_layout("fd64", names, cycle_time=CYCLE_TIME, identifiers=Identifiers())
         sender, random = FaultySender(self.layout, []), np.random.default_rng(1)
         self.cycles = []
         for number in range(self.n_cycles):

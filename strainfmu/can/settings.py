@@ -23,7 +23,7 @@ def checked_cycle_time(cycle_time: float, where: str) -> float:
     return cycle_time
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StateMachineSettings:
     """AUTOSAR's E2E_SMConfigType.
 
@@ -43,7 +43,7 @@ class StateMachineSettings:
     max_error_invalid: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BridgeSettings:
     """Times are in cycles of the input's nominal period unless a unit is stated.
 

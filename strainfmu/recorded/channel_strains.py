@@ -43,7 +43,7 @@ def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
                 )
         columns = {"time": clock, **{name: signal.samples for name, signal in signals.items()}}
         units: dict[str, str | None] = {"time": "s", **{name: signal.unit for name, signal in signals.items()}}
-        yield column_file(path, columns, units, gauge_names, fixed)
+        yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
 
 
 @contextmanager
@@ -71,7 +71,7 @@ def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
                 raise InputError(f"{path}: neither a channel 'time' nor the property 'wf_increment' found")
             columns["time"] = float(step) * np.arange(len(channels[0]))
             units["time"] = "s"
-        yield column_file(path, columns, units, gauge_names, fixed)
+        yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
 
 
 def _wanted(names: Sequence[str], gauge_names: tuple[str, ...]) -> list[str]:

@@ -21,7 +21,7 @@ _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StrainBlock:
     """Successive samples of n_d gauges.
 
@@ -37,7 +37,7 @@ class StrainBlock:
     dynamic_pressure: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ColumnPlan:
     """Where the samples are in a table, and the factors to SI.
 
@@ -147,9 +147,11 @@ def plan_columns(
     parts = [_split(heading) for heading in headings]
     given = [unit if units is None else (units[i] or unit) for i, (_, unit) in enumerate(parts)]
     names = [name for name, _ in parts]
-    time = _only(path, [i for i, name in enumerate(names) if name.lower() in _TIME_NAMES], "time", names)
+    time = _only(
+        path, [i for i, name in enumerate(names) if name.lower() in _TIME_NAMES], what="time", names=names
+    )
     places = _gauge_columns(path, names, gauge_names)
-    factors = [_factor(path, headings[i], given[i], STRAIN_UNITS, "1") for i in places]
+    factors = [strain_factor(path, headings[i], given[i]) for i in places]
     pressure = None
     if fixed_pressure is None:
         found = [i for i, name in enumerate(names) if _last(name) == "dynamic_pressure"]
@@ -157,17 +159,17 @@ def plan_columns(
             raise InputError(
                 f"{path}: no column 'dynamic_pressure' found, it holds {_some(names)}; or state --dynamic-pressure"
             )
-        pressure = _only(path, found, "dynamic_pressure", names)
+        pressure = _only(path, found, what="dynamic_pressure", names=names)
     return ColumnPlan(
-        path,
-        tuple(names),
-        time,
-        _factor(path, headings[time], given[time], TIME_UNITS, "s"),
-        places,
-        np.array(factors),
-        pressure,
-        1.0 if pressure is None else _factor(path, headings[pressure], given[pressure], PRESSURE_UNITS, "Pa"),
-        float("nan") if fixed_pressure is None else fixed_pressure,
+        path=path,
+        names=tuple(names),
+        time=time,
+        time_factor=time_factor(path, headings[time], given[time]),
+        strain=places,
+        strain_factor=np.array(factors),
+        dynamic_pressure=pressure,
+        pressure_factor=1.0 if pressure is None else pressure_factor(path, headings[pressure], given[pressure]),
+        fixed_pressure=float("nan") if fixed_pressure is None else fixed_pressure,
     )
 
 
@@ -179,17 +181,17 @@ def strain_factor(path: Path, name: str, unit: str | None) -> float:
     InputError
         There is no such unit.
     """
-    return _factor(path, name, unit, STRAIN_UNITS, "1")
+    return _factor(path, name, unit, units=STRAIN_UNITS, default="1")
 
 
 def pressure_factor(path: Path, name: str, unit: str | None) -> float:
     """Return the factor from ``unit`` to Pa, 1 without a unit."""
-    return _factor(path, name, unit, PRESSURE_UNITS, "Pa")
+    return _factor(path, name, unit, units=PRESSURE_UNITS, default="Pa")
 
 
 def time_factor(path: Path, name: str, unit: str | None) -> float:
     """Return the factor from ``unit`` to s, 1 without a unit."""
-    return _factor(path, name, unit, TIME_UNITS, "s")
+    return _factor(path, name, unit, units=TIME_UNITS, default="s")
 
 
 def _split(heading: str) -> tuple[str, str | None]:
@@ -225,7 +227,7 @@ def _gauge_columns(path: Path, names: Sequence[str], gauge_names: Sequence[str])
             raise InputError(
                 f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {_some(names)}"
             )
-        places.append(_only(path, found, gauge, names))
+        places.append(_only(path, found, what=gauge, names=names))
     return tuple(places)
 
 

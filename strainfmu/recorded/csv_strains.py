@@ -34,8 +34,10 @@ def csv_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
         headings = next(csv.reader([sample], delimiter=delimiter), [])
         if not headings:
             raise InputError(f"{path}: no headings found in the first line")
-        plan = plan_columns(path, headings, gauge_names, fixed)
-        yield StrainFile(path.stat().st_size, _csv_blocks(path, stream, delimiter, plan, len(sample)))
+        plan = plan_columns(path, headings, gauge_names=gauge_names, fixed_pressure=fixed)
+        yield StrainFile(
+            path.stat().st_size, _csv_blocks(path, stream, delimiter=delimiter, plan=plan, done=len(sample))
+        )
 
 
 def _csv_blocks(
@@ -56,13 +58,13 @@ def _csv_blocks(
         line += 1
         if not cells:
             continue
-        rows.append(_numbers(path, cells, plan, line))
+        rows.append(_numbers(path, cells, plan=plan, line=line))
         if len(rows) == BLOCK_ROWS:
-            block, last = checked_block(plan, np.array(rows), first, last)
+            block, last = checked_block(plan, np.array(rows), first_row=first, last=last)
             yield block, done
             first, rows = line + 1, []
     if rows:
-        yield checked_block(plan, np.array(rows), first, last)[0], done
+        yield checked_block(plan, np.array(rows), first_row=first, last=last)[0], done
 
 
 def _rows(path: Path, lines: Iterator[str], delimiter: str) -> Iterator[list[str]]:

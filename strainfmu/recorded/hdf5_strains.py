@@ -34,9 +34,10 @@ def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
         raise InputError(f"{path}: damaged, or not an HDF5 file") from error
     with file:
         if "signals" in file:
-            yield column_file(path, *_recorded_columns(path, file), gauge_names, fixed)
+            columns, units = _recorded_columns(path, file)
+            yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
             return
-        yield _hdf5_arrays(path, file, gauge_names, fixed)
+        yield _hdf5_arrays(path, file, gauge_names=gauge_names, fixed=fixed)
 
 
 def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict[str, str | None]]:
@@ -73,17 +74,19 @@ def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixe
         )
     _check_gauge_order(path, file, gauge_names)
     plan = ColumnPlan(
-        path,
-        ("time", *(f"strain, {gauge}" for gauge in gauge_names), "dynamic_pressure"),
-        0,
-        time_factor(path, "time", _unit(path, "time", time)),
-        tuple(range(1, n_d + 1)),
-        np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
-        None if held is None else n_d + 1,
-        1.0 if held is None else pressure_factor(path, "dynamic_pressure", _unit(path, "dynamic_pressure", held)),
-        float("nan") if fixed is None else fixed,
+        path=path,
+        names=("time", *(f"strain, {gauge}" for gauge in gauge_names), "dynamic_pressure"),
+        time=0,
+        time_factor=time_factor(path, "time", _unit(path, "time", time)),
+        strain=tuple(range(1, n_d + 1)),
+        strain_factor=np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
+        dynamic_pressure=None if held is None else n_d + 1,
+        pressure_factor=1.0
+        if held is None
+        else pressure_factor(path, "dynamic_pressure", _unit(path, "dynamic_pressure", held)),
+        fixed_pressure=float("nan") if fixed is None else fixed,
     )
-    return StrainFile(len(time), _hdf5_blocks(plan, time, strain, held))
+    return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, held=held))
 
 
 def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterator[tuple[StrainBlock, int]]:
@@ -94,7 +97,7 @@ def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterato
         if held is not None:
             value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
             parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
-        block, last = checked_block(plan, np.column_stack(parts), first + 1, last)
+        block, last = checked_block(plan, np.column_stack(parts), first_row=first + 1, last=last)
         yield block, rows.stop
 
 

@@ -18,7 +18,7 @@ from strainfmu.recorded.strain_files import open_strains
 Progress = Callable[[int, int], None]
 
 
-@dataclass
+@dataclass(kw_only=True)
 class EstimationSummary:
     """What was done.
 
@@ -64,7 +64,7 @@ def estimate_file(
     ):
         first = last = float("nan")
         for block, done in opened.blocks:
-            writer.write(_estimates(ready, block, last, summary))
+            writer.write(_estimates(ready, block, last=last, summary=summary))
             first = block.time[0] if np.isnan(first) else first
             last = float(block.time[-1])
             if progress is not None:

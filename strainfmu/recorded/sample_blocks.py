@@ -21,7 +21,7 @@ BLOCK_ROWS = 2000
 """Samples in one block."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StrainFile:
     """An open file: its length in ``unit`` for a progress bar, and blocks with how far into it each reaches."""
 
@@ -49,7 +49,9 @@ def column_file(
 ) -> StrainFile:
     """Read columns that a library gives one by one; all have the same length."""
     names = list(columns)
-    plan = plan_columns(path, names, gauge_names, fixed, [units[name] for name in names])
+    plan = plan_columns(
+        path, names, gauge_names=gauge_names, fixed_pressure=fixed, units=[units[name] for name in names]
+    )
     used = [names[place] for place in plan.columns]
     n = len(columns[used[0]])
     for name in used:
@@ -64,7 +66,7 @@ def column_file(
                 table = np.column_stack([np.asarray(columns[name][rows], dtype=float) for name in used])
             except (TypeError, ValueError) as error:
                 raise InputError(f"{path}: rows {first + 1} to {rows.stop}: values that are no numbers") from error
-            block, last = checked_block(plan, table, first + 1, last)
+            block, last = checked_block(plan, table, first_row=first + 1, last=last)
             yield block, rows.stop
 
     return StrainFile(n, blocks())

@@ -40,12 +40,23 @@ def result(quality: Quality = Quality.VALID, value: float = 0.5) -> CycleResult:
     strain = np.array([1e-6, np.nan, -3e-6])
     full = np.full(5, value)
     valid = np.isfinite(strain)
-    return CycleResult(1.0, quality, Cause.PARTIAL_CYCLE, valid, strain, 9e4, 0.002, coefficients=full)
+    return CycleResult(
+        time=1.0,
+        quality=quality,
+        causes=Cause.PARTIAL_CYCLE,
+        valid=valid,
+        strain=strain,
+        dynamic_pressure=9e4,
+        age=0.002,
+        coefficients=full,
+    )
 
 
 def publisher(port: int, rate: float = 1e4) -> Publisher:
     places = [GaugePlace(name, 0.5, 90.0 * k) for k, name in enumerate("abc")]
-    return Publisher(("127.0.0.1", port), places, rate, FrameAccount, lambda: BusState.ERROR_ACTIVE)
+    return Publisher(
+        ("127.0.0.1", port), places, rate=rate, account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE
+    )
 
 
 def get(monitor: Monitor, path: str, host: str | None = None) -> tuple[int, bytes]:

@@ -60,7 +60,13 @@ def test_csv_and_hdf5_give_the_estimators_numbers(truth: Truth, synthetic: Synth
     time, strain, pressure, expected = truth
     data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
     seen: list[tuple[int, int]] = []
-    summary = estimate_file(synthetic.map_1, data, tmp_path / "o.h5", None, lambda *at: seen.append(at))
+    summary = estimate_file(
+        synthetic.map_1,
+        data,
+        output=tmp_path / "o.h5",
+        dynamic_pressure=None,
+        progress=lambda *at: seen.append(at),
+    )
     np.testing.assert_array_equal(coefficients(tmp_path / "o.h5"), expected)  # the same code, so the same bits
     assert (summary.samples, summary.duration) == (N, pytest.approx(time[-1]))
     assert len(seen) == 3
@@ -203,7 +209,7 @@ def test_what_spreadsheets_leave_in_cells_is_taken(tmp_path: Path) -> None:
 
 def test_units_behind_an_index() -> None:
     headings = ["t [ms]", "strain[1]", "x.strain[2] [ue]", "dynamic_pressure [psi]"]
-    plan = plan_columns(Path("d.csv"), headings, ["a", "b"], None)
+    plan = plan_columns(Path("d.csv"), headings, gauge_names=["a", "b"], fixed_pressure=None)
     assert (plan.time, plan.strain, plan.dynamic_pressure) == (0, (1, 2), 3)
     assert plan.time_factor == 1e-3
     np.testing.assert_array_equal(plan.strain_factor, [1.0, 1e-6])

@@ -22,18 +22,18 @@ def log(tmp_path: Path) -> Path:
     fmu.write_bytes(b"an FMU")
     recorder = Recorder(path, MicrosecondClock())
     options = BridgeOptions(
-        "virtual",
-        "x",
-        ("a=1",),
-        "classic-be",
-        tmp_path / "a.dbc",
-        None,
-        0.02,
-        Identifiers(1, 2, True),
-        9e4,
-        "fd",
-        0,
-        4,
+        interface="virtual",
+        channel="x",
+        bus_options=("a=1",),
+        profile="classic-be",
+        dbc=tmp_path / "a.dbc",
+        mapping=None,
+        cycle_time=0.02,
+        identifiers=Identifiers(1, 2, True),
+        dynamic_pressure=9e4,
+        result_form="fd",
+        stuck_cycles=0,
+        max_age=4,
     )
     recorder.describe(fmu, options, 12.5)
     recorder.close(20.0, [(1.0, 2.0)], [(3.0, 4.0)])
@@ -44,8 +44,18 @@ def test_a_description_comes_back(log: Path) -> None:
     found = load_description(log)
     assert found is not None
     assert found["options"] == BridgeOptions(
-        *("virtual", "x", ("a=1",), "classic-be", log.parent / "a.dbc", None, 0.02, Identifiers(1, 2, True)),
-        *(9e4, "fd", 0, 4.0),
+        interface="virtual",
+        channel="x",
+        bus_options=("a=1",),
+        profile="classic-be",
+        dbc=log.parent / "a.dbc",
+        mapping=None,
+        cycle_time=0.02,
+        identifiers=Identifiers(1, 2, True),
+        dynamic_pressure=9e4,
+        result_form="fd",
+        stuck_cycles=0,
+        max_age=4.0,
     )
     assert (found["start"], found["end"], found["lost"]) == (12.5, 20.0, 0)
     assert (found["skips"], found["unanswered"]) == ([(1.0, 2.0)], [(3.0, 4.0)])

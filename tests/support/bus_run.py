@@ -56,8 +56,8 @@ def live_run(
 
     ``stall`` is the number of a result behind which the bridge stands still, and for how long [s].
     """
-    options = BridgeOptions("virtual", channel, profile=profile, cycle_time=CYCLE)
-    settings = BusSettings("virtual", channel)
+    options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE)
+    settings = BusSettings(interface="virtual", channel=channel)
     results: list[CycleResult] = []
 
     def keep(result: CycleResult) -> None:
@@ -65,7 +65,7 @@ def live_run(
         if len(results) == stall[0]:
             time.sleep(stall[1])
 
-    with observed_bridge(fmu, options, record, publish, 1000.0, keep) as observed:
+    with observed_bridge(fmu, options, record=record, publish=publish, publish_rate=1000.0, also=keep) as observed:
         bridge = observed.ready.bridge
         found: list[BridgeSummary] = []
         thread = threading.Thread(target=lambda: found.append(bridge.run()))
@@ -73,7 +73,7 @@ def live_run(
         time.sleep(0.1)
         bus = open_bus(settings)
         layout = profile_layout(profile, [f"G{i}" for i in range(N_GAUGES)], CYCLE)
-        send_flight(bus, layout, flight(n_cycles), faults)
+        send_flight(bus, layout, samples=flight(n_cycles), faults=faults)
         time.sleep(0.1)
         bridge.stop()
         thread.join(10.0)

@@ -26,7 +26,7 @@ from strainfmu.estimator.health import HealthState
 CYCLE = 0.01
 N_GAUGES = 30
 QUANTUM = 0.25e-6
-OWN = Frame(0x380, bytes(64), is_fd=True)
+OWN = Frame(identifier=0x380, data=bytes(64), is_fd=True)
 
 
 def gauge_names(n_gauges: int = N_GAUGES) -> list[str]:
@@ -34,7 +34,7 @@ def gauge_names(n_gauges: int = N_GAUGES) -> list[str]:
 
 
 def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE) -> InputLayout:
-    return profile_layout(profile, gauge_names(n_gauges), cycle_time, Identifiers())
+    return profile_layout(profile, gauge_names(n_gauges), cycle_time=cycle_time, identifiers=Identifiers())
 
 
 class Projection:

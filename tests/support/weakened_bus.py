@@ -99,7 +99,9 @@ class AnyCrc(ReceptionCheck):
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         protection = self._protection
-        return super().check(protect(data, protection, counter_in(data, protection), covered), covered)
+        return super().check(
+            protect(data, protection, counter=counter_in(data, protection), covered=covered), covered
+        )
 
 
 class AnyCounter(ReceptionCheck):
@@ -289,7 +291,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
         layout: InputLayout, step: Step, settings: BridgeSettings, *, start: float, own_keys: Iterable[int] = ()
     ) -> BridgeCore:
         keys = () if ignores_own_keys else tuple(own_keys)
-        whole = cycle_parts(layout, settings, keys, None)
+        whole = cycle_parts(layout, settings, own_keys=keys, dynamic_pressure=None)
         around = (lambda one: one) if clock is None else (lambda one: None if one is None else clock(one))
         parts = replace(
             whole,

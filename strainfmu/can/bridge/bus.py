@@ -16,7 +16,7 @@ RECEIVE_BUFFER = 4 << 20
 """Bytes asked of the system for a socket's receive buffer: the default holds 166 CAN FD frames."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BusSettings:
     """Which bus.
 

@@ -22,7 +22,7 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 _NOTHING = [nan] * 5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BridgeStatus:
     """What goes out ten times a second beside the results.
 
@@ -85,8 +85,8 @@ class _ResultFrame:
         self._counter = (counter + 1) % self._protection.counter_modulus
         data = self._plan.encode([values.get(name, 0.0) for name in self._names])
         return Frame(
-            layout.identifier,
-            protect(data, self._protection, counter),
+            identifier=layout.identifier,
+            data=protect(data, self._protection, counter),
             is_extended=layout.is_extended,
             is_fd=layout.is_fd,
             bitrate_switch=layout.is_fd,

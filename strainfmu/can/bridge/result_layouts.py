@@ -50,15 +50,17 @@ def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tu
 
 
 def _quality(start: int) -> SignalLayout:
-    return SignalLayout("Quality", start, 4, choices=_QUALITY_CHOICES, comment="How far to believe it")
+    return SignalLayout(
+        name="Quality", start=start, length=4, choices=_QUALITY_CHOICES, comment="How far to believe it"
+    )
 
 
 def _health(start: int, length: int) -> SignalLayout:
     largest = (1 << length) - 1
     return SignalLayout(
-        "Health",
-        start,
-        length,
+        name="Health",
+        start=start,
+        length=length,
         not_available=largest,
         choices=(*_HEALTH_CHOICES, (largest, "NotAvailable")),
         comment="health.state of the estimator",
@@ -68,44 +70,73 @@ def _health(start: int, length: int) -> SignalLayout:
 def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
     """Return LoadEstimate and BridgeStatus in CAN FD frames of 64 bytes."""
     floats = [
-        SignalLayout(name, 64 + 32 * i, 32, LITTLE, FLOAT, comment="NaN: not available")
+        SignalLayout(
+            name=name, start=64 + 32 * i, length=32, byte_order=LITTLE, kind=FLOAT, comment="NaN: not available"
+        )
         for i, name in enumerate((*COEFFICIENT_NAMES, *SIGMA_NAMES, "ChiSquare"))
     ]
     estimate = (
         *header_5(),
         _quality(24),
         _health(28, 4),
-        SignalLayout("SampleTime", 32, 32, unit="us", not_available=2**32 - 1, comment="Of the strains answered"),
+        SignalLayout(
+            name="SampleTime",
+            start=32,
+            length=32,
+            unit="us",
+            not_available=2**32 - 1,
+            comment="Of the strains answered",
+        ),
         *floats,
         _age(416, LITTLE),
-        SignalLayout("Causes", 432, 16, comment="Why it is not Valid, one bit each"),
-        SignalLayout("GaugesUsed", 448, 8),
-        SignalLayout("AnsweredCounter", 456, 8, comment="E2E counter of the strains answered"),
-        SignalLayout("Configuration", 464, 16),
-        SignalLayout("UsedPressure", 480, 32, LITTLE, FLOAT, unit="Pa", comment="q_inf used; NaN: none"),
+        SignalLayout(name="Causes", start=432, length=16, comment="Why it is not Valid, one bit each"),
+        SignalLayout(name="GaugesUsed", start=448, length=8),
+        SignalLayout(name="AnsweredCounter", start=456, length=8, comment="E2E counter of the strains answered"),
+        SignalLayout(name="Configuration", start=464, length=16),
+        SignalLayout(
+            name="UsedPressure",
+            start=480,
+            length=32,
+            byte_order=LITTLE,
+            kind=FLOAT,
+            unit="Pa",
+            comment="q_inf used; NaN: none",
+        ),
     )
-    lasts = [SignalLayout(name, 64 + 32 * i, 32, LITTLE, FLOAT) for i, name in enumerate(LAST_NAMES)]
+    lasts = [
+        SignalLayout(name=name, start=64 + 32 * i, length=32, byte_order=LITTLE, kind=FLOAT)
+        for i, name in enumerate(LAST_NAMES)
+    ]
     counts = [
-        SignalLayout(name, 256 + 32 * i, 32, comment="Wraps")
+        SignalLayout(name=name, start=256 + 32 * i, length=32, comment="Wraps")
         for i, name in enumerate(("Received", "Used", "Rejected", "Cycles", "Overrun"))
     ]
     status = (
         *header_5(),
         _quality(24),
-        SignalLayout("BusState", 28, 4, choices=_BUS_CHOICES),
+        SignalLayout(name="BusState", start=28, length=4, choices=_BUS_CHOICES),
         *lasts,
         SignalLayout(
-            "LastAge", 224, 32, unit="ms", not_available=2**32 - 1, comment="Age of the last valid coefficients"
+            name="LastAge",
+            start=224,
+            length=32,
+            unit="ms",
+            not_available=2**32 - 1,
+            comment="Age of the last valid coefficients",
         ),
         *counts,
-        SignalLayout("SendFailures", 416, 16, comment="Wraps"),
-        SignalLayout("Reconnects", 432, 8),
-        SignalLayout("Configuration", 448, 16),
+        SignalLayout(name="SendFailures", start=416, length=16, comment="Wraps"),
+        SignalLayout(name="Reconnects", start=432, length=8),
+        SignalLayout(name="Configuration", start=448, length=16),
         _drift(464, LITTLE),
     )
     return [
-        FrameLayout("LoadEstimate", 0, 64, estimate, is_fd=True, cycle_time=cycle_time),
-        FrameLayout("BridgeStatus", 0, 64, status, is_fd=True, comment="Every 100 ms"),
+        FrameLayout(
+            name="LoadEstimate", identifier=0, length=64, signals=estimate, is_fd=True, cycle_time=cycle_time
+        ),
+        FrameLayout(
+            name="BridgeStatus", identifier=0, length=64, signals=status, is_fd=True, comment="Every 100 ms"
+        ),
     ]
 
 
@@ -125,16 +156,22 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
             )
             bit += signal.length
         comment = "" if period else "Every 100 ms"
-        return FrameLayout(name, 0, 8, (*head, *placed), cycle_time=period, comment=comment)
+        return FrameLayout(
+            name=name, identifier=0, length=8, signals=(*head, *placed), cycle_time=period, comment=comment
+        )
 
     coefficients = [_coefficient(name) for name in COEFFICIENT_NAMES]
     deviations = [
-        SignalLayout(name, 0, 16, scale=1e-4, not_available=65535, comment="65535: not available")
+        SignalLayout(
+            name=name, start=0, length=16, scale=1e-4, not_available=65535, comment="65535: not available"
+        )
         for name in SIGMA_NAMES
     ]
     lasts = [_coefficient(name) for name in LAST_NAMES]
-    chi_square = SignalLayout("ChiSquare", 0, 16, scale=0.1, not_available=65535, comment="65535: not available")
-    last_age = SignalLayout("LastAge16", 0, 16, scale=10.0, unit="ms", not_available=65535)
+    chi_square = SignalLayout(
+        name="ChiSquare", start=0, length=16, scale=0.1, not_available=65535, comment="65535: not available"
+    )
+    last_age = SignalLayout(name="LastAge16", start=0, length=16, scale=10.0, unit="ms", not_available=65535)
     return [
         words("Coefficients1", *coefficients[:3]),
         words("Coefficients2", *coefficients[3:], chi_square),
@@ -142,19 +179,19 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
         words("Deviations2", *deviations[3:], _age(0, order)),
         words(
             "Verdict",
-            SignalLayout("Causes", 0, 16, comment="Why it is not Valid, one bit each"),
-            SignalLayout("AnsweredCounter", 0, 8, comment="E2E counter of the strains answered"),
-            SignalLayout("GaugesUsed", 0, 8),
+            SignalLayout(name="Causes", start=0, length=16, comment="Why it is not Valid, one bit each"),
+            SignalLayout(name="AnsweredCounter", start=0, length=8, comment="E2E counter of the strains answered"),
+            SignalLayout(name="GaugesUsed", start=0, length=8),
             _health(0, 8),
         ),
         words("LastValid1", *lasts[:3], period=None),
         words("LastValid2", *lasts[3:], last_age, period=None),
         words(
             "BridgeStatus",
-            SignalLayout("Received16", 0, 16, comment="Wraps"),
-            SignalLayout("Rejected16", 0, 16, comment="Wraps"),
-            SignalLayout("Reconnects", 0, 8),
-            SignalLayout("BusState", 0, 8, choices=_BUS_CHOICES),
+            SignalLayout(name="Received16", start=0, length=16, comment="Wraps"),
+            SignalLayout(name="Rejected16", start=0, length=16, comment="Wraps"),
+            SignalLayout(name="Reconnects", start=0, length=8),
+            SignalLayout(name="BusState", start=0, length=8, choices=_BUS_CHOICES),
             period=None,
         ),
     ]
@@ -163,16 +200,23 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
 def _coefficient(name: str) -> SignalLayout:
     """Return a coefficient of 16 bits: +-16.38 in steps of 0.0005."""
     return SignalLayout(
-        name, 0, 16, LITTLE, SIGNED, 5e-4, not_available=-32768, comment="-32768 (0x8000): not available"
+        name=name,
+        start=0,
+        length=16,
+        byte_order=LITTLE,
+        kind=SIGNED,
+        scale=5e-4,
+        not_available=-32768,
+        comment="-32768 (0x8000): not available",
     )
 
 
 def _age(start: int, order: str) -> SignalLayout:
     return SignalLayout(
-        "Age",
-        start,
-        16,
-        order,
+        name="Age",
+        start=start,
+        length=16,
+        byte_order=order,
         scale=1e3 * _AGE_TICK,
         unit="ms",
         not_available=65535,
@@ -182,12 +226,12 @@ def _age(start: int, order: str) -> SignalLayout:
 
 def _drift(start: int, order: str) -> SignalLayout:
     return SignalLayout(
-        "Drift",
-        start,
-        16,
-        order,
-        SIGNED,
-        0.1,
+        name="Drift",
+        start=start,
+        length=16,
+        byte_order=order,
+        kind=SIGNED,
+        scale=0.1,
         unit="ppm",
         not_available=-32768,
         comment="How much slower than the bridge's the sender's clock runs",

@@ -131,19 +131,19 @@ class Bridge:
     def summary(self) -> BridgeSummary:
         """Return what the run has been so far."""
         return BridgeSummary(
-            self._clock() - self._start,
-            process_time() - self._cpu,
-            self.account(),
-            Counter(self._qualities),
-            np.array(self._latency),
-            self._transmitter.sent,
-            self._transmitter.failures,
-            self._malformed + (self._receiver.failures if self._receiver else 0),
-            self._back_off.reconnects,
-            self._drops if self._drops_known else None,
-            self._queue.highest,
-            self._core.drift_ppm,
-            self._last_fault,
+            duration=self._clock() - self._start,
+            cpu=process_time() - self._cpu,
+            account=self.account(),
+            qualities=Counter(self._qualities),
+            latency=np.array(self._latency),
+            sent=self._transmitter.sent,
+            send_failures=self._transmitter.failures,
+            malformed=self._malformed + (self._receiver.failures if self._receiver else 0),
+            reconnects=self._back_off.reconnects,
+            kernel_drops=self._drops if self._drops_known else None,
+            queue_highest=self._queue.highest,
+            drift_ppm=self._core.drift_ppm,
+            last_fault=self._last_fault,
         )
 
     def _turn(self, end: float) -> None:
@@ -196,15 +196,15 @@ class Bridge:
 
     def _send_status(self, now: float) -> None:
         status = BridgeStatus(
-            now,
-            self._last_quality,
-            self._core.bus_state,
-            self._last_valid,
-            self.account(),
-            sum(self._qualities.values()),
-            self._transmitter.failures,
-            self._back_off.reconnects,
-            self._core.drift_ppm,
+            time=now,
+            quality=self._last_quality,
+            bus_state=self._core.bus_state,
+            last_valid=self._last_valid,
+            account=self.account(),
+            cycles=sum(self._qualities.values()),
+            send_failures=self._transmitter.failures,
+            reconnects=self._back_off.reconnects,
+            drift_ppm=self._core.drift_ppm,
         )
         self._transmitter.send(self._frames.of_status(status))
         # Without catching up: a status that is late is of no use.
@@ -228,7 +228,14 @@ class Bridge:
         self._bus = self._open_bus()
         door = Acceptance(core.layout, self._own_keys, core.settings)
         gather = min(GATHER * core.layout.cycle_time, LONGEST_GATHER)
-        self._receiver = Receiver(self._bus, self._queue, door, self._clock, self._on_received, gather)
+        self._receiver = Receiver(
+            self._bus,
+            self._queue,
+            acceptance=door,
+            clock=self._clock,
+            on_received=self._on_received,
+            gather=gather,
+        )
         self._shed = 0
         self._transmitter.use(self._bus)
         self._receiver.start()

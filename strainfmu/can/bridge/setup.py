@@ -24,7 +24,7 @@ from strainfmu.errors import InputError
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BridgeOptions:
     """What a user states; times in seconds.
 
@@ -51,7 +51,7 @@ class BridgeOptions:
     max_age: float = 5.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Taps:
     """What is told of a running bridge, and its clock; nothing of it may block.
 
@@ -67,7 +67,7 @@ class Taps:
     on_result: Callable[[CycleResult], None] | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReadyBridge:
     """A bridge, and what there is to say about it; its core began at ``start`` [s] by its clock."""
 
@@ -95,18 +95,18 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     bus = bus_settings(options)
     with FmuStep(fmu) as step:
         start = taps.clock()
-        core, results, configuration = make_core(step, options, step.gauge_names, start)
+        core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)
         bridge = Bridge(
             core,
             lambda: open_bus(bus),
-            results,
-            configuration,
+            result_layouts=results,
+            configuration=configuration,
             clock=taps.clock,
             on_result=taps.on_result,
             on_received=taps.on_received,
             on_sent=taps.on_sent,
         )
-        yield ReadyBridge(bridge, step.n_gauges, core.layout.name, start)
+        yield ReadyBridge(bridge=bridge, n_gauges=step.n_gauges, layout_name=core.layout.name, start=start)
 
 
 def make_core(
@@ -145,13 +145,18 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
         A file or an option is wrong.
     """
     if options.dbc is None or options.mapping is None:
-        layout = profile_layout(options.profile, gauge_names, options.cycle_time, options.identifiers)
+        layout = profile_layout(
+            options.profile, gauge_names, cycle_time=options.cycle_time, identifiers=options.identifiers
+        )
         return layout, configuration_of(options.profile, gauge_names)
     from strainfmu.can.wire.dbc_files import load_database, load_mapping
     from strainfmu.can.wire.dbc_mapping import mapped_layout
 
     layout = mapped_layout(
-        load_database(options.dbc), load_mapping(options.mapping), gauge_names, str(options.mapping)
+        load_database(options.dbc),
+        load_mapping(options.mapping),
+        gauge_names=gauge_names,
+        name=str(options.mapping),
     )
     return layout, configuration_of(options.dbc.name, gauge_names)
 
@@ -195,4 +200,4 @@ def bus_settings(options: BridgeOptions) -> BusSettings:
             chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
         except ValueError:
             chosen[key.strip()] = text
-    return BusSettings(options.interface, options.channel, chosen)
+    return BusSettings(interface=options.interface, channel=options.channel, options=chosen)

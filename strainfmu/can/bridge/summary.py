@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 
 
-@dataclass
+@dataclass(eq=False, kw_only=True)
 class BridgeSummary:
     """What a run was.
 

@@ -13,7 +13,7 @@ from strainfmu.arrays import IntArray
 from strainfmu.can.wire.frame import Frame
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Arrival:
     """A strain frame or trailer that passed its own checks.
 
@@ -33,7 +33,7 @@ class Arrival:
     counter: int | None = None
 
 
-@dataclass
+@dataclass(eq=False)
 class Cycle:
     """Frames of one cycle, by slot; ``first_time`` is when the first came [s]."""
 
@@ -55,7 +55,7 @@ class Verdict(Enum):
     RESTARTED = "accepted after a restart of the sender"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """What a cycle is.
 

@@ -269,8 +269,8 @@ def bridge_core(
     """
     own_keys = frozenset(own_keys)
     _check_input(layout, own_keys, dynamic_pressure)
-    parts = cycle_parts(layout, settings, own_keys, dynamic_pressure)
-    judge = CycleJudge(layout, step, settings, parts)
+    parts = cycle_parts(layout, settings, own_keys=own_keys, dynamic_pressure=dynamic_pressure)
+    judge = CycleJudge(layout, step, settings=settings, parts=parts)
     return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 
 

@@ -17,7 +17,7 @@ STATUS_DEGRADED = 1
 """The sender's status: 0 good, 1 degraded, above: do not use."""
 
 
-@dataclass
+@dataclass(eq=False, kw_only=True)
 class DecodedCycle:
     """Strains of one cycle.
 
@@ -76,7 +76,9 @@ class StrainDecoder:
         """Return a cycle without frames."""
         n = self._n_gauges
         absent = np.zeros(n, dtype=bool)
-        return DecodedCycle(np.full(n, np.nan), np.zeros(n, dtype=np.int64), absent, absent.copy())
+        return DecodedCycle(
+            strain=np.full(n, np.nan), raw=np.zeros(n, dtype=np.int64), present=absent, refused=absent.copy()
+        )
 
     def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
         """Return what ``arrivals`` say; ``trailer_status`` is the status that the trailer gives, or 0."""
@@ -96,7 +98,7 @@ class StrainDecoder:
             refused &= present
         if status > STATUS_DEGRADED:
             refused |= present
-        return DecodedCycle(strain, raw, present, refused, status)
+        return DecodedCycle(strain=strain, raw=raw, present=present, refused=refused, status=status)
 
     def _values(self, raws: Sequence[IntArray], raw: IntArray) -> FloatArray:
         """Return (n_d,) the gauges' values in their signals' units."""

@@ -39,7 +39,7 @@ class FrameClass(Enum):
     UNFINISHED = "in a cycle that was open at the end"
 
 
-@dataclass
+@dataclass(kw_only=True)
 class FrameAccount:
     """Counts of frames.
 
@@ -83,7 +83,7 @@ class FrameAccount:
 
     def plus(self, other: FrameAccount) -> FrameAccount:
         """Return the sum of two accounts, of frames that are in one or the other."""
-        total = FrameAccount(self.received + other.received, self.pending + other.pending)
+        total = FrameAccount(received=self.received + other.received, pending=self.pending + other.pending)
         for part in (self, other):
             for kind, count in part.classes.items():
                 total.classes[kind] += count

@@ -88,9 +88,9 @@ class CycleJudge:
         strains = [a for a in arrivals.values() if a.slot < reception.n_strain and readable]
         decoded = self._decoder.decode(strains, trailer.status)
         believable = self._gauges.update(
-            decoded.strain, decoded.raw, decoded.present, decoded.refused, cycle.first_time
+            decoded.strain, decoded.raw, present=decoded.present, refused=decoded.refused, now=cycle.first_time
         )
-        age, of_time = self._age(cycle, now, decoded, trailer)
+        age, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
         trusted = reception.trusted_gauges(arrivals)
         if trailer.cause or of_time:
             causes |= trailer.cause | of_time
@@ -103,7 +103,7 @@ class CycleJudge:
         refused = trailer.refused or (FrameClass.TOO_OLD if of_time else None)
         valid = np.zeros_like(believable) if refused else believable & trusted
         classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
-        return self._answer(cycle, now, causes, valid, decoded, age), classes
+        return self._answer(cycle, now, causes=causes, valid=valid, decoded=decoded, age=age), classes
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""
@@ -160,7 +160,7 @@ class CycleJudge:
         strain = np.where(valid, decoded.strain, np.nan)
         step, quality = None, Quality.INVALID if self.believed else Quality.NO_DATA
         if valid.any():
-            step, quality, causes = self._estimate(strain, pressure, now, causes)
+            step, quality, causes = self._estimate(strain, pressure, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         published = step is not None and quality.has_coefficients

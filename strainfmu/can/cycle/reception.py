@@ -78,7 +78,7 @@ class Reception:
         sample_time = None if item.sample_time is None else int(raw[item.sample_time])
         protection = item.layout.protection
         counter = None if protection is None else counter_in(frame.data, protection)
-        return Arrival(slot, frame, raw, sample_time, counter)
+        return Arrival(slot=slot, frame=frame, raw=raw, sample_time=sample_time, counter=counter)
 
     def check(self, arrival: Arrival) -> FrameClass | None:
         """Check a frame by itself; return its class if it is refused."""

@@ -17,7 +17,7 @@ def no_numbers() -> FloatArray:
     return np.full(5, np.nan)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CycleResult:
     """One published result.
 

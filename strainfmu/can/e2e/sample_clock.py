@@ -34,7 +34,7 @@ class ClockReading:
     restarted: bool = False
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Model:
     """A clock as it is known: last reading [ticks], when that was by its time and by ours [s], least delay [s]."""
 
@@ -93,7 +93,7 @@ class SampleClock:
 
     def _new(self, local: float, ticks: int) -> _Model:
         source = ticks * self._tick
-        return _Model(ticks, source, local, local - source)
+        return _Model(ticks=ticks, source=source, local=local, offset=local - source)
 
     def _follow(self, model: _Model, local: float, ticks: int) -> float | None:
         """Let ``model`` follow a reading and return its delay [s]; leave it alone, None, if it cannot."""

@@ -21,7 +21,7 @@ _RANGE_OF_NONE = 1e-9
 _NO_SAMPLE_TIME = 2**32 - 1
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Score:
     """Estimates against truth over the cycles that were answered with coefficients.
 
@@ -102,12 +102,12 @@ def score_answers(
         of_range = np.where(spread > _RANGE_OF_NONE, rms / spread, np.nan)
     nothing = np.full(5, np.nan)
     return Score(
-        len(truth),
-        len(set(cycles[known].tolist())),
-        int(used.sum()),
-        rms.tolist(),
-        of_range.tolist(),
-        (sigma[used].mean(axis=0) if used.any() else nothing).tolist(),
-        ((np.abs(error) <= 3.0 * sigma[used]).mean(axis=0) if used.any() else nothing).tolist(),
-        dict(qualities),
+        cycles=len(truth),
+        answered=len(set(cycles[known].tolist())),
+        published=int(used.sum()),
+        rms_error=rms.tolist(),
+        rms_error_of_range=of_range.tolist(),
+        mean_sigma=(sigma[used].mean(axis=0) if used.any() else nothing).tolist(),
+        coverage=((np.abs(error) <= 3.0 * sigma[used]).mean(axis=0) if used.any() else nothing).tolist(),
+        qualities=dict(qualities),
     )

@@ -26,7 +26,7 @@ def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, ident
     from strainfmu.can.wire.dbc_writer import dbc_text
 
     checked_cycle_time(cycle_time, "cycle time")
-    layouts = all_layouts(profile, map_gauge_names(source), cycle_time, identifiers)
+    layouts = all_layouts(profile, map_gauge_names(source), cycle_time=cycle_time, identifiers=identifiers)
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))
     return len(layouts)
@@ -36,7 +36,7 @@ def all_layouts(
     profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers
 ) -> list[FrameLayout]:
     """Return every frame of a profile: input, then results."""
-    layout = profile_layout(profile, gauge_names, cycle_time, identifiers)
+    layout = profile_layout(profile, gauge_names, cycle_time=cycle_time, identifiers=identifiers)
     results = result_layouts(form_of_profile(profile), identifiers, cycle_time)
     identifiers.checked(len(layout.frames), len(results))
     return [*(frame.layout for frame in layout.frames), *results]

@@ -20,7 +20,7 @@ from strainfmu.can.wire.frame_layout import FLOAT, InputFrame, InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
 
 
-@dataclass
+@dataclass(eq=False, kw_only=True)
 class Sample:
     """What the sender of one cycle would send; faults of sensors and senders change it."""
 
@@ -67,12 +67,19 @@ class FaultySender:
         """
         self._activate(number)
         sample = Sample(
-            np.array(strain, dtype=float), dynamic_pressure, number + self._counter_shift, time + self._clock_shift
+            strain=np.array(strain, dtype=float),
+            dynamic_pressure=dynamic_pressure,
+            counter=number + self._counter_shift,
+            sample_time=time + self._clock_shift,
         )
         for fault in self._active:
-            self._falsify(fault, number, time, sample)
+            self._falsify(fault, number, time=time, sample=sample)
         frames = self._encoder.encode(
-            sample.strain, sample.dynamic_pressure, sample.counter, sample.sample_time, sample.status
+            sample.strain,
+            sample.dynamic_pressure,
+            cycle=sample.counter,
+            sample_time=sample.sample_time,
+            status=sample.status,
         )
         spacing = 0.2 * self._layout.cycle_time / len(frames)
         frames = [replace(frame, time=time + place * spacing) for place, frame in enumerate(frames)]
@@ -81,7 +88,7 @@ class FaultySender:
         self.bus_off = any(fault.kind is FaultKind.BUS_OFF for fault in self._active)
         for fault in self._active:
             random = np.random.default_rng((fault.seed, number))
-            frames = self._disturb(fault, number, time, frames, random)
+            frames = self._disturb(fault, number, time=time, frames=frames, random=random)
         for frame in frames:
             heapq.heappush(self._waiting, (frame.time, next(self._order), frame))
         sent = []
@@ -145,7 +152,7 @@ class FaultySender:
             case FaultKind.LOSS:
                 return [frame for frame in frames if random.random() < 0.6]
             case FaultKind.SILENCE | FaultKind.BUS_OFF:
-                off = Frame(0x40, bytes(8), time, is_error=True)
+                off = Frame(identifier=0x40, data=bytes(8), time=time, is_error=True)
                 return [off] if fault.kind is FaultKind.BUS_OFF and number == fault.start else []
             case FaultKind.REPETITION:
                 return sorted((f for f in frames for _ in range(int(random.integers(1, 4)))), key=lambda f: f.time)
@@ -167,7 +174,7 @@ class FaultySender:
                 jitter = 0.4 * self._layout.cycle_time * random.random()
                 return [replace(frame, time=frame.time + jitter) for frame in frames]
             case _:
-                return self._insert(fault, time, frames, random)
+                return self._insert(fault, time, frames=frames, random=random)
 
     def _insert(self, fault: Fault, time: float, frames: list[Frame], random: np.random.Generator) -> list[Frame]:
         """Change frames one by one, or put others beside them."""
@@ -194,7 +201,10 @@ class FaultySender:
                 garbage = [replace(own, data=random.bytes(len(own.data)), time=at + i * 1e-7) for i in range(200)]
                 return [*frames, *garbage]
             case FaultKind.UNKNOWN_IDENTIFIER:
-                return [*frames, *(Frame(0x7FF - i % 50, bytes(8), at + i * 1e-7) for i in range(100))]
+                return [
+                    *frames,
+                    *(Frame(identifier=0x7FF - i % 50, data=bytes(8), time=at + i * 1e-7) for i in range(100)),
+                ]
             case FaultKind.OWN_IDENTIFIER if self._own is not None:
                 return [*frames, replace(self._own, time=at)]
             case FaultKind.ERROR_FRAMES:
@@ -209,7 +219,7 @@ class FaultySender:
         item = self._layout.strain_frames[fault.seed % len(self._layout.strain_frames)]
         signal = item.layout.signals[item.places[fault.seed % len(item.places)]]
         raw = int.from_bytes(np.float32(2.0e15).tobytes(), "little") if signal.kind == FLOAT else 0x7FFF
-        return self._rewritten(frames, item, signal.bits, raw)
+        return self._rewritten(frames, item, bits=signal.bits, raw=raw)
 
     def _rewritten(self, frames: list[Frame], item: InputFrame, bits: tuple[int, ...], raw: int) -> list[Frame]:
         """Write ``raw`` into ``bits`` of one frame and renew the CRC over it."""
@@ -228,7 +238,7 @@ class FaultySender:
             covered += data if frame.key in strain_keys else b""
             if trailer is not None and frame.key == trailer.layout.key and len(data) == trailer.layout.length:
                 assert trailer.layout.protection is not None
-                data = protect(data, trailer.layout.protection, data[2], covered)
+                data = protect(data, trailer.layout.protection, counter=data[2], covered=covered)
             changed.append(replace(frame, data=data))
         return changed
 

@@ -80,7 +80,7 @@ class FaultKind(Enum):
     """The dynamic pressure says "not available", or is negative."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fault:
     """One fault from cycle ``start`` on for ``cycles`` cycles; ``seed`` decides all that is random in it."""
 
@@ -107,6 +107,6 @@ def random_faults(
         cycles = int(random.integers(1, longest + 1))
         for _ in range(2 if random.random() < 0.2 and len(faults) + 1 < n_faults else 1):
             kind = kinds[int(random.integers(len(kinds)))]
-            faults.append(Fault(kind, start, cycles, int(random.integers(1 << 31))))
+            faults.append(Fault(kind=kind, start=start, cycles=cycles, seed=int(random.integers(1 << 31))))
         start += cycles + gap
     return faults

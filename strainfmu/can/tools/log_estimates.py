@@ -43,7 +43,15 @@ def estimate_log(
     check_output(output)
     with open_step(source) as ready, estimate_writer(output, LOG_COLUMNS) as writer:
         rows = _Rows(writer)
-        summary = replay_log(log, source, ready.step, ready.gauge_names, options, rows.add, progress)
+        summary = replay_log(
+            log,
+            source,
+            step=ready.step,
+            gauge_names=ready.gauge_names,
+            options=options,
+            on_result=rows.add,
+            progress=progress,
+        )
         rows.flush()
     return summary
 

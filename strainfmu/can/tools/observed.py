@@ -74,17 +74,19 @@ def observed_bridge(
             recorder = Recorder(record, MicrosecondClock())
             stack.callback(recorder.close)
         taps = Taps(
-            monotonic if recorder is None else recorder.clock,
-            None if recorder is None else recorder.received,
-            None if recorder is None else recorder.sent,
-            on_result,
+            clock=monotonic if recorder is None else recorder.clock,
+            on_received=None if recorder is None else recorder.received,
+            on_sent=None if recorder is None else recorder.sent,
+            on_result=on_result,
         )
         ready = stack.enter_context(make_bridge(fmu, options, taps))
         if recorder is not None:
             recorder.describe(fmu, options, ready.start)
         if address is not None:
             bridge = ready.bridge
-            publisher = Publisher(address, places, publish_rate, bridge.account, lambda: bridge.bus_state)
+            publisher = Publisher(
+                address, places, rate=publish_rate, account=bridge.account, bus_state=lambda: bridge.bus_state
+            )
             watchers.append(publisher.result)
             stack.callback(publisher.close)
         yield ObservedBridge(ready, recorder, publisher)

@@ -33,7 +33,7 @@ _UNMATCHED = 10_000
 """Result frames kept at most without their like: a log without sent frames has none."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class ReplaySummary:
     """What a replay was.
 
@@ -81,13 +81,13 @@ def replay_log(
     described = load_description(log)
     chosen = options(None if described is None else described["options"])
     summary, state = ReplaySummary(), LogState()
-    frames = log_frames(log, 0.0 if described is None else described["log_start"], state, progress)
+    frames = log_frames(log, 0.0 if described is None else described["log_start"], state=state, progress=progress)
     first = next(frames, None)
     if first is None:
         summary.notes.append(f"{log}: holds no frame")
         return summary
     start = first[0].time if described is None else described["start"]
-    core, layouts, configuration = make_core(step, chosen, gauge_names, start)
+    core, layouts, configuration = make_core(step, chosen, gauge_names=gauge_names, start=start)
     comparison = _Comparison(layouts, configuration)
     door = Acceptance(core.layout, [layout.key for layout in layouts], core.settings)
     account = FrameAccount()
@@ -104,7 +104,7 @@ def replay_log(
     for frame, is_received in chain([first], frames):
         time = frame.time
         if is_received:
-            give(_received(core, door, account, frame, skips, unanswered))
+            give(_received(core, door, account=account, frame=frame, skips=skips, unanswered=unanswered))
         else:
             comparison.logged(frame)
     end = described.get("end") if described else None
@@ -113,7 +113,7 @@ def replay_log(
     summary.duration = time - start
     summary.account = account.plus(core.account)
     summary.compared, summary.equal = comparison.compared, comparison.equal
-    summary.notes += _notes(log, source, state, described)
+    summary.notes += _notes(log, source, state=state, described=described)
     return summary
 
 

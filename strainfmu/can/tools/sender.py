@@ -30,7 +30,7 @@ FAILURES_IN_A_ROW = 200
 _SHORTEST_SLEEP = 1e-4
 
 
-@dataclass
+@dataclass(eq=False, kw_only=True)
 class SentFlight:
     """What was sent.
 
@@ -85,7 +85,8 @@ def send_flight(
         if stopped():
             break
         begin = cycle * layout.cycle_time
-        for place, frame in enumerate(sender.cycle(cycle, begin, sample.strain, sample.dynamic_pressure)):
+        frames = sender.cycle(cycle, begin, strain=sample.strain, dynamic_pressure=sample.dynamic_pressure)
+        for place, frame in enumerate(frames):
             wait = start + frame.time - clock()
             if wait > _SHORTEST_SLEEP:
                 sleep(wait)
@@ -131,7 +132,7 @@ def planned_faults(kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int
         wanted = SETTLING_CYCLES + n_faults * (longest + 1)
         raise InputError(f"faults: {n_faults} in {n_cycles} cycles found, at least {wanted} cycles wanted")
     chosen = tuple(known[name] for name in kinds) or tuple(FaultKind)
-    return random_faults(n_faults, chosen, seed, gap, longest, SETTLING_CYCLES)
+    return random_faults(n_faults, chosen, seed=seed, gap=gap, longest=longest, first=SETTLING_CYCLES)
 
 
 def lateness_text(sent: SentFlight) -> str:

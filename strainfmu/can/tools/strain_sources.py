@@ -17,7 +17,7 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.fmi_variables import strain_names
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlownSample:
     """What the gauges of the vehicle read, and what a flight alone knows.
 
@@ -60,7 +60,9 @@ def plant_samples(
         stack.callback(instance.close)
         instance.begin(duration + cycle_time)
         instance.end_initialization()
-        yield _stepped(instance, variables, n_gauges, cycle_time, round(duration / cycle_time))
+        yield _stepped(
+            instance, variables, n_gauges=n_gauges, cycle_time=cycle_time, n_cycles=round(duration / cycle_time)
+        )
 
 
 def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:

@@ -109,7 +109,7 @@ def check_multicast(port: int) -> None:
     """
     import can
 
-    bus = open_bus(BusSettings("udp_multicast", GROUP, {"port": port}))
+    bus = open_bus(BusSettings(interface="udp_multicast", channel=GROUP, options={"port": port}))
     try:
         bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
     except (can.CanError, OSError) as error:

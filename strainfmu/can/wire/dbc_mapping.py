@@ -49,7 +49,7 @@ def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequen
     InputError
         The mapping names what does not exist, leaves a gauge out, or a signal cannot be used.
     """
-    return _Mapper(database, mapping, gauge_names, name).layout()
+    return _Mapper(database, mapping, gauge_names=gauge_names, name=name).layout()
 
 
 class _Mapper:
@@ -95,7 +95,13 @@ class _Mapper:
         for table in ("sample_time", "status", "configuration", "end_to_end"):
             self._check_keys(table, "frame", self._frames_in_use)
         self._check_keys("units", "signal", self._signals_with_unit)
-        return InputLayout(self._name, len(self._names), frames, pressure, cycle_time=self._cycle_time(frames))
+        return InputLayout(
+            name=self._name,
+            n_gauges=len(self._names),
+            strain_frames=frames,
+            pressure_frame=pressure,
+            cycle_time=self._cycle_time(frames),
+        )
 
     def _check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
         """Refuse an entry for what is not in use: a word that was meant for something else would go unheard."""
@@ -108,19 +114,19 @@ class _Mapper:
         """Return one frame of strains."""
         message = self._database.get_message_by_name(message_name)
         used = [signal for _, signal in items]
-        factors = [self._factor(message, signal, STRAIN_UNITS, "a unit of strain") for signal in used]
+        factors = [self._factor(message, signal, units=STRAIN_UNITS, what="a unit of strain") for signal in used]
         if len({signal.name for signal in used}) < len(used):
             twice = next(s.name for s in used if [t.name for t in used].count(s.name) > 1)
             raise InputError(f"{self._name}: strain: signal '{message_name}.{twice}' found for two gauges")
         extra, places = self._extras(message, selector, len(used))
-        layout = self._frame_layout(message, [*used, *extra], selector, used, places)
+        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, places=places)
         return InputFrame(
-            layout,
-            tuple(range(len(used))),
-            tuple(gauge for gauge, _ in items),
-            tuple(factors),
+            layout=layout,
+            places=tuple(range(len(used))),
+            gauges=tuple(gauge for gauge, _ in items),
+            to_strain=tuple(factors),
             sample_time=places.get("sample_time"),
-            tick=self._tick(message, extra, places, len(used)),
+            tick=self._tick(message, extra, places=places, first=len(used)),
             status=places.get("status"),
             configuration=places.get("configuration"),
         )
@@ -133,16 +139,16 @@ class _Mapper:
         if set(table) != {"signal"}:
             raise InputError(f"{self._name}: dynamic_pressure: {', '.join(table)} found, 'signal' wanted")
         message, signal = self._signal(table["signal"], "dynamic_pressure")
-        factor = self._factor(message, signal, PRESSURE_UNITS, "a unit of pressure")
+        factor = self._factor(message, signal, units=PRESSURE_UNITS, what="a unit of pressure")
         selector = selector_value(signal, self._name)
         extra, places = self._extras(message, selector, 1)
-        layout = self._frame_layout(message, [signal, *extra], selector, [signal], places)
+        layout = self._frame_layout(message, [signal, *extra], selector=selector, measured=[signal], places=places)
         return InputFrame(
-            layout,
+            layout=layout,
             dynamic_pressure=0,
             to_pascal=factor,
             sample_time=places.get("sample_time"),
-            tick=self._tick(message, extra, places, 1),
+            tick=self._tick(message, extra, places=places, first=1),
             status=places.get("status"),
             configuration=places.get("configuration"),
         )
@@ -169,15 +175,15 @@ class _Mapper:
         if (place := places.get("configuration")) is not None:
             layouts[place] = replace(layouts[place], initial=self._start_value(message, signals[place]))
         layout = FrameLayout(
-            message.name if selector is None else f"{message.name}[{selector}]",
-            message.frame_id,
-            message.length,
-            tuple(layouts),
-            message.is_extended_frame,
-            bool(message.is_fd),
-            self._protection(message),
-            period(message, where),
-            message.senders[0] if message.senders else "",
+            name=message.name if selector is None else f"{message.name}[{selector}]",
+            identifier=message.frame_id,
+            length=message.length,
+            signals=tuple(layouts),
+            is_extended=message.is_extended_frame,
+            is_fd=bool(message.is_fd),
+            protection=self._protection(message),
+            cycle_time=period(message, where),
+            sender=message.senders[0] if message.senders else "",
             multiplexer=multiplexer,
         )
         SignalPlan(layout)  # refuses what cannot be decoded
@@ -263,7 +269,7 @@ class _Mapper:
         if "sample_time" not in places:
             return 1e-6
         signal = extra[places["sample_time"] - first]
-        tick = self._factor(message, signal, TIME_UNITS, "a unit of time") * float(signal.scale)
+        tick = self._factor(message, signal, units=TIME_UNITS, what="a unit of time") * float(signal.scale)
         if not tick > 0.0:
             raise InputError(f"{self._name}: signal '{message.name}.{signal.name}': scale {signal.scale} found")
         return tick

@@ -40,18 +40,18 @@ def signal_layout(signal: Any, with_names: bool = False) -> SignalLayout:
     try:
         codes = _no_value_codes(signal) if with_names else []
         return SignalLayout(
-            signal.name,
-            int(signal.start),
-            int(signal.length),
-            LITTLE if signal.byte_order == "little_endian" else BIG,
-            FLOAT if signal.is_float else SIGNED if signal.is_signed else UNSIGNED,
-            float(signal.scale),
-            float(signal.offset),
-            signal.unit or "",
-            None if signal.minimum is None else float(signal.minimum),
-            None if signal.maximum is None else float(signal.maximum),
-            codes[0] if codes else None,
-            None if signal.raw_initial is None else int(signal.raw_initial),
+            name=signal.name,
+            start=int(signal.start),
+            length=int(signal.length),
+            byte_order=LITTLE if signal.byte_order == "little_endian" else BIG,
+            kind=FLOAT if signal.is_float else SIGNED if signal.is_signed else UNSIGNED,
+            scale=float(signal.scale),
+            offset=float(signal.offset),
+            unit=signal.unit or "",
+            minimum=None if signal.minimum is None else float(signal.minimum),
+            maximum=None if signal.maximum is None else float(signal.maximum),
+            not_available=codes[0] if codes else None,
+            initial=None if signal.raw_initial is None else int(signal.raw_initial),
             other_no_value=tuple(codes[1:]),
         )
     except (OverflowError, ValueError, TypeError) as error:

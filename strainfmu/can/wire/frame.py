@@ -20,7 +20,7 @@ class MalformedFrame(StrainfmuError, ValueError):
     """What an interface handed over is no frame."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """One frame.
 
@@ -72,17 +72,18 @@ def from_message(message: Any, time: float) -> Frame:
         raise MalformedFrame(
             f"frame 0x{identifier:X}: {str(data)[:40]} found, up to {FD_LENGTHS[-1]} bytes wanted"
         )
-    flags = (
-        message.is_extended_id,
-        message.is_fd,
-        message.bitrate_switch,
-        message.is_error_frame,
-        message.is_remote_frame,
-    )
-    for flag in flags:
+    flags = {
+        "is_extended": message.is_extended_id,
+        "is_fd": message.is_fd,
+        "bitrate_switch": message.bitrate_switch,
+        "is_error": message.is_error_frame,
+        "is_remote": message.is_remote_frame,
+    }
+    for flag in flags.values():
         if not isinstance(flag, int):  # a bool is one
             raise MalformedFrame(f"frame 0x{identifier:X}: flag {str(flag)[:40]} found, true or false wanted")
-    return Frame(int(identifier), bytes(data), time, *map(bool, flags))
+    named = {name: bool(flag) for name, flag in flags.items()}
+    return Frame(identifier=int(identifier), data=bytes(data), time=time, **named)
 
 
 def to_message(frame: Frame) -> Any:

@@ -11,7 +11,7 @@ UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
 LITTLE, BIG = "little", "big"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SignalLayout:
     """One signal: physical value = raw * scale + offset.
 
@@ -58,7 +58,7 @@ class SignalLayout:
         return tuple(8 * (p // 8) + 7 - p % 8 for p in range(place + self.length - 1, place - 1, -1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrameLayout:
     """One frame.
 
@@ -93,7 +93,7 @@ class FrameLayout:
         return next(place for place, signal in enumerate(self.signals) if signal.name == name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InputFrame:
     """A frame that the bridge reads, and what its signals are to it; places count in ``layout.signals``.
 
@@ -123,7 +123,7 @@ class InputFrame:
     is_trailer: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InputLayout:
     """All frames that the bridge reads.
 

@@ -22,12 +22,12 @@ LARGEST_DYNAMIC_PRESSURE = 1e7
 def strain_signal(name: str, start: int, byte_order: str) -> SignalLayout:
     """Return a strain of 16 bits."""
     return SignalLayout(
-        name,
-        start,
-        16,
-        byte_order,
-        SIGNED,
-        STRAIN_SCALE,
+        name=name,
+        start=start,
+        length=16,
+        byte_order=byte_order,
+        kind=SIGNED,
+        scale=STRAIN_SCALE,
         unit="um/m",
         minimum=-32766 * STRAIN_SCALE,
         maximum=32766 * STRAIN_SCALE,
@@ -40,11 +40,11 @@ def float_strain_signal(name: str, start: int) -> SignalLayout:
     """Return a strain of 32 bits."""
     limit = LARGEST_FLOAT_STRAIN
     return SignalLayout(
-        name,
-        start,
-        32,
-        LITTLE,
-        FLOAT,
+        name=name,
+        start=start,
+        length=32,
+        byte_order=LITTLE,
+        kind=FLOAT,
         unit="um/m",
         minimum=-limit,
         maximum=limit,
@@ -54,10 +54,10 @@ def float_strain_signal(name: str, start: int) -> SignalLayout:
 
 def sample_time_signal(start: int, byte_order: str = LITTLE) -> SignalLayout:
     return SignalLayout(
-        "SampleTime",
-        start,
-        32,
-        byte_order,
+        name="SampleTime",
+        start=start,
+        length=32,
+        byte_order=byte_order,
         unit="us",
         comment="When the strains were sampled, sender's clock; wraps after 71.6 min",
     )
@@ -65,9 +65,9 @@ def sample_time_signal(start: int, byte_order: str = LITTLE) -> SignalLayout:
 
 def status_signal(start: int, length: int) -> SignalLayout:
     return SignalLayout(
-        "Status",
-        start,
-        length,
+        name="Status",
+        start=start,
+        length=length,
         choices=((0, "Good"), (1, "Degraded"), (2, "DoNotUse")),
         comment="The sender's own verdict; above 1: not used",
     )
@@ -75,9 +75,9 @@ def status_signal(start: int, length: int) -> SignalLayout:
 
 def configuration_signal(start: int, configuration: int) -> SignalLayout:
     return SignalLayout(
-        "Configuration",
-        start,
-        16,
+        name="Configuration",
+        start=start,
+        length=16,
         initial=configuration,
         comment="Which gauge lies where; frames with another number are refused",
     )
@@ -86,26 +86,37 @@ def configuration_signal(start: int, configuration: int) -> SignalLayout:
 def header_5() -> tuple[SignalLayout, SignalLayout]:
     """Return CRC and counter of E2E profile 5."""
     return (
-        SignalLayout("E2E_CRC", 0, 16, comment="E2E profile 5: CRC-16/CCITT-FALSE over bytes 2.. and the DataID"),
-        SignalLayout("E2E_Counter", 16, 8, comment="E2E profile 5: 0 to 255, one more each time"),
+        SignalLayout(
+            name="E2E_CRC",
+            start=0,
+            length=16,
+            comment="E2E profile 5: CRC-16/CCITT-FALSE over bytes 2.. and the DataID",
+        ),
+        SignalLayout(
+            name="E2E_Counter", start=16, length=8, comment="E2E profile 5: 0 to 255, one more each time"
+        ),
     )
 
 
 def header_1() -> tuple[SignalLayout, SignalLayout]:
     """Return CRC and counter of E2E profile 1."""
     return (
-        SignalLayout("E2E_CRC", 0, 8, comment="E2E profile 1: CRC-8 over the DataID and bytes 1 to 7"),
-        SignalLayout("E2E_Counter", 8, 4, maximum=14, comment="E2E profile 1: 0 to 14, one more each time"),
+        SignalLayout(
+            name="E2E_CRC", start=0, length=8, comment="E2E profile 1: CRC-8 over the DataID and bytes 1 to 7"
+        ),
+        SignalLayout(
+            name="E2E_Counter", start=8, length=4, maximum=14, comment="E2E profile 1: 0 to 14, one more each time"
+        ),
     )
 
 
 def pressure_signal(start: int, byte_order: str) -> SignalLayout:
     return SignalLayout(
-        "DynamicPressure",
-        start,
-        32,
-        byte_order,
-        FLOAT,
+        name="DynamicPressure",
+        start=start,
+        length=32,
+        byte_order=byte_order,
+        kind=FLOAT,
         unit="Pa",
         minimum=1e-6,
         maximum=LARGEST_DYNAMIC_PRESSURE,

@@ -107,9 +107,11 @@ def profile_layout(
     configuration = configuration_of(profile, gauge_names)
     names = signal_names(gauge_names)
     if profile == "fd64":
-        layout = _fd64(names, cycle_time, identifiers, configuration)
+        layout = _fd64(names, cycle_time, identifiers=identifiers, configuration=configuration)
     else:
-        layout = _classic(profile, names, cycle_time, identifiers, configuration)
+        layout = _classic(
+            profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration
+        )
     identifiers.checked(len(layout.frames), 1)
     return layout
 
@@ -133,43 +135,49 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
         chosen = names[first : first + GAUGES_PER_FD_FRAME]
         strains = tuple(strain_signal(name, 64 + 16 * place, LITTLE) for place, name in enumerate(chosen))
         layout = FrameLayout(
-            f"Strain{number + 1}",
-            identifiers.base + 1 + number,
-            64,
-            (*head, *strains, configuration_signal(496, configuration)),
-            identifiers.is_extended,
-            True,
-            Protection(5, _STRAIN_DATA_ID + number),
-            cycle_time,
-            SENDER,
-            "Strains; all frames of a cycle have the same counter and sample time",
+            name=f"Strain{number + 1}",
+            identifier=identifiers.base + 1 + number,
+            length=64,
+            signals=(*head, *strains, configuration_signal(496, configuration)),
+            is_extended=identifiers.is_extended,
+            is_fd=True,
+            protection=Protection(5, _STRAIN_DATA_ID + number),
+            cycle_time=cycle_time,
+            sender=SENDER,
+            comment="Strains; all frames of a cycle have the same counter and sample time",
         )
         places = tuple(range(len(head), len(head) + len(chosen)))
         frames.append(
             InputFrame(
-                layout,
-                places,
-                tuple(range(first, first + len(chosen))),
-                (_MICRO,) * len(chosen),
+                layout=layout,
+                places=places,
+                gauges=tuple(range(first, first + len(chosen))),
+                to_strain=(_MICRO,) * len(chosen),
                 sample_time=3,
                 status=2,
                 configuration=len(head) + len(chosen),
             )
         )
     pressure = FrameLayout(
-        "DynamicPressure",
-        identifiers.base,
-        16,
-        (*head, pressure_signal(64, LITTLE), configuration_signal(96, configuration)),
-        identifiers.is_extended,
-        True,
-        Protection(5, _PRESSURE_DATA_ID),
-        cycle_time,
-        SENDER,
-        "Dynamic pressure; send it ahead of the strains of the same time",
+        name="DynamicPressure",
+        identifier=identifiers.base,
+        length=16,
+        signals=(*head, pressure_signal(64, LITTLE), configuration_signal(96, configuration)),
+        is_extended=identifiers.is_extended,
+        is_fd=True,
+        protection=Protection(5, _PRESSURE_DATA_ID),
+        cycle_time=cycle_time,
+        sender=SENDER,
+        comment="Dynamic pressure; send it ahead of the strains of the same time",
     )
-    pressure_frame = InputFrame(pressure, dynamic_pressure=4, sample_time=3, status=2, configuration=5)
-    return InputLayout("fd64", len(names), tuple(frames), pressure_frame, cycle_time=cycle_time)
+    pressure_frame = InputFrame(layout=pressure, dynamic_pressure=4, sample_time=3, status=2, configuration=5)
+    return InputLayout(
+        name="fd64",
+        n_gauges=len(names),
+        strain_frames=tuple(frames),
+        pressure_frame=pressure_frame,
+        cycle_time=cycle_time,
+    )
 
 
 def _classic(
@@ -189,23 +197,27 @@ def _classic(
                 for place, name in enumerate(chosen)
             )
         layout = FrameLayout(
-            f"Strain{number + 1}",
-            identifiers.base + 1 + number,
-            8,
-            strains,
-            identifiers.is_extended,
+            name=f"Strain{number + 1}",
+            identifier=identifiers.base + 1 + number,
+            length=8,
+            signals=strains,
+            is_extended=identifiers.is_extended,
             cycle_time=cycle_time,
             sender=SENDER,
             comment="Strains, covered by the CRC of the cycle's trailer",
         )
         gauges = tuple(range(first, first + len(chosen)))
-        frames.append(InputFrame(layout, tuple(range(len(chosen))), gauges, (_MICRO,) * len(chosen)))
+        frames.append(
+            InputFrame(
+                layout=layout, places=tuple(range(len(chosen))), gauges=gauges, to_strain=(_MICRO,) * len(chosen)
+            )
+        )
     trailer = FrameLayout(
-        "StrainTrailer",
-        identifiers.base + 1 + len(frames),
-        8,
-        (*header_5(), status_signal(24, 8), sample_time_signal(39 if order == BIG else 32, order)),
-        identifiers.is_extended,
+        name="StrainTrailer",
+        identifier=identifiers.base + 1 + len(frames),
+        length=8,
+        signals=(*header_5(), status_signal(24, 8), sample_time_signal(39 if order == BIG else 32, order)),
+        is_extended=identifiers.is_extended,
         # The configuration as DataID: a cycle with other gauges never passes the CRC.
         protection=Protection(5, configuration),
         cycle_time=cycle_time,
@@ -213,26 +225,33 @@ def _classic(
         comment="Ends a cycle; its CRC covers bytes 2 to 7, then the data of Strain1, Strain2 .. and the DataID",
     )
     pressure = FrameLayout(
-        "DynamicPressure",
-        identifiers.base,
-        8,
-        (
+        name="DynamicPressure",
+        identifier=identifiers.base,
+        length=8,
+        signals=(
             *header_1(),
             status_signal(12, 4),
             pressure_signal(23 if order == BIG else 16, order),
-            SignalLayout("SampleTime", 55 if order == BIG else 48, 16, order, scale=0.1, unit="ms"),
+            SignalLayout(
+                name="SampleTime",
+                start=55 if order == BIG else 48,
+                length=16,
+                byte_order=order,
+                scale=0.1,
+                unit="ms",
+            ),
         ),
-        identifiers.is_extended,
+        is_extended=identifiers.is_extended,
         protection=Protection(1, _PRESSURE_DATA_ID),
         cycle_time=cycle_time,
         sender=SENDER,
         comment="Dynamic pressure; send it ahead of the strains of the same time",
     )
     return InputLayout(
-        profile,
-        len(names),
-        tuple(frames),
-        InputFrame(pressure, dynamic_pressure=3, sample_time=4, tick=1e-4, status=2),
-        InputFrame(trailer, sample_time=3, status=2, is_trailer=True),
-        cycle_time,
+        name=profile,
+        n_gauges=len(names),
+        strain_frames=tuple(frames),
+        pressure_frame=InputFrame(layout=pressure, dynamic_pressure=3, sample_time=4, tick=1e-4, status=2),
+        trailer=InputFrame(layout=trailer, sample_time=3, status=2, is_trailer=True),
+        cycle_time=cycle_time,
     )

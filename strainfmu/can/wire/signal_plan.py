@@ -111,7 +111,7 @@ class SignalPlan:
         return little.to_bytes(self.length, "little")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Encoder:
     """One signal on its way into a frame taken for one integer, of the signal's byte order.
 
@@ -164,15 +164,17 @@ def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
     is_big = signal.byte_order == BIG
     # Bits of a big endian integer count from the last byte on.
     shift = 8 * (n_bytes - 1 - lowest // 8) + lowest % 8 if is_big else lowest
+    raw_low, raw_high = _raw_range(signal)
     return _Encoder(
-        signal,
-        shift,
-        (1 << signal.length) - 1,
-        is_big,
-        -np.inf if signal.minimum is None else signal.minimum,
-        np.inf if signal.maximum is None else signal.maximum,
-        *_raw_range(signal),
-        _FLOATS[signal.length] if signal.kind == FLOAT else None,
+        signal=signal,
+        shift=shift,
+        mask=(1 << signal.length) - 1,
+        is_big=is_big,
+        low=-np.inf if signal.minimum is None else signal.minimum,
+        high=np.inf if signal.maximum is None else signal.maximum,
+        raw_low=raw_low,
+        raw_high=raw_high,
+        packed=_FLOATS[signal.length] if signal.kind == FLOAT else None,
     )
 
 

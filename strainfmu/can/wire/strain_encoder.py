@@ -40,15 +40,42 @@ class StrainEncoder:
         frames, covered = [], b""
         if self._layout.pressure_frame is not None:
             frames.append(
-                self._frame(self._layout.frames[-1], -1, d, dynamic_pressure, cycle, sample_time, status)
+                self._frame(
+                    self._layout.frames[-1],
+                    -1,
+                    strain=d,
+                    dynamic_pressure=dynamic_pressure,
+                    cycle=cycle,
+                    sample_time=sample_time,
+                    status=status,
+                )
             )
         for place, item in enumerate(self._layout.strain_frames):
-            frames.append(self._frame(item, place, d, dynamic_pressure, cycle, sample_time, status))
+            frames.append(
+                self._frame(
+                    item,
+                    place,
+                    strain=d,
+                    dynamic_pressure=dynamic_pressure,
+                    cycle=cycle,
+                    sample_time=sample_time,
+                    status=status,
+                )
+            )
             covered += frames[-1].data
         if self._layout.trailer is not None:
             place = len(self._layout.strain_frames)
             frames.append(
-                self._frame(self._layout.trailer, place, d, dynamic_pressure, cycle, sample_time, status, covered)
+                self._frame(
+                    self._layout.trailer,
+                    place,
+                    strain=d,
+                    dynamic_pressure=dynamic_pressure,
+                    cycle=cycle,
+                    sample_time=sample_time,
+                    status=status,
+                    covered=covered,
+                )
             )
         return frames
 
@@ -81,15 +108,15 @@ class StrainEncoder:
             values[layout.place(selector.name)] = number * selector.scale + selector.offset
         data = self._plans[place].encode(values)
         if layout.protection is not None:
-            data = protect(data, layout.protection, cycle, covered)
+            data = protect(data, layout.protection, counter=cycle, covered=covered)
         return frame_of(layout, data)
 
 
 def frame_of(layout: FrameLayout, data: bytes) -> Frame:
     """Return a frame of ``layout`` with ``data``."""
     return Frame(
-        layout.identifier,
-        data,
+        identifier=layout.identifier,
+        data=data,
         is_extended=layout.is_extended,
         is_fd=layout.is_fd,
         bitrate_switch=layout.is_fd,

@@ -89,22 +89,22 @@ def bridge(
     check_run(duration, stuck_cycles, max_age)
     check_dynamic_pressure(dynamic_pressure)
     options = BridgeOptions(
-        interface,
-        channel,
-        tuple(option or ()),
-        profile,
-        dbc,
-        mapping,
-        cycle_time_of(cycle_time),
-        identifiers_of(id_base, result_base, extended),
-        dynamic_pressure,
-        result,
-        stuck_cycles,
-        max_age,
+        interface=interface,
+        channel=channel,
+        bus_options=tuple(option or ()),
+        profile=profile,
+        dbc=dbc,
+        mapping=mapping,
+        cycle_time=cycle_time_of(cycle_time),
+        identifiers=identifiers_of(id_base, result_base, extended),
+        dynamic_pressure=dynamic_pressure,
+        result_form=result,
+        stuck_cycles=stuck_cycles,
+        max_age=max_age,
     )
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
-    with observed_bridge(fmu, options, record, publish, publish_rate) as observed:
+    with observed_bridge(fmu, options, record=record, publish=publish, publish_rate=publish_rate) as observed:
         running = observed.ready
         console.print(
             f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {interface}:{channel}; stop with Ctrl-C",
@@ -139,7 +139,9 @@ def dbc(
     from strainfmu.can.tools.dbc_export import write_dbc
 
     identifiers = identifiers_of(id_base, result_base, extended)
-    n_frames = write_dbc(source, output, profile, cycle_time_of(cycle_time), identifiers)
+    n_frames = write_dbc(
+        source, output, profile=profile, cycle_time=cycle_time_of(cycle_time), identifiers=identifiers
+    )
     Console().print(f"{output}: written, {n_frames} frames", highlight=False, markup=False, soft_wrap=True)
 
 

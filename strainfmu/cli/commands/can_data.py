@@ -79,7 +79,7 @@ def estimate(
         _replay(console, data, source, output, given)
         return
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
-        summary = estimate_file(source, data, output, dynamic_pressure, progress)
+        summary = estimate_file(source, data, output=output, dynamic_pressure=dynamic_pressure, progress=progress)
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
@@ -138,11 +138,11 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[st
     from strainfmu.can.tools.log_estimates import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
-        return replaced(recorded or BridgeOptions("replay", log.name), **given)
+        return replaced(recorded or BridgeOptions(interface="replay", channel=log.name), **given)
 
     begin = perf_counter()
     with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:
-        summary = estimate_log(fmu, log, output, options, progress)
+        summary = estimate_log(fmu, log, output=output, options=options, progress=progress)
     took = perf_counter() - begin
     table = Table(title="Replay", show_header=False)
     table.add_row("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast")

@@ -91,13 +91,22 @@ def send(
             f"--cycle-time {cycle_time:g} ms, --duration {duration:g} s: a cycle in a duration wanted"
         )
     identifiers = identifiers_of(id_base, result_base, extended)
-    options = BridgeOptions(interface, channel, tuple(option or ()), profile, None, None, period, identifiers)
+    options = BridgeOptions(
+        interface=interface,
+        channel=channel,
+        bus_options=tuple(option or ()),
+        profile=profile,
+        dbc=None,
+        mapping=None,
+        cycle_time=period,
+        identifiers=identifiers,
+    )
     check_bus_options(interface, bus_settings(options).options)
     names = map_gauge_names(source)
     layout, _ = input_layout(options, names)
     from strainfmu.can.tools.sender import planned_faults
 
-    planned = planned_faults(fault or (), faults, seed, round(duration / layout.cycle_time))
+    planned = planned_faults(fault or (), faults, seed=seed, n_cycles=round(duration / layout.cycle_time))
     samples = _samples(names, plant, scenario, files, data, dynamic_pressure, layout.cycle_time, duration)
     console = Console()
     with samples as opened:
@@ -127,7 +136,7 @@ def _samples(
     from strainfmu.can.tools.strain_sources import plant_samples, recorded_samples, scenario_samples
 
     if plant is not None:
-        return plant_samples(plant, len(names), cycle_time, duration)
+        return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration)
     if scenario is not None:
         return scenario_samples(scenario, files, cycle_time)
     assert data is not None
@@ -158,13 +167,15 @@ def _send(
         listener = None if heard is None else Listener(heard, answer)
         with stop_request() as stopped:
             limited = islice(samples, round(duration / layout.cycle_time))
-            sent = send_flight(bus, layout, limited, faults, stopped=stopped, own=own)
+            sent = send_flight(bus, layout, samples=limited, faults=faults, stopped=stopped, own=own)
         if listener is None:
             return sent, None
         sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle
         received = listener.finish()
         known = bool(sent.truth) and bool(received)
-        return sent, score_answers(received, answer, sent.truth, layout.cycle_time) if known else None
+        return sent, score_answers(
+            received, answer, truth=sent.truth, cycle_time=layout.cycle_time
+        ) if known else None
     finally:
         shut_down(bus)
         if heard is not None:

@@ -74,9 +74,9 @@ class Running:
         self.bridge = Bridge(
             core,
             opened,
-            results,
-            1,
-            back_off,
+            result_layouts=results,
+            configuration=1,
+            back_off=back_off,
             on_result=self.results.append,
             queued_cycles=queued_cycles,
         )
@@ -97,7 +97,7 @@ class Running:
         for _ in range(n_cycles):
             self.cycle += 1
             now = time.monotonic() - self._start
-            for frame in self._encoder.encode(*self._truth.cycle(self.cycle), self.cycle, now):
+            for frame in self._encoder.encode(*self._truth.cycle(self.cycle), cycle=self.cycle, sample_time=now):
                 self.sender.send(to_message(frame))
             time.sleep(CYCLE)
 
@@ -134,7 +134,7 @@ class Running:
 def virtual() -> Iterator[Running]:
     """Return a bridge on the virtual bus of this test."""
     channel = f"test-{os.getpid()}-{time.monotonic_ns()}"
-    settings = BusSettings("virtual", channel)
+    settings = BusSettings(interface="virtual", channel=channel)
     with can.Bus(interface="virtual", channel=channel) as sender:
         running = Running(lambda: open_bus(settings), sender)
         yield running
@@ -144,7 +144,7 @@ def virtual() -> Iterator[Running]:
 @pytest.fixture
 def multicast() -> Iterator[Running]:
     """Return a bridge on udp_multicast, on a port that nobody else has."""
-    settings = BusSettings("udp_multicast", GROUP, {"port": free_port()})
+    settings = BusSettings(interface="udp_multicast", channel=GROUP, options={"port": free_port()})
     with open_bus(settings) as sender:
         running = Running(lambda: open_bus(settings), sender)
         running.port = settings.options["port"]
@@ -207,7 +207,7 @@ def test_a_closed_socket_is_replaced_by_a_new_bus(multicast: Running) -> None:
 
 def test_a_bus_off_is_left_and_a_new_bus_opened(virtual: Running) -> None:
     virtual.send_until(Quality.VALID)
-    off = Frame(0x40, bytes(8), is_error=True)
+    off = Frame(identifier=0x40, data=bytes(8), is_error=True)
     virtual.sender.send(to_message(off))
     virtual.wait(lambda: len(virtual.buses) == 2)
     virtual.send_until(Quality.VALID)
@@ -275,7 +275,7 @@ def test_many_failed_receptions_in_a_second_are_a_broken_bus(failures: int, reco
 
 def test_a_full_queue_drops_the_oldest_cycle() -> None:
     queue = FrameQueue(capacity=6, cycle=3)
-    frames = [Frame(0x300 + k % 3, bytes(8), float(k)) for k in range(10)]
+    frames = [Frame(identifier=0x300 + k % 3, data=bytes(8), time=float(k)) for k in range(10)]
     dropped = [queue.put([frame]) for frame in frames]
     assert dropped == [0] * 6 + [3, 0, 0, 3]
     # A cycle's worth at once, and no later item is before the time that comes with it.
@@ -292,7 +292,9 @@ def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
     """An estimator that is slower than the input: frames are dropped by whole cycles, the sum rule holds."""
     channel = f"slow-{time.monotonic_ns()}"
     with can.Bus(interface="virtual", channel=channel) as sender:
-        running = Running(lambda: open_bus(BusSettings("virtual", channel)), sender, queued_cycles=3)
+        running = Running(
+            lambda: open_bus(BusSettings(interface="virtual", channel=channel)), sender, queued_cycles=3
+        )
         running.send_until(Quality.VALID)
         running.step.pause = 4 * CYCLE
         running.send(60)
@@ -311,7 +313,7 @@ def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
 def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Running) -> None:
     """600 foreign frames for the three of every cycle, as fast as they go."""
     virtual.send_until(Quality.VALID)
-    foreign = [to_message(Frame(0x400 + k % 64, bytes(8))) for k in range(600)]
+    foreign = [to_message(Frame(identifier=0x400 + k % 64, data=bytes(8))) for k in range(600)]
     known, sent = len(virtual.results), 0
     for _ in range(30):
         virtual.send(1)
@@ -333,9 +335,9 @@ def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Runni
 
 
 def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() -> None:
-    settings = BusSettings("udp_multicast", GROUP, {"port": free_port()})
+    settings = BusSettings(interface="udp_multicast", channel=GROUP, options={"port": free_port()})
     with open_bus(settings) as bus, open_bus(settings) as sender:
-        message = to_message(Frame(0x301, bytes(64), is_fd=True))
+        message = to_message(Frame(identifier=0x301, data=bytes(64), is_fd=True))
         with socket.socket(fileno=os.dup(bus.fileno())) as same:
             size = same.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
             default = 212_992
@@ -357,7 +359,7 @@ def test_no_default_route_is_one_clear_line() -> None:
     code = (
         "from strainfmu.can.bridge.bus import BusSettings, open_bus\n"
         "from strainfmu.errors import StrainfmuError\n"
-        "try:\n    open_bus(BusSettings('udp_multicast', '239.74.163.2'))\n"
+        "try:\n    open_bus(BusSettings(interface='udp_multicast', channel='239.74.163.2'))\n"
         "except StrainfmuError as error:\n    print(error)\n"
     )
     finished = subprocess.run(
@@ -372,12 +374,14 @@ def test_no_default_route_is_one_clear_line() -> None:
 
 def test_an_interface_that_does_not_exist_is_one_line() -> None:
     with pytest.raises(InputError, match=r"nonsense:x: .*interfaces: .*socketcan"):
-        open_bus(BusSettings("nonsense", "x"))
+        open_bus(BusSettings(interface="nonsense", channel="x"))
 
 
 def test_frames_survive_the_way_through_python_can() -> None:
     from strainfmu.can.wire.frame import from_message
 
-    frame = Frame(0x1ABCDEF0, bytes(range(12)), 3.5, True, True, True)
+    frame = Frame(
+        identifier=0x1ABCDEF0, data=bytes(range(12)), time=3.5, is_extended=True, is_fd=True, bitrate_switch=True
+    )
     assert from_message(to_message(frame), 3.5) == frame
     assert replace(frame, is_extended=False).key != frame.key

@@ -69,7 +69,7 @@ def received(
     queue = FrameQueue(1000, 3)
     bus = Scripted(list(messages))
     acceptance = Acceptance(layout, [], BridgeSettings())
-    receiver = Receiver(bus, queue, acceptance, time.monotonic, on_received)
+    receiver = Receiver(bus, queue, acceptance=acceptance, clock=time.monotonic, on_received=on_received)
     receiver.start()
     items: list[Frame | BusFault] = []
     end = time.monotonic() + 20.0
@@ -106,7 +106,7 @@ def test_a_frame_that_a_log_cannot_hold_is_lost_and_the_recording_goes_on(tmp_pa
     recorder = Recorder(path, clock)
     for number in range(9):
         identifier: Any = 768.0 if number == 4 else 0x300 + number
-        recorder.received(Frame(identifier, bytes(8), clock() + CYCLE * number))
+        recorder.received(Frame(identifier=identifier, data=bytes(8), time=clock() + CYCLE * number))
     recorder.close()
     assert (recorder.recorded, recorder.lost, recorder.failure) == (8, 1, "")
     found = [frame.identifier for frame, _ in log_frames(path, clock.start, LogState())]

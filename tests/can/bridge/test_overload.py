@@ -66,7 +66,7 @@ def run(profile: str, service: float, n_cycles: int, stall: tuple[int, float] = 
     frames = [
         replace(frame, time=k * CYCLE + 1e-5 * place)
         for k in range(n_cycles)
-        for place, frame in enumerate(encoder.encode(*truth.cycle(k), k, k * CYCLE))
+        for place, frame in enumerate(encoder.encode(*truth.cycle(k), cycle=k, sample_time=k * CYCLE))
     ]
     clock, place = Time(), 0
     queue = FrameQueue(QUEUED_CYCLES * per_cycle, per_cycle)

@@ -32,7 +32,7 @@ SIZES = {"fd64": N_GAUGES, "classic-le": 10, "classic-be": 10, "float2": 6}
 def campaign(profile: str, n_faults: int, seed: int) -> Campaign:
     kinds = tuple(FaultKind)
     # Long enough for single gauges to be found stuck, now and then.
-    faults = random_faults(n_faults, kinds, seed, GAP, longest=40)
+    faults = random_faults(n_faults, kinds, seed=seed, gap=GAP, longest=40)
     n_cycles = faults[-1].start + faults[-1].cycles + GAP
     return run_campaign(layout_of(profile, SIZES[profile]), faults, n_cycles, seed=seed, keep=False)
 
@@ -58,7 +58,7 @@ def test_ten_thousand_random_faults(profile: str) -> None:
 @pytest.mark.parametrize("kind", FaultKind)
 def test_every_fault_by_itself(kind: FaultKind) -> None:
     """Each fault alone, short and long: none is missed by chance of the draw."""
-    faults = [Fault(kind, 20, 1, 3), Fault(kind, 22 + GAP, 30, 8)]
+    faults = [Fault(kind=kind, start=20, cycles=1, seed=3), Fault(kind=kind, start=22 + GAP, cycles=30, seed=8)]
     run = run_campaign(layout_of("fd64"), faults, 52 + 2 * GAP)
     assert run.false_valid == []
     assert run.late_recovery == []
@@ -68,7 +68,11 @@ def test_any_two_faults_at_once_can_be_injected() -> None:
     """Faults act on what others have left of a frame: cut, inserted or taken away."""
     kinds = list(FaultKind)
     pairs = [(a, b) for place, a in enumerate(kinds) for b in kinds[place + 1 :]]
-    faults = [Fault(kind, 5 + place, 1, place) for place, pair in enumerate(pairs) for kind in pair]
+    faults = [
+        Fault(kind=kind, start=5 + place, cycles=1, seed=place)
+        for place, pair in enumerate(pairs)
+        for kind in pair
+    ]
     run = run_campaign(layout_of("classic-le", 4), faults, len(pairs) + 10)
     assert run.false_valid == []
 
@@ -76,7 +80,11 @@ def test_any_two_faults_at_once_can_be_injected() -> None:
 def test_strains_that_are_both_repeated_and_held_back_are_old() -> None:
     for profile in PROFILES:
         pairs = ((FaultKind.DELAY, FaultKind.FREEZE), (FaultKind.FREEZE, FaultKind.CLOCK_JUMP))
-        faults = [Fault(kind, 40 + 80 * place, 29, 3) for place, pair in enumerate(pairs) for kind in pair]
+        faults = [
+            Fault(kind=kind, start=40 + 80 * place, cycles=29, seed=3)
+            for place, pair in enumerate(pairs)
+            for kind in pair
+        ]
         run = run_campaign(layout_of(profile, SIZES[profile]), faults, 230)
         assert run.false_valid == []
         assert run.late_recovery == []
@@ -111,7 +119,9 @@ def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None)
     """Return a run of single faults of ``kinds`` through a core that is made for it."""
 
     def run(make_core: MakeCore) -> Campaign:
-        faults = [Fault(kind, 40 + 80 * place, cycles, place) for place, kind in enumerate(kinds)]
+        faults = [
+            Fault(kind=kind, start=40 + 80 * place, cycles=cycles, seed=place) for place, kind in enumerate(kinds)
+        ]
         n_cycles = 40 + 80 * len(kinds) + cycles
         return run_campaign(layout_of("fd64"), faults, n_cycles, step=step, make_core=make_core)
 
@@ -187,7 +197,7 @@ def value_inside_the_range(make_core: MakeCore) -> Campaign:
         )
         for frame in layout.strain_frames
     )
-    faults = [Fault(FaultKind.NO_VALUE, 40, 12, 1)]
+    faults = [Fault(kind=FaultKind.NO_VALUE, start=40, cycles=12, seed=1)]
     return run_campaign(replace(layout, strain_frames=frames), faults, 80, make_core=make_core)
 
 
@@ -232,7 +242,7 @@ def test_every_guard_has_its_scenario() -> None:
 def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:
     """What the weakened cores differ in is the replaced part alone."""
     for profile in PROFILES:
-        faults = random_faults(8, tuple(FaultKind), 5, GAP)
+        faults = random_faults(8, tuple(FaultKind), seed=5, gap=GAP)
         runs = [
             run_campaign(layout_of(profile, SIZES[profile]), faults, 300, make_core=make_core)
             for make_core in (bridge_core, core_without())

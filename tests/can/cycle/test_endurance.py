@@ -30,7 +30,7 @@ def run(seconds: float, checks: int) -> list[int]:
     layout = profile_layout("fd64", [f"g{i}" for i in range(N_GAUGES)], CYCLE)
     core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(), start=0.0)
     encoder, truth = StrainEncoder(layout), Truth(N_GAUGES, 1)
-    patterns = [encoder.encode(*truth.cycle(k), 0, 0.0) for k in range(1000)]
+    patterns = [encoder.encode(*truth.cycle(k), cycle=0, sample_time=0.0) for k in range(1000)]
     protections = [frame.layout.protection for frame in (layout.frames[-1], *layout.frames[:-1])]
     n_cycles, valid, memory = round(seconds / CYCLE), 0, []
     for k in range(n_cycles):
@@ -44,7 +44,9 @@ def run(seconds: float, checks: int) -> list[int]:
                 for result in core.receive(replace(frame, data=data, time=time + 1e-5 * place)):
                     valid += result.quality is Quality.VALID
         if k % 53 == 0:
-            core.receive(Frame(k % 2048 if k % 2048 not in (0x300, 0x301) else 0x400, b"", time + 1e-4))
+            core.receive(
+                Frame(identifier=k % 2048 if k % 2048 not in (0x300, 0x301) else 0x400, data=b"", time=time + 1e-4)
+            )
         if k % (n_cycles // checks) == n_cycles // checks - 1:
             gc.collect()
             memory.append(resident_memory())

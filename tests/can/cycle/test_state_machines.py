@@ -21,11 +21,19 @@ NO_RAW = np.zeros(1, dtype=np.int64)
 
 
 def arrival(slot: int, sample_time: int | None, time: float = 0.0, counter: int = 0) -> Arrival:
-    return Arrival(slot, Frame(0x300, b"", time), NO_RAW, sample_time, counter)
+    return Arrival(
+        slot=slot,
+        frame=Frame(identifier=0x300, data=b"", time=time),
+        raw=NO_RAW,
+        sample_time=sample_time,
+        counter=counter,
+    )
 
 
 def timed(n_slots: int = 2) -> CycleAssembler:
-    return CycleAssembler(Limits(n_slots, None, 5e-3, 32, 3 * n_slots))
+    return CycleAssembler(
+        Limits(n_slots=n_slots, trailer=None, deadline=5e-3, clock_bits=32, late_limit=3 * n_slots)
+    )
 
 
 def slots(cycles: list) -> list[list[int]]:
@@ -80,11 +88,11 @@ def test_nothing_but_late_frames_is_a_restart() -> None:
 
 
 def test_without_times_a_repeated_frame_or_the_trailer_ends_a_cycle() -> None:
-    plain = CycleAssembler(Limits(3, None, 5e-3, None, 9))
+    plain = CycleAssembler(Limits(n_slots=3, trailer=None, deadline=5e-3, clock_bits=None, late_limit=9))
     plain.offer(arrival(0, None))
     plain.offer(arrival(1, None))
     assert slots(plain.offer(arrival(0, None))[1]) == [[0, 1]]
-    closing = CycleAssembler(Limits(3, 2, 5e-3, None, 9))
+    closing = CycleAssembler(Limits(n_slots=3, trailer=2, deadline=5e-3, clock_bits=None, late_limit=9))
     closing.offer(arrival(0, None))
     assert slots(closing.offer(arrival(2, None))[1]) == [[0, 2]]
 
@@ -94,7 +102,7 @@ def test_without_times_a_repeated_frame_or_the_trailer_ends_a_cycle() -> None:
 
 def test_age_is_the_delay_beyond_the_least_and_drift_is_none() -> None:
     """A clock 50 ppm slow, delays of 1 ms and now and then 8 ms: age 0 and 7 ms, drift to 1 ppm."""
-    clock = SampleClock(1e-6, 32, 2e-4, CYCLE)
+    clock = SampleClock(1e-6, 32, drift=2e-4, jump_tolerance=CYCLE)
     ages = []
     for k in range(4000):
         source = k * CYCLE
@@ -108,14 +116,14 @@ def test_age_is_the_delay_beyond_the_least_and_drift_is_none() -> None:
 
 
 def test_a_growing_delay_is_age_until_the_clock_is_forgotten() -> None:
-    clock = SampleClock(1e-6, 32, 2e-4, CYCLE)
+    clock = SampleClock(1e-6, 32, drift=2e-4, jump_tolerance=CYCLE)
     ages = [clock.read(k * CYCLE * 1.1, round(k * CYCLE * 1e6)).age for k in range(101)]
     # Each cycle comes 1 ms later than the one before; 2 us of that are forgotten.
     assert ages[-1] == pytest.approx(0.1, abs=0.001)
 
 
 def test_one_odd_time_changes_nothing_and_three_consistent_ones_are_a_restart() -> None:
-    clock = SampleClock(1e-6, 32, 2e-4, CYCLE)
+    clock = SampleClock(1e-6, 32, drift=2e-4, jump_tolerance=CYCLE)
     for k in range(10):
         assert not clock.read(k * CYCLE, round(k * CYCLE * 1e6)).jumped
     assert clock.read(10 * CYCLE, 0).jumped, "an old frame again"
@@ -126,7 +134,7 @@ def test_one_odd_time_changes_nothing_and_three_consistent_ones_are_a_restart() 
 
 
 def test_the_clock_wraps() -> None:
-    clock = SampleClock(1e-4, 16, 2e-4, CYCLE)
+    clock = SampleClock(1e-4, 16, drift=2e-4, jump_tolerance=CYCLE)
     for k in range(2000):  # 20 s; 16 bits of 0.1 ms are 6.6 s
         reading = clock.read(k * CYCLE, round(k * CYCLE * 1e4) % 2**16)
         assert not reading.jumped
@@ -144,7 +152,7 @@ def verdicts(strains: list[float], settings: BridgeSettings | None = None) -> li
     for k, value in enumerate(strains):
         strain = np.array([value, 100e-6 + 1e-6 * (k % 2)])
         raw = np.rint(np.nan_to_num(strain) / 0.25e-6).astype(np.int64)
-        valid = checks.update(strain, raw, present, np.zeros(2, dtype=bool), k * CYCLE)
+        valid = checks.update(strain, raw, present=present, refused=np.zeros(2, dtype=bool), now=k * CYCLE)
         assert valid[1]
         found.append(bool(valid[0]))
     return found
@@ -184,9 +192,14 @@ def test_more_frames_than_a_sender_can_mean_are_shed_and_the_next_cycles_are_not
     layout = layout_of("fd64")
     door = Acceptance(layout, [], BridgeSettings())
     frame = layout.strain_frames[0].layout
-    burst = [door.refused(Frame(frame.identifier, bytes(64), 1.0, is_fd=True)) for _ in range(1000)]
+    burst = [
+        door.refused(Frame(identifier=frame.identifier, data=bytes(64), time=1.0, is_fd=True)) for _ in range(1000)
+    ]
     assert burst.count(FrameClass.SHED) == 1000 - 64
-    later = [door.refused(Frame(frame.identifier, bytes(64), 1.0 + k * CYCLE, is_fd=True)) for k in range(1, 50)]
+    later = [
+        door.refused(Frame(identifier=frame.identifier, data=bytes(64), time=1.0 + k * CYCLE, is_fd=True))
+        for k in range(1, 50)
+    ]
     assert later == [None] * 49
 
 
@@ -216,7 +229,7 @@ def test_the_account_of_unknown_identifiers_is_bounded() -> None:
 )
 def test_bus_state_after_error_frames(identifier: int, data: bytes, state: BusState) -> None:
     """Bits of linux/can/error.h: CAN_ERR_CRTL 4, CAN_ERR_BUSOFF 0x40, CAN_ERR_RESTARTED 0x100."""
-    assert state_after(BusState.ERROR_WARNING, Frame(identifier, data, is_error=True)) is state
+    assert state_after(BusState.ERROR_WARNING, Frame(identifier=identifier, data=data, is_error=True)) is state
 
 
 def test_back_off_doubles_to_a_bound_and_gives_up() -> None:

@@ -51,21 +51,23 @@ def frames_from(data: bytes) -> None:
         place += 4
         time += wait * 2e-4
         if which >= 250:  # a good cycle, so that states beyond the first are reached
-            for frame in encoder.encode(1e-6 * np.arange(1.0 + number, 7.0 + number), 1e5, number, time):
-                core.receive(Frame(frame.identifier, frame.data, time, is_fd=frame.is_fd))
+            for frame in encoder.encode(
+                1e-6 * np.arange(1.0 + number, 7.0 + number), 1e5, cycle=number, sample_time=time
+            ):
+                core.receive(Frame(identifier=frame.identifier, data=frame.data, time=time, is_fd=frame.is_fd))
             number += 1
             continue
         content = data[place : place + length % 65]
         place += length % 65
         frame = Frame(
-            keys[which % len(keys)],
-            content,
-            time,
-            bool(flags & 1),
-            bool(flags & 2),
-            bool(flags & 4),
-            bool(flags & 8),
-            bool(flags & 16),
+            identifier=keys[which % len(keys)],
+            data=content,
+            time=time,
+            is_extended=bool(flags & 1),
+            is_fd=bool(flags & 2),
+            bitrate_switch=bool(flags & 4),
+            is_error=bool(flags & 8),
+            is_remote=bool(flags & 16),
         )
         for result in core.receive(frame):
             assert result.quality is not Quality.VALID or number > 2
@@ -89,7 +91,9 @@ def database_from(data: bytes) -> None:
             "units": {f"Rack.s{i}": "um/m" for i in range(N_GAUGES)},
         }
     try:
-        layout = mapped_layout(database_of(text.decode("cp1252", "replace"), "fuzz"), mapping, NAMES, "mapping")
+        layout = mapped_layout(
+            database_of(text.decode("cp1252", "replace"), "fuzz"), mapping, gauge_names=NAMES, name="mapping"
+        )
         core = bridge_core(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
     except InputError:
         return
@@ -98,11 +102,11 @@ def database_from(data: bytes) -> None:
             noise = np.random.default_rng((number, len(data))).bytes(frame.layout.length)
             core.receive(
                 Frame(
-                    frame.layout.identifier,
-                    noise,
-                    0.01 * number,
-                    frame.layout.is_extended,
-                    frame.layout.is_fd,
+                    identifier=frame.layout.identifier,
+                    data=noise,
+                    time=0.01 * number,
+                    is_extended=frame.layout.is_extended,
+                    is_fd=frame.layout.is_fd,
                 )
             )
     core.finish(1.0)

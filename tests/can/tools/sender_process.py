@@ -47,8 +47,10 @@ def main(channel: str, port: str, period: str, source: str, out: str, *mode: str
     cycle_time = float(period)
     encoder = StrainEncoder(profile_layout("fd64", given["names"].tolist(), cycle_time))
     cycles = enumerate(zip(given["strain"], given["pressure"].tolist(), strict=True))
-    frames = [[to_message(f) for f in encoder.encode(d, q, k, k * cycle_time)] for k, (d, q) in cycles]
-    settings = BusSettings("udp_multicast", channel, {"port": int(port)})
+    frames = [
+        [to_message(f) for f in encoder.encode(d, q, cycle=k, sample_time=k * cycle_time)] for k, (d, q) in cycles
+    ]
+    settings = BusSettings(interface="udp_multicast", channel=channel, options={"port": int(port)})
     bus = open_bus(settings)
     ears = socket.socket(fileno=os.dup(bus.fileno()))
     heard: list[bytes] = []

@@ -22,10 +22,10 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError
 
 FRAMES = (
-    Frame(0x301, bytes(range(64)), is_fd=True, bitrate_switch=True),
-    Frame(0x18FF0001, b"\x01\x02", is_extended=True),
-    Frame(0x123, b""),
-    Frame(0x124, bytes(8), is_remote=False),
+    Frame(identifier=0x301, data=bytes(range(64)), is_fd=True, bitrate_switch=True),
+    Frame(identifier=0x18FF0001, data=b"\x01\x02", is_extended=True),
+    Frame(identifier=0x123, data=b""),
+    Frame(identifier=0x124, data=bytes(8), is_remote=False),
 )
 
 RECORDER = """
@@ -38,7 +38,8 @@ recorder = Recorder(Path(sys.argv[1]), clock)
 number = 0
 print("ready", flush=True)
 while True:
-    recorder.received(Frame(0x301, number.to_bytes(8, "little").ljust(64, b"\\x55"), clock(), is_fd=True))
+    data = number.to_bytes(8, "little").ljust(64, b"\\x55")
+    recorder.received(Frame(identifier=0x301, data=data, time=clock(), is_fd=True))
     number += 1
     if number % 100 == 0:
         print(number, flush=True)
@@ -61,12 +62,12 @@ def test_frames_and_times_come_back_exactly(tmp_path: Path, suffix: str) -> None
         frame = FRAMES[number % len(FRAMES)]
         time.sleep(1e-5)
         stamped = Frame(
-            frame.identifier,
-            frame.data,
-            clock(),
-            frame.is_extended,
-            frame.is_fd,
-            frame.bitrate_switch,
+            identifier=frame.identifier,
+            data=frame.data,
+            time=clock(),
+            is_extended=frame.is_extended,
+            is_fd=frame.is_fd,
+            bitrate_switch=frame.bitrate_switch,
         )
         (recorder.sent if number % 3 == 0 else recorder.received)(stamped)
         given.append((stamped, number % 3 != 0))
@@ -81,8 +82,8 @@ def test_blf_keeps_error_and_remote_frames(tmp_path: Path) -> None:
     clock = MicrosecondClock()
     recorder = Recorder(tmp_path / "run.blf", clock)
     given = [
-        Frame(0x40, bytes(8), clock(), is_error=True),
-        Frame(0x301, b"", clock(), is_remote=True),
+        Frame(identifier=0x40, data=bytes(8), time=clock(), is_error=True),
+        Frame(identifier=0x301, data=b"", time=clock(), is_remote=True),
     ]
     for frame in given:
         recorder.received(frame)
@@ -122,7 +123,7 @@ def test_a_blf_cut_anywhere_gives_what_is_whole(tmp_path: Path) -> None:
     clock = MicrosecondClock()
     recorder = Recorder(tmp_path / "run.blf", clock)
     for number in range(3000):
-        recorder.received(Frame(0x301, os.urandom(64), clock(), is_fd=True))
+        recorder.received(Frame(identifier=0x301, data=os.urandom(64), time=clock(), is_fd=True))
         if number % 1000 == 999:
             time.sleep(0.3)
     recorder.close()
@@ -156,10 +157,10 @@ def test_a_disk_that_fails_ends_the_recording_and_not_the_bridge(tmp_path: Path)
     clock = MicrosecondClock()
     recorder = Recorder(tmp_path / "run.log", clock)
     recorder._log._file.close()
-    recorder.received(Frame(1, bytes(8), clock()))
+    recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
     recorder._thread.join(5.0)
     assert "closed file" in recorder.failure
-    recorder.received(Frame(1, bytes(8), clock()))
+    recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
     assert recorder.lost == 1
     recorder.close()
 

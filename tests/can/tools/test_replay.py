@@ -25,9 +25,9 @@ from strainfmu.errors import InputError
 Run = Callable[..., tuple[int, str, str]]
 
 FAULTS = (
-    Fault(FaultKind.LOSS, 15, 4, 1),
-    Fault(FaultKind.STUCK_GAUGE, 25, 30, 2),
-    Fault(FaultKind.RESTART, 40, 2, 3),
+    Fault(kind=FaultKind.LOSS, start=15, cycles=4, seed=1),
+    Fault(kind=FaultKind.STUCK_GAUGE, start=25, cycles=30, seed=2),
+    Fault(kind=FaultKind.RESTART, start=40, cycles=2, seed=3),
 )
 
 
@@ -39,7 +39,9 @@ def recorded(options: BridgeOptions | None) -> BridgeOptions:
 def replayed(log: Path, fmu: Path) -> tuple[list[CycleResult], ReplaySummary]:
     results: list[CycleResult] = []
     with FmuStep(fmu) as step:
-        summary = replay_log(log, fmu, step, step.gauge_names, recorded, results.append)
+        summary = replay_log(
+            log, fmu, step=step, gauge_names=step.gauge_names, options=recorded, on_result=results.append
+        )
     return results, summary
 
 
@@ -149,18 +151,25 @@ def test_settings_of_the_run_are_those_of_the_replay(synthetic: SyntheticFiles, 
     def slower(options: BridgeOptions | None) -> BridgeOptions:
         assert options is not None
         assert options.cycle_time == CYCLE
-        return BridgeOptions("virtual", "x", cycle_time=10.0 * CYCLE)
+        return BridgeOptions(interface="virtual", channel="x", cycle_time=10.0 * CYCLE)
 
     with FmuStep(synthetic.estimator_1) as step:
-        summary = replay_log(log, synthetic.estimator_1, step, step.gauge_names, slower, lambda _: None)
+        summary = replay_log(
+            log,
+            synthetic.estimator_1,
+            step=step,
+            gauge_names=step.gauge_names,
+            options=slower,
+            on_result=lambda _: None,
+        )
     assert summary.equal < summary.compared
 
     with pytest.raises(InputError, match="cycle time"), FmuStep(synthetic.estimator_1) as step:
         replay_log(
             log,
             synthetic.estimator_1,
-            step,
-            step.gauge_names,
-            lambda _: BridgeOptions("v", "x", cycle_time=0.0),
-            print,
+            step=step,
+            gauge_names=step.gauge_names,
+            options=lambda _: BridgeOptions(interface="v", channel="x", cycle_time=0.0),
+            on_result=print,
         )

@@ -70,7 +70,7 @@ def samples(n_cycles: int) -> list[FlownSample]:
 def test_every_cycle_goes_out_at_its_own_time() -> None:
     clock = Time()
     bus = Bus(clock)
-    sent = send_flight(bus, LAYOUT, samples(50), (), clock, clock.sleep)
+    sent = send_flight(bus, LAYOUT, samples=samples(50), faults=(), clock=clock, sleep=clock.sleep)
     per_cycle = len(LAYOUT.frames)
     assert (sent.cycles, sent.frames, sent.not_sent) == (50, 50 * per_cycle, 0)
     first = np.array([time for time, _ in bus.sent[::per_cycle]])
@@ -83,7 +83,7 @@ def test_a_core_believes_what_is_sent() -> None:
     clock = Time()
     bus = Bus(clock)
     given = samples(30)
-    send_flight(bus, LAYOUT, given, (), clock, clock.sleep)
+    send_flight(bus, LAYOUT, samples=given, faults=(), clock=clock, sleep=clock.sleep)
     taken: list[np.ndarray] = []
 
     def step(strain: np.ndarray, pressure: float, step_size: float) -> StepResult:
@@ -102,8 +102,8 @@ def test_the_same_seed_gives_the_same_faults() -> None:
     def frames(seed: int) -> list[tuple[float, int, bytes]]:
         clock = Time()
         bus = Bus(clock)
-        faults = planned_faults((), 8, seed, 400)
-        sent = send_flight(bus, LAYOUT, samples(400), faults, clock, clock.sleep)
+        faults = planned_faults((), 8, seed=seed, n_cycles=400)
+        sent = send_flight(bus, LAYOUT, samples=samples(400), faults=faults, clock=clock, sleep=clock.sleep)
         assert sum(sent.faults.values()) == 8
         return [(time, message.arbitration_id, bytes(message.data)) for time, message in bus.sent]
 
@@ -112,25 +112,27 @@ def test_the_same_seed_gives_the_same_faults() -> None:
 
 
 def test_planned_faults_leave_the_start_alone_and_fit() -> None:
-    faults = planned_faults(("loss", "freeze"), 10, 1, 500)
+    faults = planned_faults(("loss", "freeze"), 10, seed=1, n_cycles=500)
     assert {fault.kind.value for fault in faults} == {"loss", "freeze"}
     assert min(fault.start for fault in faults) >= SETTLING_CYCLES
     assert max(fault.start + fault.cycles for fault in faults) <= 500
     with pytest.raises(InputError, match="'rust' found, one of loss"):
-        planned_faults(("rust",), 1, 1, 500)
+        planned_faults(("rust",), 1, seed=1, n_cycles=500)
     with pytest.raises(InputError, match="40 in 100 cycles found"):
-        planned_faults((), 40, 1, 100)
+        planned_faults((), 40, seed=1, n_cycles=100)
 
 
 def test_a_bus_that_takes_nothing_ends_the_sender() -> None:
     clock = Time()
     with pytest.raises(StrainfmuError, match="takes no frames: no buffer space"):
-        send_flight(Bus(clock, broken=True), LAYOUT, samples(200), (), clock, clock.sleep)
+        send_flight(
+            Bus(clock, broken=True), LAYOUT, samples=samples(200), faults=(), clock=clock, sleep=clock.sleep
+        )
 
 
 def test_plant_samples_are_those_of_a_simulation(synthetic: SyntheticFiles) -> None:
     """The co-simulation master is the reference: same FMU, same steps, so the same bits."""
-    with plant_samples(synthetic.plant, N_GAUGES, CYCLE, 0.2) as opened:
+    with plant_samples(synthetic.plant, N_GAUGES, cycle_time=CYCLE, duration=0.2) as opened:
         given = list(opened)
     reference = simulate(System({"plant": synthetic.plant}), 0.19, CYCLE)
     assert len(given) == 20
@@ -147,7 +149,7 @@ def test_a_plant_of_other_gauges_is_refused(synthetic: SyntheticFiles) -> None:
     ):
         with (
             pytest.raises(InputError, match=found),
-            plant_samples(synthetic.plant, n_gauges, CYCLE, 0.2) as opened,
+            plant_samples(synthetic.plant, n_gauges, cycle_time=CYCLE, duration=0.2) as opened,
         ):
             next(opened)
 
@@ -183,12 +185,24 @@ def test_score_by_hand() -> None:
         valid, strain = np.ones(2, bool), np.zeros(2)
         ticks = round(cycle * CYCLE * 1e6)
         found = CycleResult(
-            0.0, quality, Cause.NONE, valid, strain, 9e4, 0.0, ticks, cycle, full, np.full(5, 0.001), 1.0, 0
+            time=0.0,
+            quality=quality,
+            causes=Cause.NONE,
+            valid=valid,
+            strain=strain,
+            dynamic_pressure=9e4,
+            age=0.0,
+            sample_time=ticks,
+            counter=cycle,
+            coefficients=full,
+            coefficients_std=np.full(5, 0.001),
+            chi_square=1.0,
+            health=0,
         )
         return frames.of_result(found)[0].data
 
     received = [result(0, 0.002, Quality.VALID), result(1, 0.104, Quality.DEGRADED), result(9, 5.0, Quality.VALID)]
-    score = score_answers(received, layout, truth, CYCLE)
+    score = score_answers(received, layout, truth=truth, cycle_time=CYCLE)
     assert (score.cycles, score.answered, score.published) == (2, 2, 2)
     # Errors 0.002 and 0.004: the first within 3 sigma of 0.001, the second not. float32 in the frames.
     np.testing.assert_allclose(score.rms_error, np.sqrt((0.002**2 + 0.004**2) / 2), rtol=1e-5)
@@ -203,7 +217,7 @@ def test_send_needs_exactly_one_source(run: Run, synthetic: SyntheticFiles) -> N
 
 
 def test_send_over_a_virtual_bus(run: Run, synthetic: SyntheticFiles) -> None:
-    ears = open_bus(BusSettings("virtual", "s2"))
+    ears = open_bus(BusSettings(interface="virtual", channel="s2"))
     code, out, errors = run(
         *("send", synthetic.map_1, "--plant", synthetic.plant, "--interface", "virtual", "--channel", "s2"),
         *("--duration", "0.1", "--profile", "classic-be"),

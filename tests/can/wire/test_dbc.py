@@ -34,7 +34,9 @@ EXAMPLE = Path(__file__).parents[3] / "docs" / "can_cantools_example.py"
 
 
 def text_of(profile: str, n_gauges: int = 54, extended: bool = False) -> str:
-    layouts = all_layouts(profile, gauge_names(n_gauges), CYCLE, Identifiers(is_extended=extended))
+    layouts = all_layouts(
+        profile, gauge_names(n_gauges), cycle_time=CYCLE, identifiers=Identifiers(is_extended=extended)
+    )
     return dbc_text(layouts, "test")
 
 
@@ -44,7 +46,7 @@ def test_a_generated_dbc_file_survives_loading_and_dumping(profile: str, extende
     text = text_of(profile, extended=extended)
     database = cantools.database.load_string(text, "dbc")
     assert database.as_dbc_string() == text
-    ours = all_layouts(profile, gauge_names(54), CYCLE, Identifiers(is_extended=extended))
+    ours = all_layouts(profile, gauge_names(54), cycle_time=CYCLE, identifiers=Identifiers(is_extended=extended))
     for layout in ours:
         message = database.get_message_by_name(layout.name)
         assert (message.frame_id, message.length) == (layout.identifier, layout.length)
@@ -128,12 +130,16 @@ FLOATS_MAPPING = {
 
 def test_big_endian_frames_of_an_amplifier() -> None:
     """Bytes composed by struct, not by us: order, offset and scale as the amplifier's manual has them."""
-    layout = mapped_layout(database_of(BIG_ENDIAN, "amp"), BIG_ENDIAN_MAPPING, gauge_names(6), "map")
+    layout = mapped_layout(
+        database_of(BIG_ENDIAN, "amp"), BIG_ENDIAN_MAPPING, gauge_names=gauge_names(6), name="map"
+    )
     truth, frames = Truth(6, 1), []
     for k in range(40):
         raw = np.rint((1e6 * truth.cycle(k)[0] + 1638.4) / 0.05).astype(int)
-        frames.append(Frame(256, struct.pack(">4H", raw[0], raw[1], raw[5], raw[3]), k * CYCLE))
-        frames.append(Frame(257, struct.pack(">2H4x", raw[4], raw[2]), k * CYCLE + 1e-3))
+        frames.append(
+            Frame(identifier=256, data=struct.pack(">4H", raw[0], raw[1], raw[5], raw[3]), time=k * CYCLE)
+        )
+        frames.append(Frame(identifier=257, data=struct.pack(">2H4x", raw[4], raw[2]), time=k * CYCLE + 1e-3))
     results, core = run_core(layout, frames, 6, dynamic_pressure=9e4)
     good = [result for result in results if result.quality is Quality.UNPROTECTED]
     assert len(good) == 37, "never VALID: no CRC; three cycles until it is believed"
@@ -143,15 +149,17 @@ def test_big_endian_frames_of_an_amplifier() -> None:
 
 
 def test_float_frames_with_29_bit_identifiers() -> None:
-    layout = mapped_layout(database_of(FLOATS, "mim"), FLOATS_MAPPING, gauge_names(6), "map")
+    layout = mapped_layout(database_of(FLOATS, "mim"), FLOATS_MAPPING, gauge_names=gauge_names(6), name="map")
     truth, frames = Truth(6, 1), []
     for k in range(40):
         strain, pressure = truth.cycle(k)
         air = struct.pack("<fI", 1e-3 * pressure, round(1e6 * k * CYCLE))
-        frames.append(Frame(0x18FF3110, air, k * CYCLE, is_extended=True))
+        frames.append(Frame(identifier=0x18FF3110, data=air, time=k * CYCLE, is_extended=True))
         for i in range(3):
             data = struct.pack("<2f", *(1e6 * strain[2 * i : 2 * i + 2]))
-            frames.append(Frame(0x18FF3100 + i, data, k * CYCLE + 1e-3 * (i + 1), is_extended=True))
+            frames.append(
+                Frame(identifier=0x18FF3100 + i, data=data, time=k * CYCLE + 1e-3 * (i + 1), is_extended=True)
+            )
     results, _ = run_core(layout, frames, 6)
     assert results[-1].quality is Quality.UNPROTECTED
     np.testing.assert_allclose(results[-1].strain, truth.cycle(39)[0], rtol=1e-7)
@@ -178,12 +186,12 @@ def test_multiplexed_frames() -> None:
         "cycle_time_ms": 10,
         "strain": {"gauge 0": "Amp1.a", "gauge 1": "Amp1.c", "gauge 2": "Amp1.b"},
     }
-    layout = mapped_layout(database_of(text, "mux"), mapping, gauge_names(3), "map")
+    layout = mapped_layout(database_of(text, "mux"), mapping, gauge_names=gauge_names(3), name="map")
     frames = []
     for k in range(20):
-        frames.append(Frame(256, struct.pack("<Bhh3x", 0, 400 + k, 800 + k), k * CYCLE))
-        frames.append(Frame(256, struct.pack("<Bh5x", 1, 1200 + k), k * CYCLE + 1e-3))
-        frames.append(Frame(256, struct.pack("<Bh5x", 2, 1), k * CYCLE + 2e-3))
+        frames.append(Frame(identifier=256, data=struct.pack("<Bhh3x", 0, 400 + k, 800 + k), time=k * CYCLE))
+        frames.append(Frame(identifier=256, data=struct.pack("<Bh5x", 1, 1200 + k), time=k * CYCLE + 1e-3))
+        frames.append(Frame(identifier=256, data=struct.pack("<Bh5x", 2, 1), time=k * CYCLE + 2e-3))
     results, core = run_core(layout, frames, 3, dynamic_pressure=9e4)
     assert results[-1].quality is Quality.UNPROTECTED
     np.testing.assert_allclose(1e6 * results[-1].strain, np.array([419, 1219, 819]) / 4.0)
@@ -207,7 +215,7 @@ def test_a_users_dbc_file_may_state_end_to_end_protection() -> None:
             )
         },
     }
-    layout = mapped_layout(database_of(text, "own"), mapping, names, "map")
+    layout = mapped_layout(database_of(text, "own"), mapping, gauge_names=names, name="map")
     assert layout.is_protected
     assert layout.is_timed
     from can_case import run_campaign
@@ -215,7 +223,9 @@ def test_a_users_dbc_file_may_state_end_to_end_protection() -> None:
     from strainfmu.can.tools.faults import Fault, FaultKind
 
     kinds = (FaultKind.CORRUPTION, FaultKind.CONFIGURATION, FaultKind.DELAY, FaultKind.RESTART)
-    run = run_campaign(layout, [Fault(kind, 40 + 60 * i, 10, i) for i, kind in enumerate(kinds)], 300)
+    run = run_campaign(
+        layout, [Fault(kind=kind, start=40 + 60 * i, cycles=10, seed=i) for i, kind in enumerate(kinds)], 300
+    )
     assert run.false_valid == []
     assert run.late_recovery == []
     assert run.results[-1].quality is Quality.VALID
@@ -262,7 +272,7 @@ def change(path: str, value: object) -> Callable[[], dict]:
 )
 def test_a_wrong_mapping_is_one_line(make: Callable[[], dict], text: str) -> None:
     with pytest.raises(InputError, match=text) as caught:
-        mapped_layout(database_of(BIG_ENDIAN, "amp"), make(), gauge_names(6), "map.toml")
+        mapped_layout(database_of(BIG_ENDIAN, "amp"), make(), gauge_names=gauge_names(6), name="map.toml")
     assert "\n" not in str(caught.value)
 
 
@@ -304,20 +314,20 @@ def test_the_script_in_the_docs_writes_frames_that_the_bridge_accepts(example: M
 
 
 RESULT = CycleResult(
-    2.0,
-    Quality.DEGRADED,
-    Cause.GAUGE_INVALID | Cause.HEALTH,
-    np.arange(54) > 2,
-    np.zeros(54),
-    95.8e3,
-    0.0123,
-    123_456_789,
-    77,
-    np.array([0.02, 0.61, -0.02, -0.18, 0.0123]),
-    np.array([0.001, 0.002, 0.003, 0.004, 0.005]),
-    48.5,
-    4,
-    1.99,
+    time=2.0,
+    quality=Quality.DEGRADED,
+    causes=Cause.GAUGE_INVALID | Cause.HEALTH,
+    valid=np.arange(54) > 2,
+    strain=np.zeros(54),
+    dynamic_pressure=95.8e3,
+    age=0.0123,
+    sample_time=123_456_789,
+    counter=77,
+    coefficients=np.array([0.02, 0.61, -0.02, -0.18, 0.0123]),
+    coefficients_std=np.array([0.001, 0.002, 0.003, 0.004, 0.005]),
+    chi_square=48.5,
+    health=4,
+    arrival=1.99,
 )
 
 
@@ -371,7 +381,17 @@ def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -
     database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")
     account = FrameAccount(received=70_000)
     account.settle(FrameClass.CORRUPT, 1.0, 70_000)
-    status = BridgeStatus(3.0, Quality.STALE, BusState.ERROR_PASSIVE, RESULT, account, 5, 6, 7, 12.3)
+    status = BridgeStatus(
+        time=3.0,
+        quality=Quality.STALE,
+        bus_state=BusState.ERROR_PASSIVE,
+        last_valid=RESULT,
+        account=account,
+        cycles=5,
+        send_failures=6,
+        reconnects=7,
+        drift_ppm=12.3,
+    )
     values: dict = {}
     for frame in ResultFrames(layouts, 1).of_status(status):
         values |= database.decode_message(frame.identifier, frame.data, decode_choices=False)

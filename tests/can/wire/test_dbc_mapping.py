@@ -59,7 +59,9 @@ def mapping(**tables: Any) -> dict[str, Any]:
 
 
 def layout_from(text: str, **tables: Any) -> InputLayout:
-    return mapped_layout(database_of(HEAD + text, "rack.dbc"), mapping(**tables), ("g1", "g2"), "map.toml")
+    return mapped_layout(
+        database_of(HEAD + text, "rack.dbc"), mapping(**tables), gauge_names=("g1", "g2"), name="map.toml"
+    )
 
 
 def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None = 9e4) -> list[CycleResult]:
@@ -71,7 +73,7 @@ def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None 
 def rack(number: int, codes: str = "<hhH2x", last: tuple[int, ...] = ()) -> Frame:
     """Return a cycle of both gauges, that move a little, with ``last`` behind or in place of them."""
     usual = (400 + 3 * number, 800 - 3 * number, 0)
-    return Frame(256, struct.pack(codes, *(last or usual)), number * CYCLE)
+    return Frame(identifier=256, data=struct.pack(codes, *(last or usual)), time=number * CYCLE)
 
 
 def after_good_cycles(text: str, *last: int, **tables: Any) -> CycleResult:
@@ -106,7 +108,10 @@ def test_every_value_name_that_says_no_value_counts(names: str, refused: bool) -
 def test_a_value_name_of_a_float_is_that_of_its_number() -> None:
     text = RACK.replace("0|16@1- (0.25,0)", "32|32@1- (1,0)").replace(' SG_ St : 32|16@1+ (1,0) [0|0] "" B\n', "")
     text += 'SIG_VALTYPE_ 256 S1 : 1;\nVAL_ 256 S1 101 "SNA" ;\n'
-    frames = [Frame(256, struct.pack("<2xhf", 800 + k, 100.0 + 0.1 * k), k * CYCLE) for k in range(12)]
+    frames = [
+        Frame(identifier=256, data=struct.pack("<2xhf", 800 + k, 100.0 + 0.1 * k), time=k * CYCLE)
+        for k in range(12)
+    ]
     results = results_of(layout_from(text), frames)
     # The sum of float32 0.1 is not 101 before its tenth step.
     assert [bool(result.valid[0]) for result in results[3:]] == [True] * 7 + [False] * 2
@@ -121,7 +126,7 @@ def test_value_names_and_converter_ends_hold_for_the_dynamic_pressure(code: int,
     frames = []
     for number in range(20):
         air = struct.pack("<H6x", 8000 + number if number < 19 else code)
-        frames += [Frame(257, air, number * CYCLE), rack(number)]
+        frames += [Frame(identifier=257, data=air, time=number * CYCLE), rack(number)]
     result = results_of(layout, frames, None)[-1]
     assert result.quality is (Quality.INVALID if expected is None else Quality.UNPROTECTED)
     assert bool(result.causes & Cause.DYNAMIC_PRESSURE) is (expected is None)
@@ -133,11 +138,13 @@ def test_value_names_and_converter_ends_hold_for_the_dynamic_pressure(code: int,
 def test_a_status_of_64_bits_counts_with_its_top_bit(status: int) -> None:
     text = HEAD + RACK.replace("BO_ 256 R: 8", "BO_ 256 R: 12").replace("32|16@1+", "32|64@1+")
     text += FORMAT + 'BA_ "VFrameFormat" BO_ 256 14;\n'
-    layout = mapped_layout(database_of(text, "x"), mapping(status={"R": "R.St"}), ("g1", "g2"), "map.toml")
+    layout = mapped_layout(
+        database_of(text, "x"), mapping(status={"R": "R.St"}), gauge_names=("g1", "g2"), name="map.toml"
+    )
     frames = []
     for k in range(20):
         data = struct.pack("<hhQ", 400 + 3 * k, 800 - 3 * k, status if k == 19 else 0)
-        frames.append(Frame(256, data, k * CYCLE, is_fd=True))
+        frames.append(Frame(identifier=256, data=data, time=k * CYCLE, is_fd=True))
     result = results_of(layout, frames)[-1]
     assert result.quality is {0: Quality.UNPROTECTED, 1: Quality.DEGRADED}.get(status, Quality.INVALID)
 
@@ -148,7 +155,9 @@ def test_a_pressures_status_of_64_bits_counts_with_its_top_bit() -> None:
     layout = layout_from(text, dynamic_pressure={"signal": "Q.q"}, status={"Q": "Q.St"})
     for status in (0, 1 << 63):
         data = struct.pack("<IQ", 90_000, status)
-        frames = [f for k in range(20) for f in (Frame(258, data, k * CYCLE, is_fd=True), rack(k))]
+        frames = [
+            f for k in range(20) for f in (Frame(identifier=258, data=data, time=k * CYCLE, is_fd=True), rack(k))
+        ]
         result = results_of(layout, frames, None)[-1]
         assert bool(result.causes & Cause.DYNAMIC_PRESSURE) is bool(status)
 
@@ -175,8 +184,10 @@ def test_a_gauge_that_falls_to_exactly_zero_is_left_out_whatever_its_offset(
 def test_minus_zero_of_a_float_is_zero() -> None:
     text = RACK.replace("0|16@1- (0.25,0)", "32|32@1- (1,0)").replace(' SG_ St : 32|16@1+ (1,0) [0|0] "" B\n', "")
     layout = layout_from(text + "SIG_VALTYPE_ 256 S1 : 1;\n")
-    frames = [Frame(256, struct.pack("<2xhf", 800 + k, 100.0 + k), k * CYCLE) for k in range(20)]
-    frames.append(Frame(256, struct.pack("<2xhf", 820, -0.0), 20 * CYCLE))
+    frames = [
+        Frame(identifier=256, data=struct.pack("<2xhf", 800 + k, 100.0 + k), time=k * CYCLE) for k in range(20)
+    ]
+    frames.append(Frame(identifier=256, data=struct.pack("<2xhf", 820, -0.0), time=20 * CYCLE))
     assert results_of(layout, frames)[-1].valid.tolist() == [False, True]
 
 
@@ -233,17 +244,20 @@ def test_frames_that_share_a_name_are_one_line_of_standard_error(tmp_path: Path)
 @pytest.mark.parametrize("cycle_time", [1e-15, 0.99e-4, 10.001, float("nan"), -0.01])
 def test_a_cycle_time_that_no_bus_has_is_refused(cycle_time: float) -> None:
     """Of 1e-15 s the loop over silent cycles would never end."""
-    options = BridgeOptions("virtual", "x", cycle_time=cycle_time)
+    options = BridgeOptions(interface="virtual", channel="x", cycle_time=cycle_time)
     with pytest.raises(InputError, match="ms found, 0"):
-        make_core(Projection(2), options, ("g1", "g2"), 0.0)
-    make_core(Projection(2), replace(options, cycle_time=1e-3 * 0.1), ("g1", "g2"), 0.0)
+        make_core(Projection(2), options, gauge_names=("g1", "g2"), start=0.0)
+    make_core(Projection(2), replace(options, cycle_time=1e-3 * 0.1), gauge_names=("g1", "g2"), start=0.0)
 
 
 def test_a_status_of_the_same_multiplexer_value_is_read() -> None:
     text = MULTIPLEXED.replace("St m1 : 8|16", "St m0 : 40|16")
     layout = layout_from(text, status={"R": "R.St"})
     frames = [
-        Frame(256, struct.pack("<BhhHx", 0, 400 + 3 * k, 800 - 3 * k, 2 * (k == 19)), k * CYCLE) for k in range(20)
+        Frame(
+            identifier=256, data=struct.pack("<BhhHx", 0, 400 + 3 * k, 800 - 3 * k, 2 * (k == 19)), time=k * CYCLE
+        )
+        for k in range(20)
     ]
     results = results_of(layout, frames)
     assert [results[-2].quality, results[-1].quality] == [Quality.UNPROTECTED, Quality.INVALID]
@@ -272,7 +286,7 @@ def test_units_are_read_in_either_encoding(tmp_path: Path, unit: str, encoding: 
     """Micro sign and Greek mu; Windows-1252 has the sign alone."""
     path = tmp_path / "rack.dbc"
     path.write_bytes((HEAD + RACK.replace('"um/m"', f'"{unit}"')).encode(encoding))
-    layout = mapped_layout(load_database(path), mapping(), ("g1", "g2"), "map.toml")
+    layout = mapped_layout(load_database(path), mapping(), gauge_names=("g1", "g2"), name="map.toml")
     assert layout.strain_frames[0].to_strain == (1e-6, 1e-6)
 
 
@@ -282,9 +296,9 @@ def test_why_a_suppressed_refusal_was_one_is_not_said_of_the_next_result() -> No
         layout_from(RACK), Projection(2), BridgeSettings(stuck_cycles=1000), start=0.0, dynamic_pressure=9e4
     )
     frames = [rack(k) for k in range(20)]
-    frames += [Frame(256, frames[-1].data, (19.0 + 0.05 * k) * CYCLE) for k in range(1, 61)]
+    frames += [Frame(identifier=256, data=frames[-1].data, time=(19.0 + 0.05 * k) * CYCLE) for k in range(1, 61)]
     results = [result for frame in frames for result in core.receive(frame)]
     refusals = [result for result in results if result.causes & Cause.FROZEN]
     assert 20 <= len(refusals) < 50, "the last ones were suppressed"
-    good = core.receive(Frame(256, rack(20).data, frames[-1].time + CYCLE))
+    good = core.receive(Frame(identifier=256, data=rack(20).data, time=frames[-1].time + CYCLE))
     assert [(result.quality, result.causes) for result in good] == [(Quality.UNPROTECTED, Cause.NONE)]

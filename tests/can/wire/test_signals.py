@@ -46,7 +46,7 @@ def signals(draw: st.DrawFn) -> Signal:
 def test_decoding_is_that_of_cantools(signal: Signal, seed: int) -> None:
     data = np.random.default_rng(seed).bytes(64)
     message = Message(1, "m", 64, [signal], is_fd=True)
-    plan = SignalPlan(FrameLayout("m", 1, 64, (signal_layout(signal),), is_fd=True))
+    plan = SignalPlan(FrameLayout(name="m", identifier=1, length=64, signals=(signal_layout(signal),), is_fd=True))
     expected = message.decode(data)["s"]
     raw = plan.raw(data)
     # Equal to round-off of one product and one sum; of floats, NaN and infinity as they are.
@@ -58,7 +58,7 @@ def test_decoding_is_that_of_cantools(signal: Signal, seed: int) -> None:
 def test_encoding_is_that_of_cantools(signal: Signal, number: int) -> None:
     message = Message(1, "m", 64, [signal], is_fd=True)
     layout = signal_layout(signal)
-    plan = SignalPlan(FrameLayout("m", 1, 64, (layout,), is_fd=True))
+    plan = SignalPlan(FrameLayout(name="m", identifier=1, length=64, signals=(layout,), is_fd=True))
     if layout.kind == FLOAT:
         value = (float(number % 60000) - 30000.0) * layout.scale + layout.offset
     else:
@@ -92,13 +92,24 @@ def test_whole_frames_are_those_of_cantools() -> None:
 
 def test_what_cannot_be_encoded_is_not_available_or_refused() -> None:
     strain = SignalLayout(
-        "s", 0, 16, kind=SIGNED, scale=0.25, minimum=-8191.5, maximum=8191.5, not_available=-32768
+        name="s",
+        start=0,
+        length=16,
+        kind=SIGNED,
+        scale=0.25,
+        minimum=-8191.5,
+        maximum=8191.5,
+        not_available=-32768,
     )
-    plan = SignalPlan(FrameLayout("m", 1, 8, (strain,)))
+    plan = SignalPlan(FrameLayout(name="m", identifier=1, length=8, signals=(strain,)))
     for value in (np.nan, np.inf, 8192.0, -8192.0, 1e30):
         assert plan.raw(plan.encode(np.array([value])))[0] == -32768
     assert plan.raw(plan.encode(np.array([-8191.5])))[0] == -32766
-    counter = SignalPlan(FrameLayout("m", 1, 8, (SignalLayout("c", 0, 8, kind=UNSIGNED),)))
+    counter = SignalPlan(
+        FrameLayout(
+            name="m", identifier=1, length=8, signals=(SignalLayout(name="c", start=0, length=8, kind=UNSIGNED),)
+        )
+    )
     with pytest.raises(InputError, match="'c': 300"):
         counter.encode(np.array([300.0]))
 
@@ -106,17 +117,17 @@ def test_what_cannot_be_encoded_is_not_available_or_refused() -> None:
 @pytest.mark.parametrize(
     ("signal", "text"),
     [
-        (SignalLayout("s", 60, 16), "beyond the frame"),
-        (SignalLayout("s", 3, 16, "big"), None),
-        (SignalLayout("s", 59, 16, "big"), "beyond the frame"),
-        (SignalLayout("s", 0, 0), "0 bits"),
-        (SignalLayout("s", 0, 24, kind=FLOAT), "float of 24 bits"),
-        (SignalLayout("s", 0, 16, scale=0.0), "scale 0"),
-        (SignalLayout("s", 0, 16, scale=float("nan")), "scale nan"),
+        (SignalLayout(name="s", start=60, length=16), "beyond the frame"),
+        (SignalLayout(name="s", start=3, length=16, byte_order="big"), None),
+        (SignalLayout(name="s", start=59, length=16, byte_order="big"), "beyond the frame"),
+        (SignalLayout(name="s", start=0, length=0), "0 bits"),
+        (SignalLayout(name="s", start=0, length=24, kind=FLOAT), "float of 24 bits"),
+        (SignalLayout(name="s", start=0, length=16, scale=0.0), "scale 0"),
+        (SignalLayout(name="s", start=0, length=16, scale=float("nan")), "scale nan"),
     ],
 )
 def test_signals_that_cannot_be_are_refused(signal: SignalLayout, text: str | None) -> None:
-    layout = FrameLayout("m", 1, 8, (signal,))
+    layout = FrameLayout(name="m", identifier=1, length=8, signals=(signal,))
     if text is None:
         SignalPlan(layout)
         return
@@ -130,7 +141,9 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     random = np.random.default_rng(8)
     strain = random.uniform(-8e-3, 8e-3, 54)
     strain[5] = np.nan
-    frames = OrderedDict((frame.key, frame) for frame in StrainEncoder(layout).encode(strain, 1.25e5, 3, 12.5))
+    frames = OrderedDict(
+        (frame.key, frame) for frame in StrainEncoder(layout).encode(strain, 1.25e5, cycle=3, sample_time=12.5)
+    )
     assert len(frames) == len(layout.frames)
     from strainfmu.can.cycle.reception import Reception
     from strainfmu.can.settings import BridgeSettings
