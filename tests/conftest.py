@@ -50,6 +50,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
     groups = {}
     for item in items:
+        if item.get_closest_marker("fast") and item.get_closest_marker("slow"):
+            raise pytest.UsageError(f"{item.nodeid}: marked both fast and slow")
         path = item.path.relative_to(TESTS)
         groups[item] = path.parts[0] if path.parts[0] in TOGETHER else path.as_posix()
         item.add_marker(pytest.mark.xdist_group(groups[item]))

@@ -14,6 +14,8 @@ from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature, spe
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
+pytestmark = pytest.mark.fast
+
 # Geopotential altitude [m], pressure [Pa], temperature [K]: U.S. Standard Atmosphere, 1976, table I. That uses
 # R* = 8314.32 / 28.9644 = 287.0529 J/(kg K), so its last digit is met.
 TABLE = [

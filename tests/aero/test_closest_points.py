@@ -11,6 +11,8 @@ from builder.aero.closest_points import closest_on_triangles, closest_points
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.vehicle.geometry import chain_segments, surface_grid
 
+pytestmark = pytest.mark.fast
+
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 

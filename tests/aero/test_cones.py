@@ -115,6 +115,7 @@ def test_pressure_of_a_cone_without_incidence(
     assert abs(normal) < 1e-3 * axial
 
 
+@pytest.mark.fast
 def test_integration_of_the_cone_flow_gives_the_published_values() -> None:
     for half_angle, mach_number, expected in TAYLOR_MACCOLL:
         assert taylor_maccoll_pressure(radians(half_angle), mach_number) == pytest.approx(expected, rel=1e-6)
@@ -156,6 +157,7 @@ def test_pressure_of_a_cone_at_incidence(
     np.testing.assert_allclose(coefficients(flow, pi * tan(radians(10.0)) ** 2), [axial, normal], rtol=0.01)
 
 
+@pytest.mark.fast
 def test_conical_start_says_how_settled_it_is(cone_flow: ConeFlow) -> None:
     """The pressure changes by less than the grid's tolerance while x grows by half, and no state was repaired."""
     flow = cone_flow(10.0, 5.0, 4.0)

@@ -12,6 +12,8 @@ from builder.aero.edges import merge_nodes, prepare_surface, split_at_edges, tur
 from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 SHARP = radians(30.0)
 
 

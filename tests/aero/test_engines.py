@@ -15,6 +15,8 @@ from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.sections import Aerodynamics
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 Run = Callable[..., tuple[int, str, str]]
 
 

@@ -25,6 +25,8 @@ from builder.aero.euler.gas import (
     wall_pressure,
 )
 
+pytestmark = pytest.mark.fast
+
 MACH_NUMBERS = [1.2, 2.0, 3.0, 5.0, 7.0]
 
 

@@ -15,6 +15,8 @@ from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
 from builder.vehicle.reference_quantities import ReferenceQuantities
 
+pytestmark = pytest.mark.fast
+
 BodyMaker = Callable[..., BodyOfRevolution]
 MOMENT_STATION = 2.0
 

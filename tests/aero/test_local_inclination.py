@@ -18,6 +18,8 @@ from builder.aero.local_inclination import (
 )
 from strainfmu.errors import FlowReachError
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.mark.parametrize(("mach_number", "ratio"), [(2.0, 5.640), (3.0, 12.06), (5.0, 32.65), (6.0, 46.82)])
 def test_pitot_pressure(mach_number: float, ratio: float) -> None:

@@ -20,6 +20,8 @@ from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 BODY = chain_segments([(1.75, radians(5.0), radians(5.0)), (3.6, radians(1.0), radians(1.0))])
 
 

@@ -124,6 +124,7 @@ def test_twice_the_cells_change_the_forces_little(
     np.testing.assert_allclose(vehicle_flow(mach_number, incidence).force, fine.force, rtol=0.01)
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("mach_number", "angle_of_attack", "sideslip_angle"),
     [(5.0, 0.0, 0.0), (6.0, 0.1, 0.0), (7.0, -0.2, 0.0), (6.0, 0.1, 0.15), (5.0, 0.0, -0.2)],
@@ -162,6 +163,7 @@ def test_uniform_stream_stays_uniform_on_a_moving_grid(
     assert repairs[0] == 0
 
 
+@pytest.mark.fast
 def test_grid_has_the_area_of_its_circles() -> None:
     """Between body 0.1 m and outer boundary 0.3 m lies half of pi (0.3^2 - 0.1^2), all round the whole."""
     for rays, share in ((half_body_rays(12), 0.5), (full_body_rays(12), 1.0)):
@@ -205,6 +207,7 @@ def test_condition_out_of_reach_is_named(
     assert isinstance(error.value, InputError)
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize("mach_number", [0.8, 1.0, float("nan")])
 def test_subsonic_stream_is_refused(mach_number: float, make_body: BodyMaker) -> None:
     with pytest.raises(FlowReachError, match="must be greater than 1"):

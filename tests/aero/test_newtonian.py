@@ -15,6 +15,8 @@ from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
 
+pytestmark = pytest.mark.fast
+
 MACH = 6.0
 K = largest_pressure_coefficient(MACH, "rayleigh_pitot")
 

@@ -12,6 +12,8 @@ from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_g
 from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 

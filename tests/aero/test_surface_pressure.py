@@ -15,6 +15,8 @@ from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_o
 from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
 from strainfmu.flight_condition import FlightCondition
 
+pytestmark = pytest.mark.fast
+
 BodyMaker = Callable[..., BodyOfRevolution]
 VehicleFlow = Callable[[float, float], FlowSolution]
 COARSE = MarchingGrid(12, 16)

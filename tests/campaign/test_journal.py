@@ -14,6 +14,8 @@ from builder.aero.engine import Flow
 from builder.campaign.journal import HEADER, Journal, encode_record, journal_path, read_records
 from strainfmu.errors import StrainfmuError
 
+pytestmark = pytest.mark.fast
+
 PRINT = "0123456789abcdef"
 
 

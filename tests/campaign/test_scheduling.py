@@ -16,6 +16,8 @@ from builder.campaign.scheduling import solve_flows
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import StrainfmuError
 
+pytestmark = pytest.mark.fast
+
 
 class OtherVersion(EulerEngine):
     """An engine that has other inputs in every thread, as it would on a worker of another version."""

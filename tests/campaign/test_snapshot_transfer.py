@@ -14,6 +14,8 @@ from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segmen
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
+pytestmark = pytest.mark.fast
+
 CONDITION = FlightCondition(6.0, 0.05, 0.02, 20e3)
 
 

@@ -25,6 +25,8 @@ from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.files import write_hdf5_atomically
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.fixture
 def snapshots() -> Snapshots:

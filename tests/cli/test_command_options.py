@@ -14,6 +14,8 @@ from strainfmu.cli.commands import app
 from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of, known_bus_options
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 Run = Callable[..., tuple[int, str, str]]
 
 WRONG = {

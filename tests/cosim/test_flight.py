@@ -69,6 +69,7 @@ def test_packages_are_compliant(fmus: dict[str, Path]) -> None:
         assert validate_fmu(str(path)) == []
 
 
+@pytest.mark.fast
 def test_truth_gives_the_motion_of_the_law(scenario: Scenario, fmus: dict[str, Path]) -> None:
     recording = fly(scenario, fmus, "truth")
     w, z = scenario.autopilot.frequency, scenario.autopilot.damping_ratio
@@ -101,6 +102,7 @@ def test_unexplained_moments_leave_no_standing_error(scenario: Scenario, fmus: d
         assert error == pytest.approx(standing if rate == 0.0 else 0.0, abs=radians(0.001))
 
 
+@pytest.mark.fast
 def test_estimate_flies_as_truth_does(scenario: Scenario, fmus: dict[str, Path]) -> None:
     results = {f: flight_result(scenario, fly(scenario, fmus, f), MODEL) for f in ("truth", "estimate")}
     assert results["estimate"].tracking_error == pytest.approx(results["truth"].tracking_error, rel=0.1)
@@ -407,6 +409,7 @@ def test_packages_have_the_right_name(scenario: Scenario, fmus: dict[str, Path],
         write_ssp(replace(system, start_values={"plant.mass": 3.0}), tmp_path / "x.ssp", "x", 1.0, 0.1)
 
 
+@pytest.mark.fast
 def test_the_table_of_normal_force_covers_the_envelope() -> None:
     start = FlightStart(6.0, 20e3, sideslip_angle=radians(5.0))
     table = normal_force_table(MODEL, start)

@@ -16,6 +16,8 @@ from strainfmu.cosim.flight_model import evaluate, load_flight_model, save_fligh
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
+pytestmark = pytest.mark.fast
+
 
 def polynomial(table: np.ndarray, mach_step: float, incidence_step: float) -> np.ndarray:
     """Return sum_pq c[p, q] dM^p da^q, term by term."""

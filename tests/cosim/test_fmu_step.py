@@ -15,6 +15,8 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.step import Estimator
 
+pytestmark = pytest.mark.fast
+
 
 def test_a_step_is_the_estimate(synthetic: SyntheticFiles) -> None:
     inverse_map = synthetic_inverse_map(1)

@@ -23,6 +23,8 @@ from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.interface.estimator_variables import COEFFICIENTS, LOADS
 
+pytestmark = pytest.mark.fast
+
 
 def chain(synthetic: SyntheticFiles, **start_values: float) -> System:
     """Return plant -> estimator, with start values of the plant."""

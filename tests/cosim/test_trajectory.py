@@ -12,6 +12,8 @@ from synthetic_vehicle import TRAJECTORY, write_trajectory
 from strainfmu.cosim.trajectory import HEADER, load_trajectory
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 HEAD = ",".join(HEADER)
 
 

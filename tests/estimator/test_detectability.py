@@ -17,6 +17,8 @@ from strainfmu.estimator.detectability import (
 from strainfmu.estimator.health import chi_square_limit
 from strainfmu.estimator.isolation import correlations, outlier_threshold
 
+pytestmark = pytest.mark.fast
+
 N_GAUGES = 20
 N_DRAWS = 4000
 

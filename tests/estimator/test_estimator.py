@@ -27,6 +27,8 @@ from strainfmu.estimator.settings import (
 )
 from strainfmu.estimator.step import CACHED_MASKS, Estimator, LoadEstimate, moment_transfer
 
+pytestmark = pytest.mark.fast
+
 Q = 1.2e5
 
 

@@ -7,6 +7,8 @@ from scipy.stats import chi2
 
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit, chi_square_survival
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.mark.parametrize("freedom", [1, 2, 3, 10, 22, 49, 200, 1001])
 @pytest.mark.parametrize("probability", [0.5, 1e-2, 1e-4, 1e-8])

@@ -11,6 +11,8 @@ from random_map import random_model
 from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import estimate_gain, innovation_whitening, inverse_cholesky
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.mark.parametrize("gamma", [0.0, 0.5, 1.0, 20.0])
 def test_gain_solves_the_normal_equations(gamma: float) -> None:

@@ -22,6 +22,8 @@ from strainfmu.estimator.inverse_map import (
 )
 from strainfmu.files import content_hash_of
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:

@@ -19,6 +19,8 @@ from strainfmu.estimator.isolation import (
 )
 from strainfmu.estimator.step import Estimator
 
+pytestmark = pytest.mark.fast
+
 Q = 1.2e5
 N_GAUGES = 54
 N_DRAWS = 4000

@@ -13,6 +13,8 @@ from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.load_errors import LoadErrorModel, load_error_covariance, load_error_model, load_gain
 from strainfmu.estimator.step import Estimator
 
+pytestmark = pytest.mark.fast
+
 N_GAUGES = 27
 
 

@@ -66,6 +66,7 @@ def test_masked_map_is_the_map_built_without_the_gauges(model: GaussianModel) ->
         assert found.degrees_of_freedom == len(residual) - (model.a.shape[1] if model.gamma == 0.0 else 0)
 
 
+@pytest.mark.fast
 def test_masked_estimator_is_the_estimator_of_a_rebuilt_map(model: GaussianModel) -> None:
     """With half of the gauges gone too: every output, health and alarm levels included, to 1e-9."""
     estimator = Estimator(map_of(model))
@@ -84,6 +85,7 @@ def test_masked_estimator_is_the_estimator_of_a_rebuilt_map(model: GaussianModel
         assert found.suspects == tuple(kept[list(wanted.suspects)])
 
 
+@pytest.mark.fast
 def test_order_of_losses_does_not_matter(model: GaussianModel) -> None:
     """Gauges taken out one after the other and at once: equal to 1e-10."""
     inverse_map = map_of(model)
@@ -98,6 +100,7 @@ def test_order_of_losses_does_not_matter(model: GaussianModel) -> None:
     assert_equal_to(expected.T @ expected, found_whitening.T @ found_whitening, 1e-10)
 
 
+@pytest.mark.fast
 def test_without_any_gauge_the_prior_is_left() -> None:
     """Case 2: zero gain, and the estimator says that there is nothing to estimate from."""
     model = random_model(gamma=1.0, n_states=40)
@@ -109,6 +112,7 @@ def test_without_any_gauge_the_prior_is_left() -> None:
     assert Estimator(inverse_map).estimate(np.zeros(N_GAUGES), Q, ~everything).health is HealthState.INVALID
 
 
+@pytest.mark.fast
 def test_information_left_is_the_eigenvalue_it_is_said_to_be(model: GaussianModel) -> None:
     """Smallest eigenvalue of H_K x = e H x by scipy, to 1e-8 of the largest; at most 1."""
 
@@ -221,6 +225,7 @@ def test_fewer_gauges_never_tell_more(gamma: float) -> None:
         before = after
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize("gauges", [(), (4,), (0, 11, 19), tuple(range(9))])
 def test_sigma_covers(model: GaussianModel, gauges: tuple[int, ...]) -> None:
     """4,000 draws, five loads: 1 sigma 68.3 +- 1.5 %, 3 sigma 99.73 +0.2 -0.4 %; mean of e' C^-1 e to 3 errors."""
@@ -235,6 +240,7 @@ def test_sigma_covers(model: GaussianModel, gauges: tuple[int, ...]) -> None:
     assert distance.mean() == pytest.approx(5.0, abs=3.0 * np.sqrt(2.0 * 5.0 / 4000))
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize("gauges", [(), (4,), (0, 11, 19), tuple(range(9))])
 def test_chi_square_is_one_under_masks(model: GaussianModel, gauges: tuple[int, ...]) -> None:
     """4,000 draws: mean to 3 errors; alarms at scipy's 5 % and 1 % levels inside the binomial 99.9 % interval."""

@@ -56,6 +56,7 @@ def cone_snapshots(free_surface: bool) -> Snapshots:
     )
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(("free_surface", "tolerance"), [(False, 5e-4), (True, 4e-3)])
 def test_centre_of_pressure_of_a_cone(free_surface: bool, tolerance: float) -> None:
     """(2/3) L sec^2(theta), the moment of the axial pressures included, at any incidence (conical flow)."""
@@ -70,6 +71,7 @@ def test_centre_of_pressure_of_a_cone(free_surface: bool, tolerance: float) -> N
     np.testing.assert_allclose(normal, expected, rtol=tolerance, atol=1e-12)
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize("free_surface", [False, True])
 def test_centre_lines_are_windward_and_leeward(free_surface: bool) -> None:
     """Within 1 % of the amplitude: interpolation between roll angles, and the width of the strip of nodes."""

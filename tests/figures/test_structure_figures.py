@@ -50,6 +50,7 @@ def test_every_figure_is_drawn_inside_its_frame(name: str, draw: Callable[[str],
     assert ink.ymax <= frame.height + 0.02
 
 
+@pytest.mark.fast
 def test_each_edge_is_drawn_once_and_none_across_the_whole_width(
     structure: Structure, draw: Callable[[str], Figure]
 ) -> None:
@@ -62,6 +63,7 @@ def test_each_edge_is_drawn_once_and_none_across_the_whole_width(
     assert segments[:, :, 1].max() == 360.0
 
 
+@pytest.mark.fast
 def test_marks_lie_along_the_gauges(draw: Callable[[str], Figure]) -> None:
     """Matplotlib's marker (2, 2, turn) is a stroke upright at 0; axial gauges lie flat, hoop gauges stand."""
     first = next(axis for axis in draw("mesh_and_gauges").axes if axis.get_title("left").startswith("first"))
@@ -84,6 +86,7 @@ def test_patterns_are_of_each_direction(structure: Structure) -> None:
     assert chosen == [["axial_90"], ["hoop_180"], ["slanted [45]"]]
 
 
+@pytest.mark.fast
 def test_pattern_is_the_weight_of_the_pressure(draw: Callable[[str], Figure]) -> None:
     """hoop_180 weighs with 1 + cos + cos 2 of the angle from 180 deg: 3 (um/m)/(kPa m2) there, 1 at 0."""
     axis = next(axis for axis in draw("strain_patterns").axes if axis.get_title().startswith("hoop_180"))
@@ -104,6 +107,7 @@ def test_heat_map_is_the_response_per_wave(
     np.testing.assert_allclose(second.images[0].get_array(), np.maximum(expected, 1e-30), rtol=1e-9)
 
 
+@pytest.mark.fast
 def test_a_blind_class_is_marked(draw: Callable[[str], Figure]) -> None:
     """Of the second layout (0 and 180 deg), which sees cosines alone, both classes odd in y; of the first none."""
     classes = next(axis for axis in draw("singular_values").axes if axis.get_yscale() == "log" and axis.patches)

@@ -13,6 +13,8 @@ from fmu_host import COEFFICIENTS, loaded
 from strainfmu.cosim.instance import Instance, read_description, unzip
 from strainfmu.errors import StrainfmuError
 
+pytestmark = pytest.mark.fast
+
 Change = Callable[[bytes], bytes | None]
 
 

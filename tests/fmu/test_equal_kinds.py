@@ -23,6 +23,8 @@ from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator
 from strainfmu.interface.estimator_variables import PARAMETERS, output_values
 
+pytestmark = pytest.mark.fast
+
 REALS = slice(0, 20)
 CHI_SQUARE, LIMIT = 21, 22
 INTEGERS = ("health.state", "health.valid_gauges", "health.suspect_gauge", "health.suspects")

@@ -24,6 +24,7 @@ from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.python_package import with_own_package
 
 
+@pytest.mark.fast
 def test_equal_exports_are_equal_to_the_byte(
     synthetic: SyntheticFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -67,6 +68,7 @@ def test_platforms_are_chosen_by_either_name(synthetic: SyntheticFiles, tmp_path
             assert found == {wanted}
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -86,6 +88,7 @@ def test_options_that_cannot_be_are_refused(
     assert not (tmp_path / "a.fmu").exists()
 
 
+@pytest.mark.fast
 def test_modules_carry_a_hash_and_entries_are_portable(fmus: dict[str, Path]) -> None:
     packages = []
     for path in (fmus["python"], fmus["python_2"], fmus["plant"]):
@@ -100,6 +103,7 @@ def test_modules_carry_a_hash_and_entries_are_portable(fmus: dict[str, Path]) ->
     assert len(set(packages)) == 3
 
 
+@pytest.mark.fast
 def test_imports_are_renamed_and_nothing_else() -> None:
     source = '"""strainfmu."""\nfrom strainfmu import a\n    from strainfmu.b import c\n'
     assert with_own_package(source, "p") == ('"""strainfmu."""\nfrom p import a\n    from p.b import c\n')
@@ -164,6 +168,7 @@ def test_importing_the_sources_of_fmus_has_no_side_effects() -> None:
         importlib.import_module(name)
 
 
+@pytest.mark.fast
 def test_wrong_names_and_inputs_are_refused(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"must end in \.fmu"):
         export_estimator(synthetic.map_1, tmp_path / "a.zip")

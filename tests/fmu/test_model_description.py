@@ -21,6 +21,8 @@ from strainfmu.interface.estimator_variables import HEALTH_ITEMS, PARAMETERS, es
 from strainfmu.interface.fmi_variables import UNITS, Variable
 from strainfmu.interface.plant_variables import plant_interface
 
+pytestmark = pytest.mark.fast
+
 
 def variables(path: Path) -> dict[str, Any]:
     """Return fmpy's ScalarVariables by name."""

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.fmu.step_cost import step_costs
+
+pytestmark = pytest.mark.fast
 
 
 def test_every_kind_is_stepped(synthetic: SyntheticFiles) -> None:

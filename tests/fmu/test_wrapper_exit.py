@@ -13,6 +13,8 @@ from pathlib import Path
 import fmpy
 import pytest
 
+pytestmark = pytest.mark.fast
+
 HOST = Path(__file__).parent / "foreign_host.c"
 
 

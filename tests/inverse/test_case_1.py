@@ -20,6 +20,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.step import Estimator
 
+pytestmark = pytest.mark.fast
+
 N_MODES = 5
 
 

@@ -14,6 +14,8 @@ from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 GAMMAS = (1e-6, 1e-2, 1.0, 10**0.5, 1e4)
 
 

@@ -10,6 +10,8 @@ from pydantic import ValidationError
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.map_options import MapEntry, Noise
 
+pytestmark = pytest.mark.fast
+
 
 def test_defaults_are_case_1_with_truncated_modes() -> None:
     entry, noise = MapEntry(), Noise(std_um_per_m=0.4)

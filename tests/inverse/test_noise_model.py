@@ -36,6 +36,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import inverse_cholesky
 from strainfmu.estimator.load_errors import load_gain
 
+pytestmark = pytest.mark.fast
+
 N_MODES = 5
 
 

@@ -11,6 +11,8 @@ from builder.inverse.pod import area_weights, proper_orthogonal_decomposition
 from builder.structure.fourier.model import StructuralModel
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 
 def test_modes_are_orthonormal(snapshots: Snapshots) -> None:
     v = proper_orthogonal_decomposition(snapshots.pressure).modes

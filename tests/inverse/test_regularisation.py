@@ -23,6 +23,8 @@ from builder.inverse.regularisation import (
 from builder.vehicle.gamma_rules import RULES, Rule
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 
 def drawn_strain(solved: GaussianMap, gamma: float, n: int, seed: int = 1) -> np.ndarray:
     """(n, n_d) strain of states drawn from N(0, I/gamma), with noise."""

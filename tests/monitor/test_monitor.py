@@ -76,6 +76,7 @@ def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.fast
 def test_datagrams_are_plain_json() -> None:
     """What PlotJuggler's UDP server reads: one object per datagram, numbers under names, a time stamp."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ears:
@@ -94,6 +95,7 @@ def test_datagrams_are_plain_json() -> None:
     assert content["account"]["not accounted for"] == 0
 
 
+@pytest.mark.fast
 def test_a_publisher_without_a_listener_never_blocks() -> None:
     mouth = publisher(9)  # nobody there; on loopback a full receive buffer drops, it does not block
     begin = time.monotonic()
@@ -106,6 +108,7 @@ def test_a_publisher_without_a_listener_never_blocks() -> None:
     assert mouth.dropped >= 1
 
 
+@pytest.mark.fast
 def test_the_rate_is_limited_but_for_a_change_of_quality() -> None:
     mouth = publisher(9, rate=0.01)
     for _ in range(10):
@@ -116,6 +119,7 @@ def test_the_rate_is_limited_but_for_a_change_of_quality() -> None:
     mouth.close()
 
 
+@pytest.mark.fast
 def test_places_of_the_gauges_come_from_the_fmu(synthetic: SyntheticFiles) -> None:
     places = gauge_places(synthetic.estimator_1)
     assert [place.name for place in places] == [f"G{i}" for i in range(N_GAUGES)]
@@ -124,6 +128,7 @@ def test_places_of_the_gauges_come_from_the_fmu(synthetic: SyntheticFiles) -> No
     assert len({place.roll_angle for place in places}) == N_GAUGES
 
 
+@pytest.mark.fast
 def test_addresses() -> None:
     assert parsed_address("127.0.0.1:9870", "--publish") == ("127.0.0.1", 9870)
     assert parsed_address("[::1]:5", "--publish") == ("::1", 5)
@@ -132,6 +137,7 @@ def test_addresses() -> None:
             parsed_address(text, "--publish")
 
 
+@pytest.mark.fast
 def test_garbage_is_counted_and_changes_nothing(monitor: Monitor) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
         bad = [b"\xff\x00", b"[]", b"{}", b'{"layout":{"gauges":[1]}}', b"[" * 60000, b'{"coefficients":{}}']
@@ -146,6 +152,7 @@ def answer_of(mouth: Publisher) -> dict[str, Any]:
     return json.loads(json.dumps(mouth._of_result(result())))  # type: ignore[no-any-return]
 
 
+@pytest.mark.fast
 def test_what_no_page_can_read_is_counted_and_changes_nothing(monitor: Monitor) -> None:
     """Numbers that JSON does not have, or that no double holds; keys of others are not passed on, however deep."""
     mouth = publisher(monitor.listens_at[1])
@@ -180,6 +187,7 @@ def test_what_no_page_can_read_is_counted_and_changes_nothing(monitor: Monitor) 
     mouth.close()
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize("host", ["127.0.0.2", "::1"])
 def test_all_of_loopback_is_loopback(host: str) -> None:
     try:
@@ -205,6 +213,7 @@ def test_all_of_loopback_is_loopback(host: str) -> None:
         running.close()
 
 
+@pytest.mark.fast
 def test_the_server_is_on_loopback_and_answers_nobody_else(monitor: Monitor) -> None:
     assert monitor.url.startswith("http://127.0.0.1:")
     assert monitor.listens_at[0] == "127.0.0.1"
@@ -216,6 +225,7 @@ def test_the_server_is_on_loopback_and_answers_nobody_else(monitor: Monitor) -> 
         Monitor(monitor.listens_at, ("127.0.0.1", 0))
 
 
+@pytest.mark.fast
 def test_the_page_needs_nothing_from_elsewhere() -> None:
     text = page().decode()
     assert [part for part in text.split('"') if part.startswith(("http:", "https:", "//"))] == [
@@ -223,6 +233,7 @@ def test_the_page_needs_nothing_from_elsewhere() -> None:
     ]
 
 
+@pytest.mark.fast
 def test_events_carry_what_is_newest(monitor: Monitor) -> None:
     address = monitor.url.removeprefix("http://").rstrip("/")
     connection = http.client.HTTPConnection(address, timeout=10)
@@ -247,6 +258,7 @@ def test_events_carry_what_is_newest(monitor: Monitor) -> None:
     connection.close()
 
 
+@pytest.mark.fast
 def test_monitor_as_a_command(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import Recording
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+pytestmark = pytest.mark.fast
 
 
 def recording(truth: np.ndarray, estimate: np.ndarray, sigma: float) -> Recording:

@@ -11,6 +11,8 @@ import pytest
 from builder.workspace import MANIFEST, Workspace
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 
 class Maker:
     """Writes a text and counts how often it was asked to."""

@@ -20,6 +20,8 @@ from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS
 from strainfmu.recorded.strain_files import open_strains
 
+pytestmark = pytest.mark.fast
+
 Run = Callable[..., tuple[int, str, str]]
 Truth = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 

@@ -14,6 +14,8 @@ from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:

@@ -17,6 +17,8 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
 
+pytestmark = pytest.mark.fast
+
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
 

@@ -17,6 +17,8 @@ from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.step import Estimator
 
+pytestmark = pytest.mark.fast
+
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
 

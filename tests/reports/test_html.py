@@ -36,6 +36,8 @@ from builder.reports.tables import (
 )
 from strainfmu.errors import StrainfmuError
 
+pytestmark = pytest.mark.fast
+
 NASTY = '<script>alert("a & b")</script>'
 
 

@@ -91,6 +91,7 @@ def test_second_run_reuses_what_is_there_and_mends_what_is_damaged(
     assert (folder / "numbers.json").read_bytes() == before
 
 
+@pytest.mark.fast
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, run) -> None:
     path = tmp_path / "here"
     path.write_text("")

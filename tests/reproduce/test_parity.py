@@ -9,6 +9,8 @@ from builder.reproduce.parity import Found
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.reasons import REASONS
 
+pytestmark = pytest.mark.fast
+
 
 def test_published_numbers_as_printed() -> None:
     # Table 1, the text of Case 1 and of Case 2.

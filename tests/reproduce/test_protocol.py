@@ -15,6 +15,8 @@ from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.flight_conditions import flow_key
 
+pytestmark = pytest.mark.fast
+
 
 def test_numbers_of_snapshots_and_membership_of_the_examples() -> None:
     assert (len(P1.conditions), len(P2.conditions)) == (90, 243)

@@ -17,6 +17,8 @@ from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.fixture(scope="module")
 def sector() -> SweptSector:

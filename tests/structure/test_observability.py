@@ -35,6 +35,8 @@ from builder.vehicle.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 LENGTH, RADIUS = 3.0, 0.2
 AREA = 2.0 * pi * RADIUS * LENGTH
 LAYOUTS = ["configuration_1", "configuration_2", "configuration_45"]

@@ -310,6 +310,7 @@ def test_cad_file(run: Run, tmp_path: Path, ending: str) -> None:
     assert np.all(structure.mesh_error < 0.1 * strain)
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -331,6 +332,7 @@ def test_wrong_arguments_are_one_line(run: Run, tmp_path: Path, arguments: tuple
     assert not (tmp_path / "structure.h5").exists()
 
 
+@pytest.mark.fast
 def test_free_flight_is_not_cyclic(run: Run, tmp_path: Path) -> None:
     path = small(tmp_path, *FREE_FLIGHT)
     code, _, err = run("structure", path, "-o", tmp_path / "a.h5", "--resolution", "coarse", "--solver", "cyclic")

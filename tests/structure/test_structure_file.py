@@ -19,6 +19,8 @@ from builder.structure.structure_file import (
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically
 
+pytestmark = pytest.mark.fast
+
 TETRAHEDRON = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 

@@ -12,6 +12,8 @@ from builder.vehicle.flight_conditions import condition_set, count_repeated, flo
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
+pytestmark = pytest.mark.fast
+
 Run = Callable[..., tuple[int, str, str]]
 
 HEADER = "mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km"

@@ -19,6 +19,8 @@ from builder.vehicle.gauge_layout import read_layout
 from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 HEADER = "name,x_m,y_m,z_m,direction_x,direction_y,direction_z\n"
 FIVE, ONE = radians(5.0), radians(1.0)
 

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 FIVE, ONE = radians(5.0), radians(1.0)
 
 

@@ -31,6 +31,7 @@ def load_changed(folder: Path, *changes: tuple[str, str]) -> Vehicle:
     return load_vehicle(path)
 
 
+@pytest.mark.fast
 def test_shipped_vehicle() -> None:
     """The surrogate's numbers, the set P1 of 90 conditions in the file's order, and three layouts."""
     vehicle = load_vehicle(IC3X)
@@ -53,6 +54,7 @@ def test_shipped_vehicle() -> None:
     assert vehicle.beside("a.csv") == IC3X.parent / "a.csv"
 
 
+@pytest.mark.fast
 def test_distinct_flows_of_the_set() -> None:
     """17 total incidences per Mach number: 85 flows, the largest at 14.106 deg."""
     incidences = {(c.mach_number, round(c.total_incidence, 9)) for c in load_vehicle(IC3X).flight_conditions()}
@@ -60,6 +62,7 @@ def test_distinct_flows_of_the_set() -> None:
     assert degrees(max(angle for _, angle in incidences)) == pytest.approx(14.106, abs=5e-4)
 
 
+@pytest.mark.fast
 def test_internal_pressure(tmp_path: Path) -> None:
     """Vented: p_inf of the condition (20 km: 5474.9 Pa); or a number."""
     vented = load_vehicle(IC3X)
@@ -69,6 +72,7 @@ def test_internal_pressure(tmp_path: Path) -> None:
     assert sealed.internal_pressure(condition) == 9e4
 
 
+@pytest.mark.fast
 def test_reference_area_and_length_may_be_given(tmp_path: Path) -> None:
     changed = load_changed(
         tmp_path, ("moment_station_m = 2.0", "moment_station_m = 1.5\narea_m2 = 0.2\nlength_m = 0.5")
@@ -77,6 +81,7 @@ def test_reference_area_and_length_may_be_given(tmp_path: Path) -> None:
     assert (reference.area, reference.length, reference.moment_station) == (0.2, 0.5, 1.5)
 
 
+@pytest.mark.fast
 def test_arc_is_an_ogive(tmp_path: Path) -> None:
     arc = 'kind = "arc"\nstart_half_angle_deg = 10.0\nend_half_angle_deg = 1.0\nend_x_m = 1.75'
     body = load_changed(tmp_path, (FIRST_CONE, arc)).body()
@@ -84,6 +89,7 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
     assert len(body.slope_breaks) == 0
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -262,6 +268,7 @@ def test_fault_is_one_line_that_names_the_entry(old: str, new: str, words: str, 
     assert "\n" not in message
 
 
+@pytest.mark.fast
 def test_further_faults_are_counted(tmp_path: Path) -> None:
     """A misspelt key leaves its right name missing: one more, and the unknown one is shown."""
     with pytest.raises(InputError, match=r"wall_thickness_m: unknown entry.*\(and 1 more\)$"):
@@ -275,6 +282,7 @@ def test_layout_of_rows_and_file_is_refused(tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.fast
 def test_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none.toml: no such file"):
         load_vehicle(tmp_path / "none.toml")

@@ -77,6 +77,7 @@ def test_damaged_files(
     refused(capfd, lambda: read_field(tmp_path / name, None, None, 1.0), name, *words)
 
 
+@pytest.mark.fast
 def test_missing_file(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     refused(capfd, lambda: read_field(tmp_path / "a.vtu", None, None, 1.0), "a.vtu", "no such file")
 
@@ -149,6 +150,7 @@ def test_values_that_are_not_finite(tmp_path: Path, capfd: pytest.CaptureFixture
     refused(capfd, lambda: read_field(path, None, None, 1.0), "'p'", "2 of 4 values", "point 1 ")
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -188,6 +190,7 @@ def test_manifest(tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str, 
     refused(capfd, lambda: load_manifest(tmp_path / "m.toml"), "m.toml", *words)
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -49,6 +49,7 @@ def test_closed_surface_is_watertight(body: SurfaceMesh, tmp_path: Path, suffix:
     assert volume(closed) == pytest.approx(area * frusta / 3.0, rel=1e-5)
 
 
+@pytest.mark.fast
 def test_open_surface_is_open_at_the_base_alone(body: SurfaceMesh, tmp_path: Path) -> None:
     write_surface(tmp_path / "body.stl", body)
     surface = read_surface(tmp_path / "body.stl", scale=1e3)
@@ -109,6 +110,7 @@ def test_another_reader_reads_ours(body: SurfaceMesh, tmp_path: Path, name: str)
     np.testing.assert_allclose(corners, ours.point[ours.triangle], atol=1e-6)
 
 
+@pytest.mark.fast
 def test_polydata_as_openfoam_writes_it(tmp_path: Path) -> None:
     """foamToVTK's patches: polygons of any count, p both in cells (its own) and at points (interpolated)."""
     (tmp_path / "wall.vtk").write_text(
@@ -160,6 +162,7 @@ def test_triangle_strips(tmp_path: Path) -> None:
     np.testing.assert_allclose(mesh.vector_area, [[0, 0, 0.5], [0, 0, 0.5]])
 
 
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [

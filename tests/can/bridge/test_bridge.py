@@ -160,6 +160,7 @@ def free_port() -> int:
     return port
 
 
+@pytest.mark.fast
 def test_results_come_back_on_the_bus(virtual: Running) -> None:
     received = []
     virtual.send_until(Quality.VALID)
@@ -176,6 +177,7 @@ def test_results_come_back_on_the_bus(virtual: Running) -> None:
     assert summary.cpu > 0.0
 
 
+@pytest.mark.fast
 def test_a_malformed_datagram_is_counted_and_passed_over(multicast: Running) -> None:
     multicast.send_until(Quality.VALID)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as raw:
@@ -273,6 +275,7 @@ def test_many_failed_receptions_in_a_second_are_a_broken_bus(failures: int, reco
     assert summary.malformed >= min(failures, ERRORS_PER_SECOND)
 
 
+@pytest.mark.fast
 def test_a_full_queue_drops_the_oldest_cycle() -> None:
     queue = FrameQueue(capacity=6, cycle=3)
     frames = [Frame(identifier=0x300 + k % 3, data=bytes(8), time=float(k)) for k in range(10)]
@@ -377,6 +380,7 @@ def test_an_interface_that_does_not_exist_is_one_line() -> None:
         open_bus(BusSettings(interface="nonsense", channel="x"))
 
 
+@pytest.mark.fast
 def test_frames_survive_the_way_through_python_can() -> None:
     from strainfmu.can.wire.frame import from_message
 

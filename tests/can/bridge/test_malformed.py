@@ -18,6 +18,8 @@ from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.tools.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message
 
+pytestmark = pytest.mark.fast
+
 GOOD = {"arbitration_id": 0x301, "is_extended_id": False, "is_fd": True, "data": bytes(64), "dlc": 64}
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from strainfmu.can.cycle.arrival_pace import ArrivalPace
 
+pytestmark = pytest.mark.fast
+
 CYCLE = 0.01
 
 

@@ -17,6 +17,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 NO_RAW = np.zeros(1, dtype=np.int64)
 
 

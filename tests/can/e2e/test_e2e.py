@@ -10,6 +10,8 @@ from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine, StateMachineSettings
 from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
 
+pytestmark = pytest.mark.fast
+
 OK, LOST, REPEATED = E2EStatus.OK, E2EStatus.OK_SOME_LOST, E2EStatus.REPEATED
 WRONG, ERROR, NOTHING = E2EStatus.WRONG_SEQUENCE, E2EStatus.ERROR, E2EStatus.NO_NEW_DATA
 

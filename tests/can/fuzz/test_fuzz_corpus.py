@@ -9,6 +9,8 @@ from fuzz_targets import TARGETS, database_from, frames_from
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+pytestmark = pytest.mark.fast
+
 CORPUS = Path(__file__).with_name("corpus")
 
 

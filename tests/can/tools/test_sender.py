@@ -28,6 +28,8 @@ from strainfmu.cosim.step import StepResult
 from strainfmu.cosim.system import System
 from strainfmu.errors import InputError, StrainfmuError
 
+pytestmark = pytest.mark.fast
+
 Run = Callable[..., tuple[int, str, str]]
 
 CYCLE = 0.01

@@ -24,6 +24,8 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A B\n'
 RACK = """BO_ 256 R: 8 A
  SG_ S1 : 0|16@1- (0.25,0) [0|0] "um/m" B

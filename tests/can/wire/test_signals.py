@@ -21,6 +21,8 @@ from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 
 @st.composite
 def signals(draw: st.DrawFn) -> Signal:

@@ -41,6 +41,7 @@ def test_ten_thousand_inputs(case: NativeCase) -> None:
     fmu.free()
 
 
+@pytest.mark.fast
 def test_no_gauge_at_all(case: NativeCase) -> None:
     reference, fmu = Reference(case.inverse_map), Fmu2(case.uri, case.n).start()
     sample = Sample(np.full(case.n, np.nan), np.ones(case.n, dtype=bool), 1e5, 0.0)
@@ -50,6 +51,7 @@ def test_no_gauge_at_all(case: NativeCase) -> None:
     fmu.free()
 
 
+@pytest.mark.fast
 def test_suspect_and_those_it_cannot_be_told_from(case: NativeCase) -> None:
     reference, fmu = Reference(case.inverse_map), Fmu2(case.uri, case.n).start()
     seen = set()
@@ -113,6 +115,7 @@ def test_settings_and_faults(cases: dict[str, NativeCase], name: str, data: st.D
     fmu.free()
 
 
+@pytest.mark.fast
 def test_fmi_3_is_the_same_to_the_bit(case: NativeCase) -> None:
     second, third = Fmu2(case.uri, case.n).start(), Fmu3(str(case.resources), case.n).start()
     for sample in random_samples(case.inverse_map, 200, seed=2):

@@ -9,6 +9,8 @@ import pytest
 from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, OK, REAL_OUTPUTS, Fmu2, Fmu3
 
+pytestmark = pytest.mark.fast
+
 
 def scalars(case: NativeCase) -> range:
     return range(N_OUTPUTS + 2 * case.n, N_OUTPUTS + 2 * case.n + 7)

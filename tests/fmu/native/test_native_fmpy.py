@@ -15,6 +15,8 @@ from raw_fmu import GUID, N_OUTPUTS, REAL_OUTPUTS, WHOLE_OUTPUTS, this_platform
 
 from strainfmu.fmu.native_build import PLATFORMS, library_file
 
+pytestmark = pytest.mark.fast
+
 NAME = "Estimator"
 FMI3_FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "darwin64": "x86_64-darwin"}
 

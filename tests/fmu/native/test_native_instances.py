@@ -5,9 +5,12 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 from agreement import random_samples
 from native_case import NativeCase
 from raw_fmu import OK, Fmu2
+
+pytestmark = pytest.mark.fast
 
 
 def run(fmu: Fmu2, case: NativeCase, seed: int, steps: int = 30) -> list[bytes]:

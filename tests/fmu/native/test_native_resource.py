@@ -16,6 +16,8 @@ from raw_fmu import ERROR, Fmu2, Fmu3, shipped_library
 from strainfmu.errors import InputError
 from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 
+pytestmark = pytest.mark.fast
+
 HEADER_SIZE = 128
 
 

@@ -11,6 +11,8 @@ from agreement import random_samples
 from native_case import NativeCase
 from raw_fmu import ERROR, OK, Fmu2, Fmu3
 
+pytestmark = pytest.mark.fast
+
 
 def run(fmu: Fmu2, case: NativeCase, seed: int) -> list[bytes]:
     """Outputs of 20 steps, in bytes."""

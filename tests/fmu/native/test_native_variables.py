@@ -14,6 +14,8 @@ from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3
 
 from strainfmu.estimator.health import HealthState
 
+pytestmark = pytest.mark.fast
+
 
 def sample_of(case: NativeCase, seed: int = 3) -> Sample:
     random = np.random.default_rng(seed)

@@ -21,6 +21,8 @@ from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
+pytestmark = pytest.mark.fast
+
 MODEL = synthetic_flight_model()
 START = FlightStart(6.0, 20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
 COEFFICIENTS = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]

@@ -22,6 +22,8 @@ from strainfmu.errors import StrainfmuError
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, Motion
 
+pytestmark = pytest.mark.fast
+
 START = FlightStart(6.0, 20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
 STEP = 0.01
 MOMENT = 1e7

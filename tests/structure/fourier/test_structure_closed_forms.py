@@ -11,6 +11,8 @@ from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import chain_segments
 
+pytestmark = pytest.mark.fast
+
 E, NU = 110e9, 0.31
 MATERIAL = Material(E, NU)
 PRESSURE = 1e5

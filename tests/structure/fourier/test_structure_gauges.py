@@ -8,6 +8,8 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
 from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 FIVE = np.deg2rad(5.0)
 
 

@@ -20,6 +20,8 @@ from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 MOTIONS = {"axial": (0, 0), "roll": (0, None), "lateral translation": (1, 0), "lateral rotation": (1, 1)}
 
 

@@ -19,6 +19,8 @@ from builder.structure.solid.solid_mesh import (
 )
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 TYPES = sorted(NODES_PER_ELEMENT)
 
 

@@ -18,6 +18,8 @@ from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSec
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import chain_segments
 
+pytestmark = pytest.mark.fast
+
 E, NU = METAL.youngs_modulus, METAL.poisson_ratio
 PRESSURE = 1e5
 

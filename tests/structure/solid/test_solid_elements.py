@@ -25,6 +25,8 @@ from builder.structure.solid.swept_mesh import REGION
 from builder.structure.wall import Material
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 MATERIALS = {REGION: METAL}
 
 

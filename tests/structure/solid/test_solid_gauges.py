@@ -16,6 +16,8 @@ from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.swept_mesh import full_mesh
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 RADIUS = 0.12
 POINT = np.array([0.07, 0.0, RADIUS])
 

@@ -13,6 +13,8 @@ from builder.structure.solid.ring_mesh import ring_mesh
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 meshio = pytest.importorskip("meshio", reason="needs the extra mesh (meshio)")
 
 NAMES = (EXTERNAL, INTERNAL, SUPPORT)

@@ -20,6 +20,8 @@ from builder.structure.solid.surface_load import (
 from builder.structure.solid.swept_mesh import full_mesh
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 FINE_DEGREE = 15
 
 

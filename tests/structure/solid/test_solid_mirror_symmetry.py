@@ -18,6 +18,8 @@ from builder.structure.solid.strain_operator import held_problem
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import REGION
 
+pytestmark = pytest.mark.fast
+
 MATERIALS = {REGION: METAL}
 
 

@@ -22,6 +22,8 @@ from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import chain_segments
 from strainfmu.errors import InputError, StrainfmuError
 
+pytestmark = pytest.mark.fast
+
 A, B, WIDTH, AROUND = 0.10, 0.12, 0.3, 24
 
 

@@ -42,6 +42,8 @@ from builder.structure.solid.supports import Clamped, Symmetric
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 MATERIALS = {REGION: METAL}
 MPIEXEC = ("mpiexec", "--allow-run-as-root", "--oversubscribe")  # of Open MPI
 SERIAL = [back_end for back_end in BACK_ENDS if back_end.name != "petsc"]

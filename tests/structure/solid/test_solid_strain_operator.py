@@ -19,6 +19,8 @@ from builder.structure.solid.surface_load import pressure_load
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 MATERIALS = {REGION: METAL}
 N_GAUGES = 20
 

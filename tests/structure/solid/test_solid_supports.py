@@ -26,6 +26,8 @@ from builder.structure.solid.surface_load import pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 E, NU = METAL.youngs_modulus, METAL.poisson_ratio
 DENSITY = {REGION: 4430.0}
 THREE_PLANES: list[Support] = [Symmetric("x0"), Symmetric("y0"), Symmetric("z0")]
