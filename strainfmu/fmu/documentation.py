@@ -31,8 +31,11 @@ HOSTS = {
         "native kind of this FMU has none of these limits.",
     ),
     "native": (
-        "Nothing: the FMU holds compiled code for each of its platforms and the C sources it was made of. Other "
-        "platforms compile these with any C99 compiler and the headers of FMI.",
+        "Nothing: the FMU holds compiled code for each of its platforms and the C sources it was made of.",
+        "For another platform build the sources with CMake and any C99 compiler: in the unpacked FMU "
+        "<code>cmake -S sources -B build</code>, then <code>cmake --build build</code>. The library in "
+        "<code>build</code> goes into <code>binaries</code>, to the folder of the platform. The FMI headers are "
+        "included; <code>-D FMI_HEADERS=folder</code> takes others.",
     ),
 }
 """What each kind asks of its host, paragraph by paragraph."""

@@ -19,7 +19,8 @@ from strainfmu.fmu import native_package, python_package
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.documentation import documentation_files
 from strainfmu.fmu.estimator_page import all_ranges, estimator_sections
-from strainfmu.fmu.native_package import chosen_libraries, native_entries, native_sources, sources_digest
+from strainfmu.fmu.native_package import chosen_libraries, native_entries
+from strainfmu.fmu.native_sources import compiled_files, native_sources, sources_digest
 from strainfmu.fmu.package import CONTENTS, check_fmu_path
 from strainfmu.fmu.plant_page import plant_sections
 from strainfmu.fmu.plant_reference import python_plant_reference
@@ -112,7 +113,8 @@ def _native_estimator(
     from strainfmu.fmu.native_resource import native_resource
 
     version = options.fmi_version
-    libraries, sources = chosen_libraries(options.platforms), native_sources(version)
+    libraries = chosen_libraries("estimator", options.platforms)
+    sources = native_sources("estimator", version)
     interface = estimator_interface(inverse_map)
     description = FmuDescription(
         options.model_name,
@@ -123,7 +125,7 @@ def _native_estimator(
         _STEP_SIZE,
         native_package.CAPABILITIES[version],
         version,
-        [name for name in sources if name.endswith(".c")],
+        compiled_files(sources),
         native_package.MODEL_EXCHANGE[version],
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid)}

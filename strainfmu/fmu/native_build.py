@@ -1,4 +1,4 @@
-"""Build the C run-time of the native FMU: ``python -m strainfmu.fmu.native_build [platform ...]``, all by default.
+"""Build of the native libraries: ``python -m strainfmu.fmu.native_build [platform ...]``, all by default.
 
 The libraries lie in ``fmus/native/binaries``, so that exporting an FMU needs no compiler. Building them again
 needs the extra ``native``: zig's C compiler, which carries headers and libraries of every target, and fmpy for the
@@ -12,12 +12,13 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
+from strainfmu.fmu.native_sources import LIBRARIES, library_folders
 
 NATIVE = Path(__file__).parents[2] / "fmus" / "native"
 """Folder of the C sources, with the built libraries in ``binaries``."""
@@ -69,14 +70,14 @@ PLATFORMS = {
 """By the name of FMI 2.0, or that of FMI 3.0 where 2.0 has none. ``darwin64`` is a universal library."""
 
 
-def source_files() -> tuple[Path, ...]:
-    """Return the C files that make the library."""
-    return tuple(sorted(NATIVE.glob("*.c")))
+def source_files(library: str = "estimator", native: Path = NATIVE) -> tuple[Path, ...]:
+    """Return the C files that make a library, a key of :data:`~strainfmu.fmu.native_sources.LIBRARIES`."""
+    return tuple(file for folder in library_folders(library) for file in sorted(native.joinpath(folder).glob("*.c")))
 
 
-def library_file(platform: str, folder: Path = NATIVE / "binaries") -> Path:
-    """Return where the library for ``platform`` lies under ``folder``."""
-    return folder / platform / f"estimator{PLATFORMS[platform].suffix}"
+def library_file(platform: str, library: str = "estimator", folder: Path = NATIVE / "binaries") -> Path:
+    """Return the path of a library for ``platform`` under ``folder``."""
+    return folder / platform / f"{library}{PLATFORMS[platform].suffix}"
 
 
 def fmi_headers() -> Path:
@@ -120,19 +121,8 @@ def compile_with_zig(target: str, arguments: list[str]) -> None:
         raise StrainfmuError(f"{target}: compiling failed: {finished.stderr.strip()}")
 
 
-def build_library(platform: str) -> bytes:
-    """Return the library for ``platform``, a key of :data:`PLATFORMS`.
-
-    Raises
-    ------
-    StrainfmuError
-        The compiler reported an error.
-    """
-    return compile_library(platform, "estimator", source_files())
-
-
-def compile_library(platform: str, name: str, sources: Sequence[Path], includes: Sequence[Path] = ()) -> bytes:
-    """Return the library called ``name`` for ``platform``, made of C files with headers in ``includes``.
+def build_library(platform: str, library: str = "estimator", native: Path = NATIVE) -> bytes:
+    """Return a library for ``platform``, a key of :data:`PLATFORMS`, made of the sources under ``native``.
 
     Raises
     ------
@@ -140,12 +130,12 @@ def compile_library(platform: str, name: str, sources: Sequence[Path], includes:
         The compiler reported an error.
     """
     chosen = PLATFORMS[platform]
-    flags = [flag.format(name=name) for flag in chosen.flags]
-    arguments = [*LIBRARY_FLAGS, *flags, *(f"-I{folder}" for folder in includes), *map(str, sources)]
+    flags = [flag.format(name=library) for flag in chosen.flags]
+    arguments = [*LIBRARY_FLAGS, *flags, *map(str, source_files(library, native))]
     with tempfile.TemporaryDirectory() as folder:
         parts = []
         for target in chosen.targets:
-            output = Path(folder) / f"{name}{chosen.suffix}"
+            output = Path(folder) / f"{library}{chosen.suffix}"
             compile_with_zig(target, [*arguments, "-o", str(output)])
             parts.append(output.read_bytes())
     return parts[0] if len(parts) == 1 else universal_library(parts)
@@ -154,57 +144,48 @@ def compile_library(platform: str, name: str, sources: Sequence[Path], includes:
 def universal_library(libraries: list[bytes]) -> bytes:
     """Return one macOS library of several, each for another processor.
 
-    Source: Apple, ``mach-o/fat.h``: a big-endian header that lists processor, place, size and alignment of each.
+    Source: Apple, ``mach-o/fat.h``: a big-endian header that lists processor, position, size and alignment of each.
     """
     alignment = 14  # as a power of two: 16 KiB pages of Apple's processors
     entries, body = b"", b""
-    place = _aligned(8 + 20 * len(libraries), alignment)
-    start = place
+    position = _aligned(8 + 20 * len(libraries), alignment)
+    start = position
     for library in libraries:
         processor, kind = struct.unpack_from("<II", library, 4)
-        entries += struct.pack(">5I", processor, kind, place, len(library), alignment)
+        entries += struct.pack(">5I", processor, kind, position, len(library), alignment)
         body += library
-        place = _aligned(place + len(library), alignment)
-        body += bytes(place - start - len(body))
+        position = _aligned(position + len(library), alignment)
+        body += bytes(position - start - len(body))
     header = struct.pack(">2I", 0xCAFEBABE, len(libraries)) + entries
     return header + bytes(start - len(header)) + body
 
 
-def _aligned(place: int, alignment: int) -> int:
-    return (place + (1 << alignment) - 1) >> alignment << alignment
+def _aligned(position: int, alignment: int) -> int:
+    return (position + (1 << alignment) - 1) >> alignment << alignment
 
 
-def main(platforms: list[str]) -> None:
-    """Build the libraries for ``platforms``, all if there are none."""
-    write_libraries(platforms, build_library, library_file)
-
-
-def write_libraries(
-    platforms: Sequence[str], build: Callable[[str], bytes], file_of: Callable[[str], Path]
-) -> None:
-    """Write what ``build`` makes for each of ``platforms``, all if there are none, to its file.
+def main(platforms: Sequence[str]) -> None:
+    """Write the libraries for ``platforms``, all if there are none, to their files.
 
     Raises
     ------
     InputError
         There is no such platform.
+    StrainfmuError
+        The compiler reported an error.
     """
     for platform in platforms or PLATFORMS:
         if platform not in PLATFORMS:
             raise InputError(f"platform: '{platform}' found, must be one of {', '.join(PLATFORMS)}")
-        library = build(platform)
-        write_bytes_atomically(file_of(platform), library)
-        print(f"{file_of(platform)}: {len(library)} bytes")
-
-
-def run_build(build_all: Callable[[list[str]], None]) -> None:
-    """Run ``build_all`` for the platforms on the command line; an error gives one line and its exit code."""
-    try:
-        build_all(sys.argv[1:])
-    except StrainfmuError as error:
-        print(error, file=sys.stderr)
-        sys.exit(error.exit_code)
+        for library in LIBRARIES:
+            content = build_library(platform, library)
+            write_bytes_atomically(library_file(platform, library), content)
+            print(f"{library_file(platform, library)}: {len(content)} bytes")
 
 
 if __name__ == "__main__":
-    run_build(main)
+    try:
+        main(sys.argv[1:])
+    except StrainfmuError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)

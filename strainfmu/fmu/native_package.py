@@ -1,20 +1,19 @@
-"""The native kind of FMU: prebuilt libraries for several platforms, their sources, and a map they read.
+"""The native kind of FMU: prebuilt libraries for several platforms, their sources, and a resource they read.
 
-No compiler is needed: the libraries lie in ``fmus/native/binaries``, one folder per platform, each holding the
-functions of FMI 2.0 and FMI 3.0. The export renames them to the model identifier.
+No compiler is needed: the libraries lie in ``fmus/native/binaries``, one folder per platform, each library with the
+functions of FMI 2.0 and FMI 3.0. The export renames it to the model identifier.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.model_description import model_description_bytes
 from strainfmu.fmu.model_description_3 import model_description_3_bytes
+from strainfmu.fmu.native_sources import build_description, cmake_lists
 
 CAPABILITIES = {
     "2": {
@@ -73,38 +72,39 @@ FOLDERS = {
 _SUFFIXES = (".so", ".dll", ".dylib")
 
 
-def shipped_libraries(model: str = "native") -> dict[str, tuple[str, bytes]]:
-    """Return suffix and content of the library by platform, as FMI 3.0 names it, in alphabetical order.
+def shipped_libraries(library: str) -> dict[str, tuple[str, bytes]]:
+    """Return suffix and content of a library by platform, as FMI 3.0 names it, in alphabetical order.
 
-    ``model`` is the folder below ``fmus`` that holds the sources and ``binaries``.
+    ``library`` is a key of :data:`~strainfmu.fmu.native_sources.LIBRARIES`.
     """
     found = {}
-    folder = resources.files("fmus").joinpath(*model.split("/"), "binaries")
+    folder = resources.files("fmus").joinpath("native", "binaries")
     if folder.is_dir():
         tuples = {name: platform for platform, name in FOLDERS.items()}
         for item in folder.iterdir():
             platform = tuples.get(item.name, item.name)
             for file in item.iterdir() if item.is_dir() and platform in FOLDERS else ():
-                if file.name.endswith(_SUFFIXES):
-                    found[platform] = (file.name[file.name.rindex(".") :], file.read_bytes())
+                for suffix in _SUFFIXES:
+                    if file.name == f"{library}{suffix}":
+                        found[platform] = (suffix, file.read_bytes())
     return dict(sorted(found.items()))
 
 
-def chosen_libraries(
-    platforms: Sequence[str] | None = None, model: str = "native"
-) -> dict[str, tuple[str, bytes]]:
-    """Return the libraries of ``platforms``, by either version's names; None for all that are shipped.
+def chosen_libraries(library: str, platforms: Sequence[str] | None = None) -> dict[str, tuple[str, bytes]]:
+    """Return a library for ``platforms``, by either version's names; None for all that are shipped.
 
     Raises
     ------
     InputError
         A platform has no such library.
     StrainfmuError
-        No library is shipped at all.
+        The library is not shipped at all.
     """
-    shipped = shipped_libraries(model)
+    shipped = shipped_libraries(library)
     if not shipped:
-        raise StrainfmuError(f"fmus/{model}/binaries holds no library: this installation cannot make native FMUs")
+        raise StrainfmuError(
+            f"fmus/native/binaries holds no library '{library}': this installation cannot make native FMUs"
+        )
     if platforms is None:
         return shipped
     tuples = {name: platform for platform, name in FOLDERS.items()}
@@ -117,26 +117,6 @@ def chosen_libraries(
             )
         chosen[platform] = shipped[platform]
     return dict(sorted(chosen.items()))
-
-
-def native_sources(fmi_version: str) -> dict[str, bytes]:
-    """Return the C files of one FMI version, content by name; headers of FMI itself are not among them."""
-    other = "fmi3" if fmi_version == "2" else "fmi2"
-    folder = resources.files("fmus").joinpath("native")
-    files = {
-        item.name: item.read_bytes()
-        for item in (folder.iterdir() if folder.is_dir() else ())
-        if item.name.endswith((".c", ".h")) and other not in item.name
-    }
-    return dict(sorted(files.items()))
-
-
-def sources_digest(sources: Mapping[str, bytes]) -> str:
-    """Return a hash of names and content of ``sources``."""
-    digest = hashlib.sha256()
-    for name, content in sources.items():
-        digest.update(f"{name} {len(content)}\n".encode() + content)
-    return digest.hexdigest()
 
 
 def native_entries(
@@ -155,23 +135,13 @@ def native_entries(
     """
     second = description.fmi_version == "2"
     describe = model_description_bytes if second else model_description_3_bytes
+    identifier, files = description.model_identifier, description.source_files
     entries = {"modelDescription.xml": describe(description)}
     for platform, (suffix, content) in libraries.items():
         folder = FOLDERS[platform] if second else platform
-        entries[f"binaries/{folder}/{description.model_identifier}{suffix}"] = content
+        entries[f"binaries/{folder}/{identifier}{suffix}"] = content
     entries |= {f"sources/{name}": content for name, content in sources.items()}
     entries |= {f"resources/{name}": content for name, content in resource_files.items()}
-    if not second:
-        entries["sources/buildDescription.xml"] = build_description(description)
+    entries["sources/CMakeLists.txt"] = cmake_lists(identifier, files)
+    entries["sources/buildDescription.xml"] = build_description(identifier, files)
     return entries
-
-
-def build_description(description: FmuDescription) -> bytes:
-    """Return ``sources/buildDescription.xml`` (FMI 3.0.2, section 2.5.2)."""
-    root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
-    configuration = SubElement(root, "BuildConfiguration", {"modelIdentifier": description.model_identifier})
-    files = SubElement(configuration, "SourceFileSet", {"language": "C99"})
-    for name in description.source_files:
-        SubElement(files, "SourceFile", {"name": name})
-    indent(root)
-    return tostring(root, encoding="UTF-8", xml_declaration=True)

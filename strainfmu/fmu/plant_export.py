@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,8 @@ from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.fmu.documentation import Section, documentation_files
-from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries, sources_digest
+from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries
+from strainfmu.fmu.native_sources import compiled_files, native_sources, sources_digest
 from strainfmu.fmu.package import CONTENTS, check_fmu_path
 from strainfmu.fmu.plant_page import native_plant_sections
 from strainfmu.fmu.plant_reference import (
@@ -41,10 +41,8 @@ from strainfmu.version import __version__
 
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0
-LIBRARY = "native/plant"
-"""Folder below ``fmus`` of sources and libraries."""
-
-_SHARED = ("map_resource.c", "map_resource.h", "uri_path.c", "uri_path.h")
+LIBRARY = "plant"
+"""The library of all three: a key of :data:`~strainfmu.fmu.native_sources.LIBRARIES`."""
 
 
 def export_native_plant(
@@ -190,14 +188,6 @@ def export_schedule(
     write_archive(fmu_path, entries)
 
 
-def plant_sources() -> dict[str, bytes]:
-    """Return the C files of the library, content by name."""
-    folder = resources.files("fmus").joinpath("native")
-    own = [item for item in folder.joinpath("plant").iterdir() if item.name.endswith((".c", ".h"))]
-    files = [*own, *(folder.joinpath(name) for name in _SHARED)]
-    return {item.name: item.read_bytes() for item in sorted(files, key=lambda item: item.name)}
-
-
 def _native_fmu(
     model_name: str,
     text: str,
@@ -211,7 +201,7 @@ def _native_fmu(
     stop_time: float = STOP_TIME,
 ) -> dict[str, bytes]:
     """Return the entries of one FMU."""
-    libraries, sources = chosen_libraries(platforms, LIBRARY), plant_sources()
+    libraries, sources = chosen_libraries(LIBRARY, platforms), native_sources(LIBRARY, "2")
     digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode()).hexdigest()
     capabilities = {
         name: value for name, value in CAPABILITIES["2"].items() if name != "providesDirectionalDerivative"
@@ -224,7 +214,7 @@ def _native_fmu(
         stop_time,
         STEP_SIZE,
         capabilities,
-        source_files=[name for name in sources if name.endswith(".c")],
+        source_files=compiled_files(sources),
     )
     pages = documentation_files(description, [*sections, *reference.sections], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}

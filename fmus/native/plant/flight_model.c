@@ -7,8 +7,8 @@
 #define N_SIZES 11
 #define N_POWERS 16
 #define N_RADIAL 3 /* coefficients that incidence and Mach number alone decide: C_A, C_T, M_T */
-#define LARGEST_COUNT 65536.0
-#define ROUND_OFF 1e-9 /* share of the envelope that is no departure from it */
+#define MAX_COUNT 65536.0
+#define ROUND_OFF 1e-9 /* fraction of the envelope that is no departure from it */
 
 /* Columns of the atmosphere's layers. */
 enum { BASE, TOP, GRADIENT, BASE_PRESSURE, BASE_TEMPERATURE, LAYER_SIZE };
@@ -22,8 +22,8 @@ static const double *take(const double **next, size_t count) {
 }
 
 /* Whether a number is one that things can be counted with. */
-static int countable(double value, double least) {
-    return value >= least && value <= LARGEST_COUNT && value == (double)(size_t)value;
+static int countable(double value, double minimum) {
+    return value >= minimum && value <= MAX_COUNT && value == (double)(size_t)value;
 }
 
 static size_t number_of_doubles(const FlightModel *m) {
@@ -42,12 +42,12 @@ static int channels_exist(const FlightModel *m) {
 }
 
 size_t flight_model_take(FlightModel *m, const double *data, size_t count) {
-    static const double LEAST[] = {1.0, 2.0, 2.0, 1.0, 1.0, 1.0};
+    static const double MINIMUM[] = {1.0, 2.0, 2.0, 1.0, 1.0, 1.0};
     if (count < N_SIZES) {
         return 0;
     }
     for (int k = 0; k < 6; k++) {
-        if (!countable(data[k], LEAST[k])) {
+        if (!countable(data[k], MINIMUM[k])) {
             return 0;
         }
     }

@@ -14,7 +14,7 @@ typedef struct {
     double reference_area, reference_length;             /* [m2], [m] */
     const double *mach_knots, *incidence_knots;          /* [1], [rad] */
     const double *gauge_cosine, *gauge_sine;             /* (n_gauges) of the roll angles */
-    const double *gauge_channel;                         /* (n_gauges) places in strain_table */
+    const double *gauge_channel;                         /* (n_gauges) indices in strain_table */
     const double *strain_of_internal_pressure;           /* (n_gauges) [1/Pa] */
     const double *coefficient_table, *strain_table;      /* as in flight_model.py, row by row */
     const double *layer;                                 /* (n_layers, LAYER_SIZE) of the atmosphere */
@@ -24,7 +24,7 @@ typedef struct {
     double mach_number, angle_of_attack, sideslip_angle, altitude; /* [1], [rad], [rad], [m] */
 } FlightCondition;
 
-/* What a condition gives before strains are asked for. */
+/* What a condition gives before strains are computed. */
 typedef struct {
     double coefficient[N_COEFFICIENTS];
     double dynamic_pressure, speed_of_sound, ambient_pressure; /* [Pa], [m/s], [Pa] */

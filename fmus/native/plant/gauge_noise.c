@@ -20,10 +20,10 @@ double gauge_noise(const double *table, uint64_t seed, uint64_t sample, uint64_t
     pattern = (pattern & UINT64_C(0x000FFFFFFFFFFFFF)) | UINT64_C(0x3FF0000000000000);
     double fraction;
     memcpy(&fraction, &pattern, sizeof fraction); /* 1 <= fraction < 2 */
-    const double place = 2.0 * fraction - 3.0, *coefficient = table + octave * NOISE_COEFFICIENTS;
+    const double argument = 2.0 * fraction - 3.0, *coefficient = table + octave * NOISE_COEFFICIENTS;
     double quantile = coefficient[NOISE_COEFFICIENTS - 1];
     for (int k = NOISE_COEFFICIENTS - 2; k >= 0; k--) {
-        quantile = quantile * place + coefficient[k];
+        quantile = quantile * argument + coefficient[k];
     }
     return bits & 1u ? -quantile : quantile;
 }

@@ -9,12 +9,12 @@
 
 #include "flight_model.h"
 #include "gauge_noise.h"
-#include "model.h"
+#include "../system/system_model.h"
 
 enum { FROM_INPUTS, FROM_TRAJECTORY, SHORT_PERIOD };
 enum { NO_FAULT, DROPOUT, BIAS, DRIFT, STUCK, FROZEN };
 
-/* Places of the variables after the coefficients and strains, then, after one fault_kind and one fault_value per
+/* Indices of the variables after the coefficients and strains, then, after one fault_kind and one fault_value per
    gauge, those of the short-period motion. */
 enum { DYNAMIC_PRESSURE, MACH_NUMBER, ANGLE_OF_ATTACK, SIDESLIP_ANGLE, ALTITUDE, NOISE_STD, SEED, N_COMMON };
 enum { PITCH_RATE, CONTROL_MOMENT, MASS, PITCH_INERTIA, PITCH_DAMPING, INITIAL_ANGLE, N_SHORT_PERIOD };
@@ -24,8 +24,8 @@ enum { SAMPLE, ANGLE, RATE, N_OWN_STATES };
 #define STATES_PER_GAUGE 4
 
 #define ROW_SIZE 9           /* of the trajectory: time, four quantities, their slopes */
-#define LARGEST_SUBSTEP 1e-3 /* [s] of the integration */
-#define LARGEST_STEPS 1e6
+#define MAX_SUBSTEP 1e-3 /* [s] of the integration */
+#define MAX_STEPS 1e6
 
 typedef struct {
     FlightModel flight;
@@ -38,7 +38,7 @@ typedef struct {
 } Plant;
 
 /* Where everything lies; 0 if the data do not fit. */
-static int view(const Model *model, Plant *plant) {
+static int view(const SystemModel *model, Plant *plant) {
     const size_t head = 2 + NOISE_TABLE_SIZE;
     if (model->n_data < head) {
         return 0;
@@ -70,7 +70,7 @@ static int view(const Model *model, Plant *plant) {
     return 1;
 }
 
-static int prepare(Model *model, char text[MODEL_TEXT_SIZE]) {
+static int prepare(SystemModel *model, char text[MODEL_TEXT_SIZE]) {
     Plant plant;
     if (!view(model, &plant)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a plant whose sizes do not fit each other");
@@ -81,7 +81,7 @@ static int prepare(Model *model, char text[MODEL_TEXT_SIZE]) {
     return STATUS_OK;
 }
 
-static void begin(Model *model) {
+static void begin(SystemModel *model) {
     Plant plant;
     view(model, &plant);
     memset(model->state, 0, model->n_states * sizeof *model->state);
@@ -110,9 +110,9 @@ static FlightCondition on_trajectory(const Plant *plant, double time) {
     return (FlightCondition){value[0], value[1], value[2], value[3]};
 }
 
-static FlightCondition condition_of(const Model *model, const Plant *plant) {
+static FlightCondition condition_of(const SystemModel *model, const Plant *plant) {
     if (plant->motion == FROM_TRAJECTORY) {
-        return on_trajectory(plant, model->time);
+        return on_trajectory(plant, model->base.time);
     }
     const double angle = plant->motion == SHORT_PERIOD ? model->state[ANGLE] : plant->common[ANGLE_OF_ATTACK];
     return (FlightCondition){plant->common[MACH_NUMBER], angle, plant->common[SIDESLIP_ANGLE], plant->common[ALTITUDE]};
@@ -140,7 +140,7 @@ static uint64_t whole(double count) {
     return count >= 0.0 && count < 9e15 ? (uint64_t)count : 0;
 }
 
-static void outputs(Model *model) {
+static void outputs(SystemModel *model) {
     Plant plant;
     FlightPoint point;
     view(model, &plant);
@@ -156,7 +156,7 @@ static void outputs(Model *model) {
         const double noise = plant.common[NOISE_STD] * gauge_noise(plant.noise_table, seed, sample, g);
         const double healthy = inside ? plant.strain[g] + noise : NAN;
         plant.strain[g] = reading(plant.gauge_state + STATES_PER_GAUGE * g, healthy, plant.fault_kind[g],
-                                  plant.fault_value[g], model->time);
+                                  plant.fault_value[g], model->base.time);
     }
     double *common = plant.strain + n;
     common[DYNAMIC_PRESSURE] = point.dynamic_pressure;
@@ -190,7 +190,7 @@ static int motion_rates(const Plant *plant, const double angle_and_rate[2], doub
 }
 
 /* One step of the classical Runge-Kutta method of fourth order. Where it leaves the envelope the state becomes the
-   first one outside, so that the outputs tell. */
+   first one outside, so that the outputs show it. */
 static int integrate(const Plant *plant, double *state, double h) {
     static const double PART[] = {0.0, 0.5, 0.5, 1.0}, WEIGHT[] = {1.0, 2.0, 2.0, 1.0};
     double rates[2] = {0.0, 0.0}, sum[2] = {0.0, 0.0};
@@ -209,8 +209,8 @@ static int integrate(const Plant *plant, double *state, double h) {
 }
 
 static int move(const Plant *plant, double *state, double width) {
-    const double wanted = width / LARGEST_SUBSTEP * (1.0 - 1e-9);
-    const double steps = wanted > LARGEST_STEPS ? LARGEST_STEPS : (double)(long)wanted + 1.0;
+    const double required = width / MAX_SUBSTEP * (1.0 - 1e-9);
+    const double steps = required > MAX_STEPS ? MAX_STEPS : (double)(long)required + 1.0;
     for (double k = 0.0; k < steps; k += 1.0) {
         if (!integrate(plant, state, width / steps)) {
             return 0;
@@ -219,14 +219,14 @@ static int move(const Plant *plant, double *state, double width) {
     return 1;
 }
 
-static int step(Model *model, double end, char text[MODEL_TEXT_SIZE]) {
+static int step(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]) {
     Plant plant;
     view(model, &plant);
     for (size_t g = 0; g < plant.flight.n_gauges; g++) {
         plant.gauge_state[STATES_PER_GAUGE * g + 2] = plant.strain[g];
     }
-    int inside = plant.motion != SHORT_PERIOD || move(&plant, model->state + ANGLE, end - model->time);
-    model->time = end;
+    int inside = plant.motion != SHORT_PERIOD || move(&plant, model->state + ANGLE, end - model->base.time);
+    model->base.time = end;
     model->state[SAMPLE] += 1.0;
     FlightPoint point;
     const FlightCondition condition = condition_of(model, &plant);

@@ -11,10 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "estimator.h"
-#include "instance_state.h"
-#include "triangles.h"
-#include "uri_path.h"
+#include "core/state.h"
+#include "core/uri_path.h"
+#include "estimator/estimator.h"
+#include "estimator/triangles.h"
 
 #ifndef FUZZ_FIRST
 #define FUZZ_FIRST 0
@@ -23,12 +23,12 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static void put_u32(unsigned char *bytes, size_t place, uint32_t value) {
-    memcpy(bytes + place, &value, sizeof value);
+static void put_u32(unsigned char *bytes, size_t position, uint32_t value) {
+    memcpy(bytes + position, &value, sizeof value);
 }
 
-static void put_u64(unsigned char *bytes, size_t place, uint64_t value) {
-    memcpy(bytes + place, &value, sizeof value);
+static void put_u64(unsigned char *bytes, size_t position, uint64_t value) {
+    memcpy(bytes + position, &value, sizeof value);
 }
 
 /* A whole map.bin from whatever there is: sizes made small, length fitted, header and checksum right. Values that are
@@ -104,7 +104,7 @@ static void use(Estimator *e) {
 }
 
 static void fuzz_map(const uint8_t *data, size_t size, int repair) {
-    char text[MAP_TEXT_SIZE];
+    char text[MODEL_TEXT_SIZE];
     size_t length = size;
     unsigned char *bytes;
     if (repair > 0) {
@@ -134,7 +134,7 @@ static void silent(const Instance *instance, int status, const char *category, c
 /* An instance of a small map of zeros but for what must be positive. */
 static Instance *small_instance(void) {
     static const uint8_t SEED[] = {3, 2, 1, 0};
-    char text[MAP_TEXT_SIZE];
+    char text[MODEL_TEXT_SIZE];
     size_t length;
     unsigned char *bytes = repaired_map(SEED, sizeof SEED, 1, &length);
     Instance *instance = calloc(1, sizeof *instance);
@@ -145,8 +145,8 @@ static Instance *small_instance(void) {
     memcpy(bytes + HEADER_SIZE + 64, &bound, 8);
     memcpy(bytes + HEADER_SIZE + 72, &bound, 8);
     put_u32(bytes, 24, crc32(bytes + 32, length - 32));
-    instance->estimator = estimator_create(bytes, length, text);
-    if (instance->estimator == NULL) {
+    instance->model = model_create(bytes, length, text);
+    if (instance->model == NULL) {
         abort();
     }
     instance->kind = CO_SIMULATION_2;
@@ -157,6 +157,7 @@ static Instance *small_instance(void) {
 
 static void fuzz_state(const uint8_t *data, size_t size, int repair) {
     Instance *instance = small_instance();
+    char text[MODEL_TEXT_SIZE];
     unsigned char *bytes = calloc(1, state_size(instance) + size);
     void *state = NULL, *again = NULL;
     if (bytes == NULL) {
@@ -167,8 +168,8 @@ static void fuzz_state(const uint8_t *data, size_t size, int repair) {
         size = state_size(instance);
         memcpy(bytes, "SFMUSTA", 8);
         put_u32(bytes, 8, 1);
-        put_u32(bytes, 16, instance->estimator->map.checksum);
-        put_u32(bytes, 20, (uint32_t)instance->estimator->map.n_gauges);
+        put_u32(bytes, 16, instance->model->checksum);
+        put_u32(bytes, 20, (uint32_t)model_state_size(instance->model));
         if (repair > 1) {
             put_u32(bytes, 28, CO_SIMULATION_2);
         }
@@ -178,7 +179,11 @@ static void fuzz_state(const uint8_t *data, size_t size, int repair) {
         if (state_set(instance, state) != STATUS_OK) {
             abort(); /* what was taken once must be taken again */
         }
-        estimator_outputs(instance->estimator);
+        const Selection outputs = {NULL, 0, HEALTH_STATE};
+        double value[HEALTH_STATE];
+        if (!model_get_reals(instance->model, &outputs, value, text)) {
+            abort();
+        }
         if (state_get(instance, &again) != STATUS_OK || state_serialize(instance, again, bytes, size) != STATUS_OK) {
             abort();
         }

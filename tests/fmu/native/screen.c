@@ -10,11 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "estimator.h"
-#include "panels.h"
-#include "triangles.h"
+#include "core/resource.h"
+#include "estimator/estimator.h"
+#include "estimator/panels.h"
+#include "estimator/triangles.h"
 
-#define MOST_GAUGES 64
+#define MAX_GAUGES 64
 
 static long tried, screened;
 
@@ -39,15 +40,15 @@ static void set_background(Estimator *e, double size) {
     unsigned long random = 1;
     for (size_t k = 0; k < e->masked->n_used; k++) {
         random = (random * 1103515245u + 12345u) & 0x7FFFFFFFu;
-        const double share = 2.0 * (double)random / 2147483647.0 - 1.0;
+        const double part = 2.0 * (double)random / 2147483647.0 - 1.0;
         const size_t gauge = e->masked->used[k];
-        e->input[gauge] = e->map.mean_strain[gauge] + size * share * e->masked->z_scale[k];
+        e->input[gauge] = e->map.mean_strain[gauge] + size * part * e->masked->z_scale[k];
     }
 }
 
 /* Compute the outputs, and compare suspects with those of the exact z. */
 static void compare(Estimator *e) {
-    double z[MOST_GAUGES], largest = 0.0;
+    double z[MAX_GAUGES], largest = 0.0;
     size_t worst = 0, suspects = 0;
     e->outdated = 1;
     e->z[0] = -1e300; /* stays if the screen alone decides */
@@ -74,7 +75,7 @@ static void compare(Estimator *e) {
 
 /* |z| of gauge k of those in use, which reads off by bias. */
 static double z_of(Estimator *e, size_t k, double bias) {
-    double z[MOST_GAUGES];
+    double z[MAX_GAUGES];
     const MaskedMap *m = e->masked;
     e->input[m->used[k]] = e->map.mean_strain[m->used[k]] + bias;
     compare(e);
@@ -92,20 +93,20 @@ static void scan(Estimator *e, size_t k) {
         const double middle = low + (high - low) / 2.0;
         *(z_of(e, k, middle) > threshold_of(e) ? &high : &low) = middle;
     }
-    for (double share = 1e-16; share < 0.9; share *= 1.5) {
-        z_of(e, k, high * (1.0 + share));
-        z_of(e, k, high * (1.0 - share));
+    for (double part = 1e-16; part < 0.9; part *= 1.5) {
+        z_of(e, k, high * (1.0 + part));
+        z_of(e, k, high * (1.0 - part));
     }
     z_of(e, k, 0.0);
 }
 
 int main(int argc, char **argv) {
     static const double SCALES[] = {1.0, 4.0, 1e-3, 1e3, 1e-12, 1e-30, 1e-80, 1e-100, 1e9, 1e20, 1e40, 1e100};
-    char text[MAP_TEXT_SIZE];
+    char text[MODEL_TEXT_SIZE];
     size_t length;
-    unsigned char *bytes = argc > 1 ? map_read(argv[1], &length, text) : NULL;
+    unsigned char *bytes = argc > 1 ? resource_read(argv[1], &length, text) : NULL;
     Estimator *e = bytes != NULL ? estimator_create(bytes, length, text) : NULL;
-    if (e == NULL || e->map.n_gauges > MOST_GAUGES) {
+    if (e == NULL || e->map.n_gauges > MAX_GAUGES) {
         return 2;
     }
     const size_t n = e->map.n_gauges;

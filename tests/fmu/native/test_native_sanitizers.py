@@ -60,7 +60,7 @@ def test_valgrind(small: NativeCase, tmp_path: Path) -> None:
 
 
 def test_inputs_that_a_fuzzer_found(tmp_path: Path) -> None:
-    core = tuple(path for path in source_files() if not path.name.startswith("fmi"))
+    core = tuple(path for path in source_files() if not path.parent.name.startswith("fmi"))
     sources = (Path(__file__).parent / "fuzz.c", *core)
     fuzz = host_by_clang(tmp_path / "fuzz", *MEMORY, "-DREPLAY", sources=sources)
     inputs = sorted(str(path) for path in CORPUS.iterdir())

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(find_spec("ziglang") is None, reason="needs zig:
 @pytest.fixture(scope="module")
 def screen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The program that compares the two."""
-    core = [path for path in source_files() if not path.name.startswith("fmi")]
+    core = [path for path in source_files() if not path.parent.name.startswith("fmi")]
     return program_by_zig("native", tmp_path_factory.mktemp("screen") / "screen", [SCREEN, *core])
 
 

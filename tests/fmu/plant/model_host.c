@@ -1,5 +1,5 @@
 /* Runs a model.bin. `model_host run FOLDER GUID STEPS`: every output after every step, as hexadecimal float64, with
-   inputs and parameters drawn anew. `model_host damage FILE TRIALS`: loads and steps models whose bytes were altered
+   inputs and parameters drawn again. `model_host damage FILE TRIALS`: loads and steps models whose bytes were altered
    with a right checksum, so that every check behind it is reached. */
 
 #include "fmi2Functions.h"
@@ -9,12 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "map_resource.h"
-#include "model.h"
-
-typedef struct {
-    Model *model; /* the first member of an instance, as fmi2_model.c has it */
-} Instance;
+#include "core/instance.h"
+#include "core/resource.h"
+#include "system/system_model.h"
 
 static uint64_t seed = 1;
 
@@ -28,7 +25,7 @@ static double uniform(double low, double high) {
     return low + (high - low) * (double)draw() * (1.0 / 2147483648.0);
 }
 
-static void tell(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+static void report(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                  fmi2String format, ...) {
     va_list arguments;
     (void)environment;
@@ -46,7 +43,7 @@ static void print(double value) {
 }
 
 /* Set an input near its start value, so that flights stay inside their envelope, and now and then a fault. */
-static void disturb(Model *model) {
+static void disturb(SystemModel *model) {
     char text[MODEL_TEXT_SIZE];
     for (size_t i = 0; i < model->n_variables; i++) {
         if (model->causality[i] != INPUT) {
@@ -59,12 +56,20 @@ static void disturb(Model *model) {
         if (!real && draw() % 50 == 0 && model->maximum[i] < 100.0) {
             value = model->minimum[i] + (double)(draw() % (uint32_t)(model->maximum[i] - model->minimum[i] + 1.0));
         }
-        model_set(model, i, value, text);
+        const Selection one = {NULL, i, 1};
+        const int whole = (int)value;
+        if (real) {
+            model_set_reals(&model->base, &one, &value, text);
+        } else if (model->type[i] == INTEGER) {
+            model_set_integers(&model->base, &one, &whole, text);
+        } else {
+            model_set_booleans(&model->base, &one, &whole, text);
+        }
     }
 }
 
 static int run(const char *folder, const char *guid, int steps) {
-    const fmi2CallbackFunctions functions = {tell, calloc, free, NULL, NULL};
+    const fmi2CallbackFunctions functions = {report, calloc, free, NULL, NULL};
     Instance *instance = fmi2Instantiate("host", fmi2CoSimulation, guid, folder, &functions, fmi2False, fmi2False);
     if (instance == NULL) {
         return 1;
@@ -72,14 +77,15 @@ static int run(const char *folder, const char *guid, int steps) {
     fmi2SetupExperiment(instance, fmi2False, 0.0, 0.0, fmi2False, 0.0);
     fmi2EnterInitializationMode(instance);
     fmi2ExitInitializationMode(instance);
+    SystemModel *model = (SystemModel *)instance->model;
     fmi2FMUstate state = NULL;
     for (int k = 0; k < steps; k++) {
-        disturb(instance->model);
+        disturb(model);
         fmi2DoStep(instance, 0.01 * k, 0.01, fmi2True);
-        model_update(instance->model);
-        for (size_t i = 0; i < instance->model->n_variables; i++) {
-            if (instance->model->causality[i] == OUTPUT) {
-                print(instance->model->value[i]);
+        system_update(model);
+        for (size_t i = 0; i < model->n_variables; i++) {
+            if (model->causality[i] == OUTPUT) {
+                print(model->value[i]);
             }
         }
         if (k % 10 == 0) { /* there and back again */
@@ -96,28 +102,28 @@ static int run(const char *folder, const char *guid, int steps) {
 
 static void try_model(unsigned char *bytes, size_t length, int *loaded) {
     char text[MODEL_TEXT_SIZE];
-    Model *model = model_create(bytes, length, text);
+    SystemModel *model = (SystemModel *)model_create(bytes, length, text);
     if (model == NULL) {
         return;
     }
     ++*loaded;
-    model_update(model);
-    model->mode = STEP;
+    system_update(model);
+    model->base.mode = STEP;
     for (int k = 0; k < 3; k++) {
         disturb(model);
-        model_update(model);
+        system_update(model);
         model->behaviour->step(model, 0.002 * (k + 1), text);
         model->outdated = 1;
     }
-    model_update(model);
-    model_free(model);
+    system_update(model);
+    model_destroy(&model->base);
 }
 
 static int damage(const char *file, int trials) {
-    char text[MAP_TEXT_SIZE];
+    char text[MODEL_TEXT_SIZE];
     size_t length;
     int loaded = 0;
-    unsigned char *whole = map_read(file, &length, text);
+    unsigned char *whole = resource_read(file, &length, text);
     if (whole == NULL) {
         return 1;
     }
@@ -126,8 +132,8 @@ static int damage(const char *file, int trials) {
         memcpy(bytes, whole, length);
         for (uint32_t n = 1 + draw() % 4; n > 0; n--) {
             /* Mostly the header and the sizes of the data, where it matters. */
-            const size_t place = draw() % (draw() % 2 ? length : (length < 8000 ? length : 8000));
-            bytes[place] = (unsigned char)(draw() % 3 ? draw() : bytes[place] ^ (1u << draw() % 8));
+            const size_t position = draw() % (draw() % 2 ? length : (length < 8000 ? length : 8000));
+            bytes[position] = (unsigned char)(draw() % 3 ? draw() : bytes[position] ^ (1u << draw() % 8));
         }
         if (draw() % 2) {
             const double values[] = {0.0, 1.0, 2.0, 3.0, -1.0, 65536.0, 1e9, 1e300, -1e300, 0.5};

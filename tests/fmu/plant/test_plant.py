@@ -286,7 +286,7 @@ def test_states_of_another_plant(
                 assert capsys.readouterr().out.count("the FMU state is that of another FMU") == 1
             with pytest.raises(Exception, match="error"):
                 own.deSerializeFMUstate(foreign_bytes)
-            assert capsys.readouterr().out.count("the FMU state is that of another FMU") == 1
+            assert capsys.readouterr().out.count("the serialised state is that of another FMU") == 1
             assert not any(room.raw)
             assert foreign.serializeFMUState(there) == foreign_bytes
             own.freeFMUState(here)

@@ -20,7 +20,7 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.cosim.instance import Instance, read_description
 from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.fmu.plant_build import PLATFORMS, library_file
+from strainfmu.fmu.native_build import PLATFORMS, library_file
 from strainfmu.fmu.plant_export import export_native_plant, export_schedule
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion
@@ -75,12 +75,12 @@ def test_equal_exports_are_equal_to_the_byte(
 
 def test_every_platform_is_shipped(fmus: dict[str, Path]) -> None:
     for platform in PLATFORMS:
-        assert library_file(platform).is_file()
+        assert library_file(platform, "plant").is_file()
     with zipfile.ZipFile(fmus["inputs"]) as archive:
         names = archive.namelist()
     for platform, item in PLATFORMS.items():
         assert f"binaries/{platform}/StrainedVehicle{item.suffix}" in names
-    assert "sources/fmi2_model.c" in names
+    assert {"sources/plant/plant.c", "sources/autopilot/autopilot.c", "sources/fmi2/fmi2_co_simulation.c"} <= set(names)
 
 
 def test_schedule_jumps_at_its_times(fmus: dict[str, Path], tmp_path: Path) -> None:

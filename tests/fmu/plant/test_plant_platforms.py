@@ -15,16 +15,23 @@ from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.cosim.scenario import load_scenario
 from strainfmu.fmu.flight_package import export_flight
-from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers
-from strainfmu.fmu.plant_build import PLATFORMS, SOURCES, build_library, library_file, source_files
+from strainfmu.fmu.native_build import (
+    NATIVE,
+    PLATFORMS,
+    build_library,
+    compile_with_zig,
+    fmi_headers,
+    library_file,
+    source_files,
+)
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, Motion
 
 pytestmark = pytest.mark.slow
 
 HOST = Path(__file__).with_name("model_host.c")
-INCLUDES = [f"-I{NATIVE}", f"-I{SOURCES}"]
-FILES = [str(HOST), *map(str, source_files())]
+INCLUDES = [f"-I{NATIVE}"]
+FILES = [str(HOST), *map(str, source_files("plant"))]
 STEPS = 300
 
 
@@ -126,10 +133,10 @@ def test_sanitizers(models: dict[str, Resources], tmp_path: Path) -> None:
 @pytest.mark.parametrize("platform", list(PLATFORMS))
 def test_shipped_libraries_are_those_of_the_sources(platform: str) -> None:
     pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
-    assert build_library(platform) == library_file(platform).read_bytes()
+    assert build_library(platform, "plant") == library_file(platform, "plant").read_bytes()
 
 
 def test_the_library_needs_the_c_library_alone() -> None:
-    text = library_file("linux64").read_bytes()
+    text = library_file("linux64", "plant").read_bytes()
     assert b"libc.so.6" in text
     assert b"libm.so" not in text

@@ -1,0 +1,198 @@
+#include "instance.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "resource.h"
+#include "uri_path.h"
+
+#define LINE_SIZE 1400
+#define PATH_SIZE 4096
+#define SHOWN_PATH 1000 /* characters of a path that a message shows */
+
+int instance_error(const Instance *instance, const char *format, ...) {
+    char text[LINE_SIZE];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    instance->write(instance, STATUS_ERROR, CATEGORY_ERROR, text);
+    return STATUS_ERROR;
+}
+
+int instance_not_offered(const Instance *instance, const char *function) {
+    return instance == NULL ? STATUS_ERROR : instance_error(instance, "%s is not supported by this FMU", function);
+}
+
+/* The model of the resource in a folder; NULL after a message. */
+static Model *model_in(const Instance *instance, const char *guid, const char *location) {
+    char path[PATH_SIZE], text[MODEL_TEXT_SIZE];
+    if (guid == NULL || location == NULL) {
+        instance_error(instance, "%s is missing", guid == NULL ? "the guid" : "the resource location");
+        return NULL;
+    }
+    if (!resource_path(location, MODEL.resource, path, sizeof path)) {
+        instance_error(instance, "resource location '%.*s' is no file URI or path", SHOWN_PATH, location);
+        return NULL;
+    }
+    size_t length;
+    unsigned char *bytes = resource_read(path, &length, text);
+    Model *model = bytes != NULL ? model_create(bytes, length, text) : NULL;
+    if (model == NULL) {
+        instance_error(instance, "%.*s %s", SHOWN_PATH, path, text);
+        return NULL;
+    }
+    if (strcmp(model->guid, guid) != 0) {
+        instance_error(instance, "guid '%.100s' found, but the %s in this FMU is '%s'", guid, MODEL.content,
+                       model->guid);
+        model_destroy(model);
+        return NULL;
+    }
+    return model;
+}
+
+Instance *instance_create(const Instance *requested, const char *guid, const char *location) {
+    Model *model = model_in(requested, guid, location);
+    if (model == NULL) {
+        return NULL;
+    }
+    const char *name = requested->name != NULL ? requested->name : "";
+    Instance *instance = calloc(1, sizeof *instance);
+    char *own_name = malloc(strlen(name) + 1);
+    if (instance == NULL || own_name == NULL) {
+        free(instance);
+        free(own_name);
+        model_destroy(model);
+        instance_error(requested, "needs more memory than there is");
+        return NULL;
+    }
+    *instance = *requested;
+    instance->model = model;
+    instance->name = instance->own_name = strcpy(own_name, name);
+    instance_reset(instance);
+    return instance;
+}
+
+void instance_free(Instance *instance) {
+    if (instance != NULL) {
+        model_destroy(instance->model);
+        free(instance->own_name);
+        free(instance);
+    }
+}
+
+void instance_reset(Instance *instance) {
+    Model *model = instance->model;
+    model->mode = INSTANTIATED;
+    model->time = 0.0;
+    model_reset(model);
+    instance->ending = 0;
+}
+
+static const char *mode_name(Mode mode) {
+    switch (mode) {
+    case INSTANTIATED: return "just instantiated";
+    case INITIALIZATION: return "in initialization mode";
+    case STEP: return "in step mode";
+    case EVENT: return "in event mode";
+    case CONTINUOUS_TIME: return "in continuous-time mode";
+    case TERMINATED: return "terminated";
+    case CONFIGURATION: return "in configuration mode";
+    }
+    return "in no mode";
+}
+
+int instance_refuse_mode(const Instance *instance, const char *function) {
+    instance_error(instance, "%s is not allowed: the instance is %s", function, mode_name(instance->model->mode));
+    return 0;
+}
+
+int instance_refuse_null(const Instance *instance, const char *function) {
+    instance_error(instance, "%s: an argument is NULL", function);
+    return 0;
+}
+
+int instance_enter(Instance *instance, const char *function, int from, Mode to) {
+    if (!instance_allows(instance, function, from)) {
+        return STATUS_ERROR;
+    }
+    instance->model->mode = to;
+    return STATUS_OK;
+}
+
+int instance_set_time(Instance *instance, const char *function, int modes, double time) {
+    if (!instance_allows(instance, function, modes)) {
+        return STATUS_ERROR;
+    }
+    if (!isfinite(time)) {
+        return instance_error(instance, "%s: %g is no time", function, time);
+    }
+    model_set_time(instance->model, time);
+    return STATUS_OK;
+}
+
+int instance_start_at(Instance *instance, const char *function, double start, int has_stop, double stop) {
+    if (!instance_allows(instance, function, INSTANTIATED)) {
+        return STATUS_ERROR;
+    }
+    if (!isfinite(start) || (has_stop && !(stop >= start))) {
+        return instance_error(instance, "%s: from %g to %g s is no time span", function, start, stop);
+    }
+    model_set_time(instance->model, start);
+    return STATUS_OK;
+}
+
+int instance_end_initialization(Instance *instance, const char *function, Mode mode) {
+    if (!instance_allows(instance, function, INITIALIZATION)) {
+        return STATUS_ERROR;
+    }
+    model_end_initialization(instance->model);
+    instance->model->mode = mode;
+    return STATUS_OK;
+}
+
+/* Importers that go on after a discarded step would get the message in every step: it comes once. */
+static int discard(Instance *instance, int status, double start, const char *text) {
+    if (!instance->ending) {
+        instance->ending = 1;
+        instance->last_successful_time = start;
+        instance->write(instance, status, status == STATUS_DISCARD ? CATEGORY_DISCARD : CATEGORY_ERROR, text);
+    }
+    return status;
+}
+
+int instance_step(Instance *instance, const char *function, double start, double size) {
+    if (!instance_allows(instance, function, STEP)) {
+        return STATUS_ERROR;
+    }
+    const double end = start + size;
+    if (!(size > 0.0) || !isfinite(end)) {
+        return instance_error(instance, "%s: a step of %g s from %g s found, must be positive", function, size, start);
+    }
+    char text[MODEL_TEXT_SIZE];
+    const int status = model_step(instance->model, start, end, text);
+    if (status != STATUS_OK) {
+        return discard(instance, status, start, text);
+    }
+    instance->ending = 0;
+    instance_log_event(instance);
+    return STATUS_OK;
+}
+
+int instance_empty_list(Instance *instance, const char *function, int modes, size_t length) {
+    if (!instance_allows(instance, function, modes)) {
+        return STATUS_ERROR;
+    }
+    return length == 0 ? STATUS_OK
+                       : instance_error(instance, "%s: length %lu found, must be 0", function, (unsigned long)length);
+}
+
+void instance_log_event(Instance *instance) {
+    char text[MODEL_TEXT_SIZE];
+    if (instance->events_logged && model_event(instance->model, text)) {
+        instance->write(instance, STATUS_OK, CATEGORY_EVENTS, text);
+    }
+}

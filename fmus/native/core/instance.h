@@ -1,0 +1,83 @@
+/* An instance of an FMU: a model, and where its messages go. Both fronts use it. */
+
+#ifndef INSTANCE_H
+#define INSTANCE_H
+
+#include "model.h"
+
+#define CATEGORY_DISCARD "logStatusDiscard"
+#define CATEGORY_ERROR "logStatusError"
+#define CATEGORY_EVENTS "logEvents"
+
+typedef enum { MODEL_EXCHANGE_2 = 1, CO_SIMULATION_2, MODEL_EXCHANGE_3, CO_SIMULATION_3 } Kind;
+
+typedef struct Instance Instance;
+
+/* Hands a message to the logger of the importer, which each FMI version calls in its own way. */
+typedef void LogWriter(const Instance *instance, int status, const char *category, const char *text);
+
+struct Instance {
+    Model *model;
+    Kind kind;
+    int event_mode_used;         /* FMI 3.0 co-simulation */
+    int ending;                  /* whether the last step was discarded: the model wants to end */
+    double last_successful_time; /* [s] then the end of the last step that was not */
+    const char *name;
+    char *own_name;
+    LogWriter *write;
+    void (*logger)(void); /* of the importer, NULL for none */
+    void *environment;    /* that it wants back */
+    int events_logged;
+};
+
+/* Fill in an instance of which name, kind, write, logger and environment are set, from the resource in the folder
+   `location`. Return a copy that is to be freed with instance_free; NULL, after a message, if guid is not that of the
+   resource or the resource cannot be read. */
+Instance *instance_create(const Instance *requested, const char *guid, const char *location);
+
+void instance_free(Instance *instance);
+
+/* Back to the start values. */
+void instance_reset(Instance *instance);
+
+/* Log that a function is not allowed in the mode of the instance, or that an argument is NULL; 0. */
+int instance_refuse_mode(const Instance *instance, const char *function);
+int instance_refuse_null(const Instance *instance, const char *function);
+
+/* Whether the instance is in one of the modes (a sum); if not, a message tells it. 0 for no instance. */
+static inline int instance_allows(const Instance *instance, const char *function, int modes) {
+    return instance != NULL
+        && (((int)instance->model->mode & modes) != 0 || instance_refuse_mode(instance, function));
+}
+
+/* Whether an argument is there; if not, a message tells it. */
+static inline int instance_given(const Instance *instance, const char *function, const void *argument) {
+    return argument != NULL || instance_refuse_null(instance, function);
+}
+
+/* Go from one of the modes `from` to `to`, or set the time. A status. */
+int instance_enter(Instance *instance, const char *function, int from, Mode to);
+int instance_set_time(Instance *instance, const char *function, int modes, double time);
+
+/* Set the time at which an experiment starts, if from start to stop is a time span. A status. */
+int instance_start_at(Instance *instance, const char *function, double start, int has_stop, double stop);
+
+/* Leave the initialization for `mode`. A status. */
+int instance_end_initialization(Instance *instance, const char *function, Mode mode);
+
+/* One step of co-simulation. A status. */
+int instance_step(Instance *instance, const char *function, double start, double size);
+
+/* A list of continuous states or event indicators, of which there are none: its length must be 0. A status. */
+int instance_empty_list(Instance *instance, const char *function, int modes, size_t length);
+
+/* Log a message as printf does; STATUS_ERROR. */
+int instance_error(const Instance *instance, const char *format, ...);
+
+/* Log that a function is not offered; STATUS_ERROR, also for no instance. */
+int instance_not_offered(const Instance *instance, const char *function);
+
+/* Log an event of the model, if the importer wants to hear of events. */
+void instance_log_event(Instance *instance);
+
+#endif

@@ -1,0 +1,123 @@
+/* The contract between a model and the FMI fronts: all that fmi2/ and fmi3/ know of a model.
+
+   A library holds one implementation: that of the estimator (estimator/estimator_model.c), or that of the system around
+   it (system/system_model.c), where resources/model.bin chooses plant, autopilot or schedule.
+
+   Scalar variables have numbers, which are the value references of FMI 2.0. FMI 3.0 collects them in arrays.
+   Functions that can fail write a message to text, of at most MODEL_TEXT_SIZE bytes with its final zero. */
+
+#ifndef MODEL_H
+#define MODEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define MODEL_TEXT_SIZE 256
+
+/* Status numbers, those of FMI 2.0 and 3.0 alike. */
+#define STATUS_OK 0
+#define STATUS_DISCARD 2
+#define STATUS_ERROR 3
+
+#define WRONG_TYPE "value reference %lu is no variable of that type"
+
+typedef enum { REAL, INTEGER, BOOLEAN, ENUMERATION, NO_VARIABLE } Type;
+
+/* Modes of an instance; sums of them are sets of modes. */
+typedef enum {
+    INSTANTIATED = 1,
+    INITIALIZATION = 2,
+    STEP = 4,
+    EVENT = 8,
+    CONTINUOUS_TIME = 16,
+    TERMINATED = 32,
+    CONFIGURATION = 64
+} Mode;
+
+/* What comes before the first step or event. */
+#define BEFORE_STEPS (INSTANTIATED | CONFIGURATION | INITIALIZATION)
+
+/* What every model begins with. */
+typedef struct {
+    const char *guid;
+    uint32_t checksum; /* of its resource */
+    Mode mode;         /* set by the front */
+    double time;       /* [s], set by set_time and step */
+    unsigned time_reference; /* value reference of the independent variable in FMI 3.0; arrays have those below it */
+} Model;
+
+/* Variables by number: `count` from `first` on, or those listed. */
+typedef struct {
+    const unsigned *listed; /* NULL for a run */
+    size_t first, count;
+} Selection;
+
+static inline size_t selected(const Selection *selection, size_t k) {
+    return selection->listed != NULL ? selection->listed[k] : selection->first + k;
+}
+
+/* Exact partial derivatives of real outputs by real inputs and parameters. */
+typedef struct {
+    /* Position of a variable among the inputs, or among the outputs; SIZE_MAX for any other variable. */
+    size_t (*input_index)(const Model *model, size_t variable);
+    size_t (*output_index)(const Model *model, size_t variable);
+    /* The direction to derive along, by input index, set to zero; it belongs to the model. */
+    double *(*clear_direction)(Model *model);
+    /* Derivatives along the direction, by output index; NaN where the output is. */
+    const double *(*along_direction)(Model *model);
+} Derivatives;
+
+typedef struct {
+    const char *resource;           /* name of its file in resources/ */
+    const char *content;            /* what messages call the content of that file */
+    const char *foreign_state;      /* what a message tells of the state of another resource */
+    int model_exchange;             /* whether it serves model exchange, without continuous states and events */
+    const Derivatives *derivatives; /* NULL for none */
+} ModelFacts;
+
+extern const ModelFacts MODEL;
+
+/* Make a model of the bytes of its resource [length], and own them: they are freed here if that fails. NULL, after a
+   message. */
+Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
+
+void model_destroy(Model *model);
+
+/* Back to the start values; mode and time are the caller's. */
+void model_reset(Model *model);
+
+void model_set_time(Model *model, double time);
+
+/* The initialization ends. */
+void model_end_initialization(Model *model);
+
+/* Go on from start to end [s]. STATUS_DISCARD, after a message, if the model wants to end there. */
+int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
+
+/* Whether something has happened that was not reported before; then it is in text. */
+int model_event(Model *model, char text[MODEL_TEXT_SIZE]);
+
+/* The type of a variable; an enumeration is read and set as integer. */
+Type model_type_of(const Model *model, size_t variable);
+
+/* The variables of an FMI 3.0 array; none if there is no such array. */
+Selection model_array(const Model *model, unsigned reference);
+
+/* Read or set variables. 1; 0, after a message, if one is of another type or refuses the value. Those before it in the
+   selection may have been set then, it and those after it have not. */
+int model_get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]);
+int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
+int model_get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
+int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]);
+int model_set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
+int model_set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
+
+/* The model's part of a serialised state: its number of bytes, and writing it. Mode and time are the caller's. */
+size_t model_state_size(const Model *model);
+void model_write_state(const Model *model, unsigned char *bytes);
+
+/* Whether bytes [model_state_size] may be read; if not, text tells what is wrong. */
+int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]);
+void model_read_state(Model *model, const unsigned char *bytes);
+
+#endif

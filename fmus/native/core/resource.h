@@ -1,0 +1,37 @@
+/* The file in resources/ that holds the data of an FMU: how it is read, and what every such file begins with.
+
+   It is little endian: a header of HEADER_SIZE bytes, then float64 arrays. The header begins with a magic of 8 bytes,
+   the format version and a byte order mark of 4 bytes each, the length of 8 bytes, and the CRC-32 of all that comes
+   after the first 32 bytes. */
+
+#ifndef RESOURCE_H
+#define RESOURCE_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "model.h"
+
+#define HEADER_SIZE 128
+#define CHECKSUM_AT 24 /* position of the checksum in the header */
+
+/* Read a whole file. Return its bytes, to be freed with free(), or NULL with a text that says what is wrong. */
+unsigned char *resource_read(const char *path, size_t *length, char text[MODEL_TEXT_SIZE]);
+
+/* Whether the first 32 bytes are those of a file of `length` bytes that starts with the 8 bytes of magic; if not, text
+   says what is wrong with it. content is what the text calls it. */
+int resource_check(const unsigned char *bytes, size_t length, const char *magic, int version, const char *content,
+                   char text[MODEL_TEXT_SIZE]);
+
+/* The little-endian number at a position of a file. */
+static inline uint32_t u32_at(const unsigned char *bytes, size_t position) {
+    uint32_t value;
+    memcpy(&value, bytes + position, sizeof value);
+    return value;
+}
+
+/* CRC-32 of ISO 3309, as that of zlib. */
+uint32_t crc32(const unsigned char *bytes, size_t length);
+
+#endif

@@ -1,0 +1,203 @@
+#include "state.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "resource.h"
+
+#define STATE_VERSION 1u
+#define STATE_MARK 0x53464D45u
+#define CHECKED_FROM 16 /* the checksum is over all bytes from here on */
+
+static const char MAGIC[8] = "SFMUSTA";
+
+/* Some importers pass the state itself, not its address, to fmi2FreeFMUstate: what that then takes for the state is
+   the first word, and freeing NULL does no harm. One library serves every resource, so the head holds how many bytes
+   follow and of which resource they are: nothing behind it is read or written before both fit the instance. */
+typedef struct {
+    void *always_null;
+    uint32_t mark, resource_checksum;
+    uint64_t size;
+} StateHead;
+
+/* Serialised: this header, time as float64, the model's part. */
+typedef struct {
+    char magic[8];
+    uint32_t version, checksum;
+    uint32_t resource_checksum, model_size, mode, kind;
+} SerialHeader;
+
+static size_t model_size(const Instance *instance) {
+    return model_state_size(instance->model);
+}
+
+size_t state_size(const Instance *instance) {
+    return sizeof(SerialHeader) + sizeof(double) + model_size(instance);
+}
+
+static void write_state(const Instance *instance, unsigned char *bytes) {
+    const Model *model = instance->model;
+    SerialHeader header = {
+        .version = STATE_VERSION,
+        .resource_checksum = model->checksum,
+        .model_size = (uint32_t)model_size(instance),
+        .mode = (uint32_t)model->mode,
+        .kind = (uint32_t)instance->kind,
+    };
+    memcpy(header.magic, MAGIC, sizeof MAGIC);
+    memcpy(bytes + sizeof header, &model->time, sizeof model->time);
+    model_write_state(model, bytes + sizeof header + sizeof model->time);
+    memcpy(bytes, &header, sizeof header);
+    header.checksum = crc32(bytes + CHECKED_FROM, state_size(instance) - CHECKED_FROM);
+    memcpy(bytes, &header, sizeof header);
+}
+
+static int mode_exists(uint32_t mode) {
+    return mode > 0 && mode <= CONFIGURATION && (mode & (mode - 1)) == 0;
+}
+
+/* What is wrong with a serialised state of the given size; NULL if nothing is. It may be written to text. */
+static const char *state_fault(const Instance *instance, const unsigned char *bytes, size_t size,
+                               char text[MODEL_TEXT_SIZE]) {
+    const Model *model = instance->model;
+    SerialHeader header;
+    if (size < sizeof header || memcmp(bytes, MAGIC, sizeof MAGIC) != 0) {
+        return "is no state of such an FMU";
+    }
+    memcpy(&header, bytes, sizeof header);
+    if (header.version != STATE_VERSION) {
+        return "has another format version";
+    }
+    /* The checksum first: of an undamaged state the other resource is reported, not the length that follows from it. */
+    const int damaged = header.checksum != crc32(bytes + CHECKED_FROM, size - CHECKED_FROM);
+    if (!damaged && (header.resource_checksum != model->checksum || header.model_size != model_size(instance))) {
+        return MODEL.foreign_state;
+    }
+    if (size != state_size(instance)) {
+        snprintf(text, MODEL_TEXT_SIZE, "takes %lu bytes, %lu found", (unsigned long)state_size(instance),
+                 (unsigned long)size);
+        return text;
+    }
+    if (damaged) {
+        return "is damaged: its checksum is wrong";
+    }
+    if (header.kind != (uint32_t)instance->kind || !mode_exists(header.mode)) {
+        return "is that of another kind of instance";
+    }
+    double time;
+    memcpy(&time, bytes + sizeof header, sizeof time);
+    if (!isfinite(time)) {
+        return "holds a time that is not finite";
+    }
+    return model_check_state(model, bytes + sizeof header + sizeof time, text) ? NULL : text;
+}
+
+static void read_state(Instance *instance, const unsigned char *bytes) {
+    Model *model = instance->model;
+    SerialHeader header;
+    memcpy(&header, bytes, sizeof header);
+    model->mode = (Mode)header.mode;
+    memcpy(&model->time, bytes + sizeof header, sizeof model->time);
+    model_read_state(model, bytes + sizeof header + sizeof model->time);
+    instance->ending = 0;
+}
+
+/* The serialised state within an FMU state of the instance's resource, state_size long; NULL, after a message, if it is
+   none. */
+static unsigned char *serialised(const Instance *instance, const void *state) {
+    const StateHead *head = state;
+    if (head == NULL || head->mark != STATE_MARK) {
+        instance_error(instance, "the FMU state is none of this FMU");
+        return NULL;
+    }
+    if (head->resource_checksum != instance->model->checksum || head->size != state_size(instance)) {
+        instance_error(instance, "the FMU state %s", MODEL.foreign_state);
+        return NULL;
+    }
+    return (unsigned char *)(uintptr_t)(head + 1);
+}
+
+static void *new_state(const Instance *instance) {
+    StateHead *head = calloc(1, sizeof *head + state_size(instance));
+    if (head == NULL) {
+        instance_error(instance, "the FMU state needs more memory than there is");
+        return NULL;
+    }
+    head->mark = STATE_MARK;
+    head->resource_checksum = instance->model->checksum;
+    head->size = state_size(instance);
+    return head;
+}
+
+int state_get(Instance *instance, void **state) {
+    if (*state == NULL) {
+        *state = new_state(instance);
+    }
+    unsigned char *bytes = *state != NULL ? serialised(instance, *state) : NULL;
+    if (bytes == NULL) {
+        return STATUS_ERROR;
+    }
+    write_state(instance, bytes);
+    return STATUS_OK;
+}
+
+int state_set(Instance *instance, const void *state) {
+    char text[MODEL_TEXT_SIZE];
+    const unsigned char *bytes = serialised(instance, state);
+    if (bytes == NULL) {
+        return STATUS_ERROR;
+    }
+    const char *fault = state_fault(instance, bytes, state_size(instance), text);
+    if (fault != NULL) {
+        return instance_error(instance, "the FMU state %s", fault);
+    }
+    read_state(instance, bytes);
+    return STATUS_OK;
+}
+
+void state_free(void **state) {
+    if (state != NULL && *state != NULL) {
+        free(*state);
+        *state = NULL;
+    }
+}
+
+int state_serialized_size(const Instance *instance, const void *state, size_t *size) {
+    if (serialised(instance, state) == NULL) {
+        return STATUS_ERROR;
+    }
+    *size = state_size(instance);
+    return STATUS_OK;
+}
+
+int state_serialize(Instance *instance, const void *state, void *bytes, size_t size) {
+    const unsigned char *content = serialised(instance, state);
+    if (content == NULL) {
+        return STATUS_ERROR;
+    }
+    if (size < state_size(instance)) {
+        return instance_error(instance, "a serialised state takes %lu bytes, %lu found",
+                              (unsigned long)state_size(instance), (unsigned long)size);
+    }
+    memcpy(bytes, content, state_size(instance));
+    return STATUS_OK;
+}
+
+int state_deserialize(Instance *instance, const void *bytes, size_t size, void **state) {
+    char text[MODEL_TEXT_SIZE];
+    const char *fault = state_fault(instance, bytes, size, text);
+    if (fault != NULL) {
+        return instance_error(instance, "the serialised state %s", fault);
+    }
+    if (*state == NULL) {
+        *state = new_state(instance);
+    }
+    unsigned char *content = *state != NULL ? serialised(instance, *state) : NULL;
+    if (content == NULL) {
+        return STATUS_ERROR;
+    }
+    memcpy(content, bytes, size);
+    return STATUS_OK;
+}

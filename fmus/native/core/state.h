@@ -1,0 +1,28 @@
+/* FMU states: mode and time of an instance, and the state of its model.
+
+   An FMU state is the serialised state behind a head that holds its size and the checksum of its resource, so that what
+   comes from outside and what comes from memory pass the same checks. */
+
+#ifndef STATE_H
+#define STATE_H
+
+#include "instance.h"
+
+/* Number of bytes of a serialised state. */
+size_t state_size(const Instance *instance);
+
+/* Write the state of an instance to *state: into the FMU state of its resource that is there, or a new one; a status. */
+int state_get(Instance *instance, void **state);
+
+/* Return to a state of this or another instance of the same FMU. A status. */
+int state_set(Instance *instance, const void *state);
+
+/* Free *state and set it to NULL. */
+void state_free(void **state);
+
+/* The number of bytes of an FMU state, to them and from them. Statuses. */
+int state_serialized_size(const Instance *instance, const void *state, size_t *size);
+int state_serialize(Instance *instance, const void *state, void *bytes, size_t size);
+int state_deserialize(Instance *instance, const void *bytes, size_t size, void **state);
+
+#endif

@@ -1,0 +1,84 @@
+/* The estimator: strains and dynamic pressure in; loads, coefficients and health out.
+
+   The C counterpart of strainfmu/estimator/step.py. Outputs are computed when they are read and kept until an input
+   or a setting changes. Nothing is allocated after estimator_create, and instances share nothing. */
+
+#ifndef ESTIMATOR_H
+#define ESTIMATOR_H
+
+#include "masked_map.h"
+
+/* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
+#define CACHED_MASKS 4
+
+/* Indices of the outputs; their numbers are the value references of FMI 2.0. Integers and the health state are whole
+   numbers here too. */
+enum {
+    COEFFICIENTS = 0,      /* C_A, C_N, C_Y, M_P, M_Y [1] */
+    COEFFICIENTS_STD = 5,  /* [1] */
+    LOADS = 10,            /* axial, normal, side force; pitching, yawing moment [N, N m] */
+    LOADS_STD = 15,        /* [N, N m] */
+    HEALTH_STATE = 20,
+    CHI_SQUARE = 21,       /* [1] */
+    CHI_SQUARE_LIMIT = 22, /* [1] */
+    VALID_GAUGES = 23,     /* number of gauges in use */
+    SUSPECT_GAUGE = 24,    /* the first suspect, from 1; 0 for none */
+    SUSPECTS = 25,         /* gauges that share the suspicion */
+    N_OUTPUTS = 26
+};
+
+/* States of health: strainfmu/estimator/health.py. */
+enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT };
+
+/* Indices of the real inputs after the strains; the last five are settings. */
+enum {
+    DYNAMIC_PRESSURE,     /* [Pa] */
+    DYNAMIC_PRESSURE_STD, /* [Pa] */
+    SENSOR_RANGE,         /* largest |strain| of a working gauge [1] */
+    ALARM_SCALE,          /* factor on the limit of chi-square and on the square of that of z [1] */
+    REFERENCE_AREA,       /* [m2] */
+    REFERENCE_LENGTH,     /* [m] */
+    MOMENT_STATION,       /* x of the moment point [m] */
+    N_SCALAR_INPUTS
+};
+
+typedef struct {
+    Map map;
+    unsigned char *bytes; /* of map.bin */
+    void *memory;         /* of all arrays below */
+    double *input;        /* (n_gauges + N_SCALAR_INPUTS) strains [1], then the scalars */
+    unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
+    double output[N_OUTPUTS];
+    int outdated; /* whether an input has changed since output was computed */
+    int wide;     /* panels_wide() */
+    MaskedMap *masked;
+    MaskedMap cache[CACHED_MASKS];
+    unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty entry */
+    Workspace work;
+    unsigned char *mask; /* (n_gauges) gauges in use in this step */
+    double *residual;
+    double *z, *whitened, *d_whitened; /* (panel_length(n_gauges)) */
+    float *narrow;                     /* (n_gauges) whitened */
+} Estimator;
+
+/* Make an estimator of the map in bytes [length], and own them: they are freed here if that fails. Return NULL with a
+   text that says why. */
+Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
+
+void estimator_free(Estimator *estimator);
+
+/* Give inputs and settings their start values. */
+void estimator_reset(Estimator *estimator);
+
+/* Whether value may be given to input `index` (numbered as estimator->input); if not, text says what is allowed.
+   Strains and pressures may be anything: health tells of those that make no sense. */
+int estimator_accepts(const Estimator *estimator, size_t index, double value, char text[MODEL_TEXT_SIZE]);
+
+/* The N_OUTPUTS outputs for the present inputs. */
+const double *estimator_outputs(Estimator *estimator);
+
+/* Derivative of all outputs along d_input (n_gauges + N_SCALAR_INPUTS), exact, for the gauges in use; NaN where the
+   output is. Whole numbers get 0. */
+void estimator_derivative(Estimator *estimator, const double *d_input, double d_output[N_OUTPUTS]);
+
+#endif

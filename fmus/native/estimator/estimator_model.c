@@ -1,0 +1,317 @@
+/* The estimator as a model: its variables by number, its derivatives, its state.
+
+   Numbers are outputs, strains, valid flags, then the scalar inputs and settings. */
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../core/model.h"
+#include "estimator.h"
+
+#define TIME_REFERENCE 21u /* of the independent variable in FMI 3.0 */
+
+typedef struct {
+    Model base;
+    Estimator *estimator;
+    double *direction; /* (n_gauges + N_SCALAR_INPUTS) of derivatives */
+    double derivative[N_OUTPUTS];
+    int reported_health;
+} EstimatorModel;
+
+static Estimator *estimator_of(const Model *model) {
+    return ((const EstimatorModel *)model)->estimator;
+}
+
+static size_t n_inputs(const Estimator *e) {
+    return e->map.n_gauges + N_SCALAR_INPUTS;
+}
+
+void model_destroy(Model *model) {
+    EstimatorModel *own = (EstimatorModel *)model;
+    estimator_free(own->estimator);
+    free(own->direction);
+    free(own);
+}
+
+Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_create(bytes, length, text);
+    if (e == NULL) {
+        return NULL;
+    }
+    EstimatorModel *own = calloc(1, sizeof *own);
+    double *direction = calloc(n_inputs(e), sizeof *direction);
+    if (own == NULL || direction == NULL) {
+        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
+        free(own);
+        free(direction);
+        estimator_free(e);
+        return NULL;
+    }
+    own->base = (Model){.guid = e->map.guid,
+                        .checksum = e->map.checksum,
+                        .mode = INSTANTIATED,
+                        .time_reference = TIME_REFERENCE};
+    own->estimator = e;
+    own->direction = direction;
+    return &own->base;
+}
+
+void model_reset(Model *model) {
+    estimator_reset(estimator_of(model));
+    ((EstimatorModel *)model)->reported_health = OK;
+}
+
+void model_set_time(Model *model, double time) {
+    model->time = time;
+}
+
+/* Outputs are right at any time. */
+void model_end_initialization(Model *model) {
+    (void)model;
+}
+
+/* Outputs follow from inputs alone, and are computed when they are read. */
+int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
+    (void)start;
+    (void)text;
+    model->time = end;
+    return STATUS_OK;
+}
+
+/* A change of health. */
+int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
+    static const char *const STATES[] = {
+        "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT",
+    };
+    EstimatorModel *own = (EstimatorModel *)model;
+    const double *output = estimator_outputs(own->estimator);
+    const int health = (int)output[HEALTH_STATE];
+    if (health == own->reported_health) {
+        return 0;
+    }
+    snprintf(text, MODEL_TEXT_SIZE,
+             "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
+             model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
+    own->reported_health = health;
+    return 1;
+}
+
+/* Variables. */
+
+static int is_real_output(size_t variable) {
+    return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT;
+}
+
+/* Index of a real input or setting in estimator->input; SIZE_MAX for any other variable. */
+static size_t input_of(const Estimator *e, size_t variable) {
+    const size_t n = e->map.n_gauges;
+    if (variable - N_OUTPUTS < n) { /* size_t: outputs wrap round to large numbers */
+        return variable - N_OUTPUTS;
+    }
+    const size_t scalar = variable - (N_OUTPUTS + 2 * n);
+    return scalar < N_SCALAR_INPUTS ? n + scalar : SIZE_MAX;
+}
+
+Type model_type_of(const Model *model, size_t variable) {
+    const Estimator *e = estimator_of(model);
+    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX) {
+        return REAL;
+    }
+    if (variable < N_OUTPUTS) {
+        return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
+    }
+    return variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges ? BOOLEAN : NO_VARIABLE;
+}
+
+/* Each array follows the one before it without a gap. */
+Selection model_array(const Model *model, unsigned reference) {
+    static const unsigned char FIRST[] = {
+        0,  5,                      /* coefficients, sigma_coefficients */
+        10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
+        20, 21, 22, 23, 24, 25,     /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
+        N_OUTPUTS,                  /* strain; valid, then scalar inputs and settings */
+    };
+    const size_t n = estimator_of(model)->map.n_gauges, strain = sizeof FIRST - 1;
+    Selection found = {NULL, 0, 0};
+    if (reference < strain) {
+        found.first = FIRST[reference];
+        found.count = (size_t)FIRST[reference + 1] - found.first;
+    } else if (reference < strain + 2) {
+        found.first = N_OUTPUTS + (reference - strain) * n;
+        found.count = n;
+    } else if (reference < TIME_REFERENCE) {
+        found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
+        found.count = 1;
+    }
+    return found;
+}
+
+static int wrong_type(size_t variable, char *text) {
+    snprintf(text, MODEL_TEXT_SIZE, WRONG_TYPE, (unsigned long)variable);
+    return 0;
+}
+
+int model_get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    const size_t count = which->count;
+    if (which->listed == NULL && which->first < HEALTH_STATE && count <= HEALTH_STATE - which->first) {
+        memcpy(value, estimator_outputs(e) + which->first, count * sizeof *value);
+        return 1;
+    }
+    for (size_t k = 0; k < count; k++) {
+        const size_t variable = selected(which, k), input = input_of(e, variable);
+        if (input != SIZE_MAX) {
+            value[k] = e->input[input];
+        } else if (is_real_output(variable)) {
+            value[k] = estimator_outputs(e)[variable];
+        } else {
+            return wrong_type(variable, text);
+        }
+    }
+    return 1;
+}
+
+int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k);
+        if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable < N_OUTPUTS)) {
+            return wrong_type(variable, text);
+        }
+        value[k] = (int)estimator_outputs(estimator_of(model))[variable];
+    }
+    return 1;
+}
+
+int model_get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+    const Estimator *e = estimator_of(model);
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
+        if (gauge >= e->map.n_gauges) {
+            return wrong_type(variable, text);
+        }
+        value[k] = e->valid[gauge];
+    }
+    return 1;
+}
+
+static int no_input(const char *type, size_t variable, char *text) {
+    snprintf(text, MODEL_TEXT_SIZE, "variable %lu is no %s input or parameter", (unsigned long)variable, type);
+    return 0;
+}
+
+int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
+    e->outdated = 1;
+    if (which->listed == NULL && gauge < n && count <= n - gauge) {
+        memcpy(e->input + gauge, value, count * sizeof *value);
+        return 1;
+    }
+    for (size_t k = 0; k < count; k++) {
+        const size_t variable = selected(which, k), input = input_of(e, variable);
+        if (input == SIZE_MAX) {
+            return no_input("real", variable, text);
+        }
+        if (input >= n && !estimator_accepts(e, input, value[k], text)) {
+            return 0;
+        }
+        e->input[input] = value[k];
+    }
+    return 1;
+}
+
+int model_set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+    (void)model;
+    (void)value;
+    return which->count == 0 ? 1 : no_input("integer", selected(which, 0), text);
+}
+
+int model_set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
+        if (gauge >= e->map.n_gauges) {
+            return no_input("Boolean", variable, text);
+        }
+        e->valid[gauge] = value[k] != 0;
+        e->outdated = 1;
+    }
+    return 1;
+}
+
+/* Derivatives. */
+
+static size_t input_index(const Model *model, size_t variable) {
+    return input_of(estimator_of(model), variable);
+}
+
+static size_t output_index(const Model *model, size_t variable) {
+    (void)model;
+    return is_real_output(variable) ? variable : SIZE_MAX;
+}
+
+static double *clear_direction(Model *model) {
+    EstimatorModel *own = (EstimatorModel *)model;
+    return memset(own->direction, 0, n_inputs(own->estimator) * sizeof *own->direction);
+}
+
+static const double *along_direction(Model *model) {
+    EstimatorModel *own = (EstimatorModel *)model;
+    estimator_derivative(own->estimator, own->direction, own->derivative);
+    return own->derivative;
+}
+
+/* State: inputs and settings as float64, a byte per gauge for valid. Masks and outputs follow from them. */
+
+size_t model_state_size(const Model *model) {
+    const Estimator *e = estimator_of(model);
+    return sizeof(double) * n_inputs(e) + e->map.n_gauges;
+}
+
+void model_write_state(const Model *model, unsigned char *bytes) {
+    const Estimator *e = estimator_of(model);
+    memcpy(bytes, e->input, sizeof(double) * n_inputs(e));
+    memcpy(bytes + sizeof(double) * n_inputs(e), e->valid, e->map.n_gauges);
+}
+
+int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+    const Estimator *e = estimator_of(model);
+    for (size_t i = 0; i < n_inputs(e); i++) {
+        double value;
+        memcpy(&value, bytes + sizeof value * i, sizeof value);
+        if (!estimator_accepts(e, i, value, text)) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a setting that is not allowed");
+            return 0;
+        }
+    }
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        if (bytes[sizeof(double) * n_inputs(e) + i] > 1) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
+            return 0;
+        }
+    }
+    return 1;
+}
+
+void model_read_state(Model *model, const unsigned char *bytes) {
+    Estimator *e = estimator_of(model);
+    memcpy(e->input, bytes, sizeof(double) * n_inputs(e));
+    memcpy(e->valid, bytes + sizeof(double) * n_inputs(e), e->map.n_gauges);
+    e->outdated = 1;
+}
+
+static const Derivatives DERIVATIVES = {
+    .input_index = input_index,
+    .output_index = output_index,
+    .clear_direction = clear_direction,
+    .along_direction = along_direction,
+};
+
+const ModelFacts MODEL = {
+    .resource = "map.bin",
+    .content = "map",
+    .foreign_state = "is that of an FMU with another map",
+    .model_exchange = 1,
+    .derivatives = &DERIVATIVES,
+};

@@ -1,0 +1,13 @@
+/* The gauge that does not fit the others: z of each is its difference from what the others predict for it, in standard
+   deviations. z = z_scale R' w, where w = R r is the whitened residual; strainfmu/estimator/isolation.py derives it. */
+
+#ifndef SUSPECTS_H
+#define SUSPECTS_H
+
+#include "estimator.h"
+
+/* If some |z| is above the threshold for alarm_scale, set the outputs SUSPECT_GAUGE and SUSPECTS: the gauge of the
+   largest |z|, and the number of those it cannot be told from. whitened, CHI_SQUARE and its limit must be set. */
+void set_suspects(Estimator *e, double alarm_scale);
+
+#endif

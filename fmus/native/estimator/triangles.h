@@ -1,0 +1,28 @@
+/* Small dense linear algebra, in an order of operations that is the same on every platform.
+
+   A packed upper triangle of order n holds its columns one after another, rows 0 .. j of column j: element (i, j) is
+   at j (j + 1) / 2 + i. Other matrices are stored by columns. No function allocates. Products with triangles in every
+   step: panels.h. */
+
+#ifndef TRIANGLES_H
+#define TRIANGLES_H
+
+#include <stddef.h>
+
+/* Index of the first element of column j. */
+static inline size_t triangle_column(size_t j) {
+    return j * (j + 1) / 2;
+}
+
+/* Sum of x[i] y[i] over n elements. */
+double dot(size_t n, const double *x, const double *y);
+
+/* Replace the upper triangle of a (rows x columns, by columns) by the R of a = Q R; what lies below is scratch.
+   Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. */
+void householder_triangle(size_t rows, size_t columns, double *a);
+
+/* The smallest singular value of a (n x n, by columns), which is overwritten. One-sided Jacobi rotations, which find
+   small singular values to full relative accuracy: Demmel & Veselic, SIAM J. Matrix Anal. Appl. 13 (1992). */
+double smallest_singular_value(size_t n, double *a);
+
+#endif

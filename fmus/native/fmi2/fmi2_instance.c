@@ -1,0 +1,99 @@
+/* FMI 2.0.5: instances and their modes. */
+
+#include "fmi2.h"
+
+#include <string.h>
+
+static void write_message(const Instance *instance, int status, const char *category, const char *text) {
+    fmi2CallbackLogger logger = (fmi2CallbackLogger)instance->logger;
+    if (logger != NULL) {
+        logger(instance->environment, instance->name, (fmi2Status)status, category, "%s", text);
+    }
+}
+
+const char *fmi2GetTypesPlatform(void) {
+    return fmi2TypesPlatform;
+}
+
+const char *fmi2GetVersion(void) {
+    return fmi2Version;
+}
+
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
+                               const fmi2String categories[]) {
+    Instance *s = c;
+    if (s == NULL || (nCategories > 0 && !instance_given(s, "fmi2SetDebugLogging", categories))) {
+        return fmi2Error;
+    }
+    s->events_logged = loggingOn && nCategories == 0;
+    for (size_t i = 0; i < nCategories; i++) {
+        const char *category = categories[i] != NULL ? categories[i] : "";
+        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, "logAll") == 0) {
+            s->events_logged = loggingOn != fmi2False;
+        }
+    }
+    return fmi2OK;
+}
+
+fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
+                              fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
+                              fmi2Boolean visible, fmi2Boolean loggingOn) {
+    (void)visible;
+    if (functions == NULL) {
+        return NULL;
+    }
+    const Instance requested = {
+        .kind = fmuType == fmi2CoSimulation ? CO_SIMULATION_2 : MODEL_EXCHANGE_2,
+        .name = instanceName != NULL ? instanceName : "",
+        .write = write_message,
+        .logger = (void (*)(void))functions->logger,
+        .environment = functions->componentEnvironment,
+        .events_logged = loggingOn != fmi2False,
+    };
+    if (instanceName == NULL || instanceName[0] == '\0') {
+        instance_error(&requested, "fmi2Instantiate: the instance name is missing");
+        return NULL;
+    }
+    if (fmuType != fmi2CoSimulation && fmuType != fmi2ModelExchange) {
+        instance_error(&requested, "fmi2Instantiate: type %d found, must be 0 or 1", (int)fmuType);
+        return NULL;
+    }
+    if (fmuType == fmi2ModelExchange && !MODEL.model_exchange) {
+        instance_error(&requested, "fmi2Instantiate: this FMU is for co-simulation");
+        return NULL;
+    }
+    return instance_create(&requested, fmuGUID, fmuResourceLocation);
+}
+
+void fmi2FreeInstance(fmi2Component c) {
+    instance_free(c);
+}
+
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
+                               fmi2Boolean stopTimeDefined, fmi2Real stopTime) {
+    (void)toleranceDefined;
+    (void)tolerance;
+    return (fmi2Status)instance_start_at(c, "fmi2SetupExperiment", startTime, stopTimeDefined, stopTime);
+}
+
+fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
+    return (fmi2Status)instance_enter(c, "fmi2EnterInitializationMode", INSTANTIATED, INITIALIZATION);
+}
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
+    const Instance *s = c;
+    return (fmi2Status)instance_end_initialization(c, "fmi2ExitInitializationMode",
+                                                   s != NULL && s->kind == MODEL_EXCHANGE_2 ? EVENT : STEP);
+}
+
+fmi2Status fmi2Terminate(fmi2Component c) {
+    return (fmi2Status)instance_enter(c, "fmi2Terminate", FMI2_RUNNING, TERMINATED);
+}
+
+fmi2Status fmi2Reset(fmi2Component c) {
+    if (c == NULL) {
+        return fmi2Error;
+    }
+    instance_reset(c);
+    return fmi2OK;
+}

@@ -1,0 +1,64 @@
+/* FMI 2.0.5: model exchange, without continuous states and events. */
+
+#include "fmi2.h"
+
+#include <string.h>
+
+fmi2Status fmi2EnterEventMode(fmi2Component c) {
+    return (fmi2Status)instance_enter(c, "fmi2EnterEventMode", EVENT | CONTINUOUS_TIME, EVENT);
+}
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eventInfo) {
+    static const char NAME[] = "fmi2NewDiscreteStates";
+    if (!instance_allows(c, NAME, EVENT) || !instance_given(c, NAME, eventInfo)) {
+        return fmi2Error;
+    }
+    memset(eventInfo, 0, sizeof *eventInfo);
+    return fmi2OK;
+}
+
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
+    return (fmi2Status)instance_enter(c, "fmi2EnterContinuousTimeMode", EVENT, CONTINUOUS_TIME);
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation) {
+    static const char NAME[] = "fmi2CompletedIntegratorStep";
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (!instance_allows(c, NAME, CONTINUOUS_TIME) || !instance_given(c, NAME, enterEventMode)
+        || !instance_given(c, NAME, terminateSimulation)) {
+        return fmi2Error;
+    }
+    *enterEventMode = *terminateSimulation = fmi2False;
+    instance_log_event(c);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
+    return (fmi2Status)instance_set_time(c, "fmi2SetTime", EVENT | CONTINUOUS_TIME, time);
+}
+
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx) {
+    (void)x;
+    return (fmi2Status)instance_empty_list(c, "fmi2SetContinuousStates", CONTINUOUS_TIME, nx);
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx) {
+    (void)derivatives;
+    return (fmi2Status)instance_empty_list(c, "fmi2GetDerivatives", FMI2_READABLE, nx);
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real eventIndicators[], size_t ni) {
+    (void)eventIndicators;
+    return (fmi2Status)instance_empty_list(c, "fmi2GetEventIndicators", FMI2_READABLE, ni);
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx) {
+    (void)x;
+    return (fmi2Status)instance_empty_list(c, "fmi2GetContinuousStates", FMI2_READABLE, nx);
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx) {
+    (void)x_nominal;
+    return (fmi2Status)instance_empty_list(c, "fmi2GetNominalsOfContinuousStates", FMI2_READABLE, nx);
+}

@@ -1,0 +1,151 @@
+/* FMI 3.0: instances and their modes. */
+
+#include "fmi3.h"
+
+#include <string.h>
+
+static void write_message(const Instance *instance, int status, const char *category, const char *text) {
+    fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
+    if (logger != NULL) {
+        logger(instance->environment, (fmi3Status)status, category, text);
+    }
+}
+
+const char *fmi3GetVersion(void) {
+    return fmi3Version;
+}
+
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
+                               const fmi3String categories[]) {
+    Instance *s = instance;
+    if (s == NULL || (nCategories > 0 && !instance_given(s, "fmi3SetDebugLogging", categories))) {
+        return fmi3Error;
+    }
+    s->events_logged = loggingOn && nCategories == 0;
+    for (size_t i = 0; i < nCategories; i++) {
+        if (categories[i] != NULL && strcmp(categories[i], CATEGORY_EVENTS) == 0) {
+            s->events_logged = loggingOn;
+        }
+    }
+    return fmi3OK;
+}
+
+static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fmi3String path, int event_mode_used,
+                                fmi3Boolean loggingOn, fmi3InstanceEnvironment environment,
+                                fmi3LogMessageCallback logMessage) {
+    const Instance requested = {
+        .kind = kind,
+        .name = name != NULL ? name : "",
+        .write = write_message,
+        .logger = (void (*)(void))logMessage,
+        .environment = environment,
+        .event_mode_used = event_mode_used,
+        .events_logged = loggingOn,
+    };
+    if (name == NULL || name[0] == '\0') {
+        instance_error(&requested, "the instance name is missing");
+        return NULL;
+    }
+    if (kind == MODEL_EXCHANGE_3 && !MODEL.model_exchange) {
+        instance_error(&requested, "this FMU is for co-simulation");
+        return NULL;
+    }
+    return instance_create(&requested, token, path);
+}
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
+                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                          fmi3InstanceEnvironment instanceEnvironment,
+                                          fmi3LogMessageCallback logMessage) {
+    (void)visible;
+    return instantiate(MODEL_EXCHANGE_3, instanceName, instantiationToken, resourcePath, 1, loggingOn,
+                       instanceEnvironment, logMessage);
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
+                                         fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
+                                         fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
+                                         const fmi3ValueReference requiredIntermediateVariables[],
+                                         size_t nRequiredIntermediateVariables,
+                                         fmi3InstanceEnvironment instanceEnvironment,
+                                         fmi3LogMessageCallback logMessage,
+                                         fmi3IntermediateUpdateCallback intermediateUpdate) {
+    (void)visible;
+    (void)earlyReturnAllowed;
+    (void)requiredIntermediateVariables;
+    (void)nRequiredIntermediateVariables;
+    (void)intermediateUpdate;
+    return instantiate(CO_SIMULATION_3, instanceName, instantiationToken, resourcePath, eventModeUsed, loggingOn,
+                       instanceEnvironment, logMessage);
+}
+
+void fmi3FreeInstance(fmi3Instance instance) {
+    instance_free(instance);
+}
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
+                                       fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime) {
+    static const char NAME[] = "fmi3EnterInitializationMode";
+    (void)toleranceDefined;
+    (void)tolerance;
+    if (instance_start_at(instance, NAME, startTime, stopTimeDefined, stopTime) != STATUS_OK) {
+        return fmi3Error;
+    }
+    return (fmi3Status)instance_enter(instance, NAME, INSTANTIATED, INITIALIZATION);
+}
+
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+    const Instance *s = instance;
+    return (fmi3Status)instance_end_initialization(instance, "fmi3ExitInitializationMode",
+                                                   s != NULL && s->event_mode_used ? EVENT : STEP);
+}
+
+fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
+    const Instance *s = instance;
+    return (fmi3Status)instance_enter(instance, "fmi3EnterEventMode",
+                                      s != NULL && s->event_mode_used ? FMI3_RUNNING : 0, EVENT);
+}
+
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {
+    return (fmi3Status)instance_enter(instance, "fmi3EnterConfigurationMode", INSTANTIATED, CONFIGURATION);
+}
+
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) {
+    return (fmi3Status)instance_enter(instance, "fmi3ExitConfigurationMode", CONFIGURATION, INSTANTIATED);
+}
+
+fmi3Status fmi3Terminate(fmi3Instance instance) {
+    return (fmi3Status)instance_enter(instance, "fmi3Terminate", FMI3_RUNNING, TERMINATED);
+}
+
+fmi3Status fmi3Reset(fmi3Instance instance) {
+    if (instance == NULL) {
+        return fmi3Error;
+    }
+    instance_reset(instance);
+    return fmi3OK;
+}
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) {
+    return instance_allows(instance, "fmi3EvaluateDiscreteStates", INITIALIZATION | EVENT) ? fmi3OK : fmi3Error;
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
+                                    fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
+                                    fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
+                                    fmi3Float64 *nextEventTime) {
+    if (!instance_allows(instance, "fmi3UpdateDiscreteStates", EVENT)) {
+        return fmi3Error;
+    }
+    fmi3Boolean *const answers[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
+                                    valuesOfContinuousStatesChanged, nextEventTimeDefined};
+    for (size_t i = 0; i < sizeof answers / sizeof *answers; i++) {
+        if (answers[i] != NULL) {
+            *answers[i] = fmi3False;
+        }
+    }
+    if (nextEventTime != NULL) {
+        *nextEventTime = 0.0;
+    }
+    return fmi3OK;
+}

@@ -1,0 +1,71 @@
+/* FMI 3.0: model exchange, without continuous states and event indicators. */
+
+#include "fmi3.h"
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
+    const Instance *s = instance;
+    const int allowed = s != NULL && s->kind == MODEL_EXCHANGE_3;
+    return (fmi3Status)instance_enter(instance, "fmi3EnterContinuousTimeMode", allowed ? EVENT : 0, CONTINUOUS_TIME);
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation) {
+    static const char NAME[] = "fmi3CompletedIntegratorStep";
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (!instance_allows(instance, NAME, CONTINUOUS_TIME) || !instance_given(instance, NAME, enterEventMode)
+        || !instance_given(instance, NAME, terminateSimulation)) {
+        return fmi3Error;
+    }
+    *enterEventMode = *terminateSimulation = fmi3False;
+    instance_log_event(instance);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
+    return (fmi3Status)instance_set_time(instance, "fmi3SetTime", EVENT | CONTINUOUS_TIME, time);
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[],
+                                   size_t nContinuousStates) {
+    (void)continuousStates;
+    return (fmi3Status)instance_empty_list(instance, "fmi3SetContinuousStates", CONTINUOUS_TIME, nContinuousStates);
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
+                                             size_t nContinuousStates) {
+    (void)derivatives;
+    return (fmi3Status)instance_empty_list(instance, "fmi3GetContinuousStateDerivatives", FMI3_READABLE,
+                                           nContinuousStates);
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators) {
+    (void)eventIndicators;
+    return (fmi3Status)instance_empty_list(instance, "fmi3GetEventIndicators", FMI3_READABLE, nEventIndicators);
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates) {
+    (void)continuousStates;
+    return (fmi3Status)instance_empty_list(instance, "fmi3GetContinuousStates", FMI3_READABLE, nContinuousStates);
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates) {
+    (void)nominals;
+    return (fmi3Status)instance_empty_list(instance, "fmi3GetNominalsOfContinuousStates", FMI3_READABLE,
+                                           nContinuousStates);
+}
+
+static fmi3Status none(Instance *s, const char *function, size_t *number) {
+    if (s == NULL || !instance_given(s, function, number)) {
+        return fmi3Error;
+    }
+    *number = 0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators) {
+    return none(instance, "fmi3GetNumberOfEventIndicators", nEventIndicators);
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates) {
+    return none(instance, "fmi3GetNumberOfContinuousStates", nContinuousStates);
+}

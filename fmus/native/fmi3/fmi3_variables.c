@@ -1,0 +1,151 @@
+/* FMI 3.0: reading and setting variables. */
+
+#include "fmi3.h"
+
+#define CHUNK 64 /* integers or Booleans that are converted at once */
+
+fmi3Status fmi3_wrong_type(const Instance *instance, const char *function, fmi3ValueReference reference) {
+    return (fmi3Status)instance_error(instance, "%s: " WRONG_TYPE, function, (unsigned long)reference);
+}
+
+/* Whether the lists are there, and nValues is the number of values that the variables have; if not, or if the instance
+   is in none of the modes, a message says so. */
+static int lists_fit(Instance *instance, const char *function, int modes, const fmi3ValueReference references[],
+                     size_t nReferences, const void *values, size_t nValues) {
+    if (!instance_allows(instance, function, modes)
+        || (nReferences > 0 && !instance_given(instance, function, references))
+        || (nValues > 0 && !instance_given(instance, function, values))) {
+        return 0;
+    }
+    size_t required = 0;
+    for (size_t i = 0; i < nReferences; i++) {
+        const size_t count = fmi3_array(instance, references[i]).count;
+        if (count == 0 && references[i] != instance->model->time_reference) {
+            fmi3_wrong_type(instance, function, references[i]);
+            return 0;
+        }
+        required += count > 0 ? count : 1;
+    }
+    if (required != nValues) {
+        instance_error(instance, "%s: %lu values found, the variables have %lu", function, (unsigned long)nValues,
+                       (unsigned long)required);
+    }
+    return required == nValues;
+}
+
+static fmi3Status refused(const Instance *s, const char *function, fmi3ValueReference reference, const char *text) {
+    return (fmi3Status)instance_error(s, "%s: value reference %lu: %s", function, (unsigned long)reference, text);
+}
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                          fmi3Float64 values[], size_t nValues) {
+    static const char NAME[] = "fmi3GetFloat64";
+    Instance *s = instance;
+    char text[MODEL_TEXT_SIZE];
+    if (!lists_fit(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, nValues)) {
+        return fmi3Error;
+    }
+    for (size_t i = 0; i < nValueReferences; i++) {
+        const Selection which = fmi3_array(s, valueReferences[i]);
+        if (which.count == 0) {
+            *values++ = s->model->time;
+        } else if (!model_get_reals(s->model, &which, values, text)) {
+            return fmi3_wrong_type(s, NAME, valueReferences[i]);
+        }
+        values += which.count;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                          const fmi3Float64 values[], size_t nValues) {
+    static const char NAME[] = "fmi3SetFloat64";
+    Instance *s = instance;
+    char text[MODEL_TEXT_SIZE];
+    if (!lists_fit(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values, nValues)) {
+        return fmi3Error;
+    }
+    for (size_t i = 0; i < nValueReferences; i++) {
+        const Selection which = fmi3_array(s, valueReferences[i]);
+        if (which.count == 0) {
+            return (fmi3Status)instance_error(s, "%s: time cannot be set", NAME);
+        }
+        if (!model_set_reals(s->model, &which, values, text)) {
+            return refused(s, NAME, valueReferences[i], text);
+        }
+        values += which.count;
+    }
+    return fmi3OK;
+}
+
+/* Elements of an array, from element k on, of which at most CHUNK are converted at once. */
+static Selection chunk_of(const Selection *array, size_t k) {
+    return (Selection){NULL, array->first + k, array->count - k < CHUNK ? array->count - k : CHUNK};
+}
+
+/* Whether an array is of a type. FMI 3.0 reads enumerations as Int64, and other integers as Int32. */
+static int is_of(const Instance *s, const Selection *array, Type type) {
+    return array->count > 0 && model_type_of(s->model, array->first) == type;
+}
+
+#define GET(Name, variables, get)                                                                                      \
+    fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],                        \
+                             size_t nValueReferences, fmi3##Name values[], size_t nValues) {                           \
+        static const char NAME[] = "fmi3Get" #Name;                                                                    \
+        Instance *s = instance;                                                                                        \
+        char text[MODEL_TEXT_SIZE];                                                                                    \
+        if (!lists_fit(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, nValues)) {                  \
+            return fmi3Error;                                                                                          \
+        }                                                                                                              \
+        for (size_t i = 0; i < nValueReferences; i++) {                                                                \
+            const Selection array = fmi3_array(s, valueReferences[i]);                                                 \
+            if (!is_of(s, &array, variables)) {                                                                        \
+                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                                   \
+            }                                                                                                          \
+            for (size_t k = 0; k < array.count; k += CHUNK) {                                                          \
+                int chunk[CHUNK];                                                                                      \
+                const Selection which = chunk_of(&array, k);                                                           \
+                if (!get(s->model, &which, chunk, text)) {                                             \
+                    return fmi3_wrong_type(s, NAME, valueReferences[i]);                                               \
+                }                                                                                                      \
+                for (size_t j = 0; j < which.count; j++) {                                                             \
+                    *values++ = (fmi3##Name)chunk[j];                                                                  \
+                }                                                                                                      \
+            }                                                                                                          \
+        }                                                                                                              \
+        return fmi3OK;                                                                                                 \
+    }
+
+#define SET(Name, set)                                                                                                 \
+    fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],                        \
+                             size_t nValueReferences, const fmi3##Name values[], size_t nValues) {                     \
+        static const char NAME[] = "fmi3Set" #Name;                                                                    \
+        Instance *s = instance;                                                                                        \
+        char text[MODEL_TEXT_SIZE];                                                                                    \
+        if (!lists_fit(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values, nValues)) {                  \
+            return fmi3Error;                                                                                          \
+        }                                                                                                              \
+        for (size_t i = 0; i < nValueReferences; i++) {                                                                \
+            const Selection array = fmi3_array(s, valueReferences[i]);                                                 \
+            if (array.count == 0) {                                                                                    \
+                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                                   \
+            }                                                                                                          \
+            for (size_t k = 0; k < array.count; k += CHUNK) {                                                          \
+                int chunk[CHUNK];                                                                                      \
+                const Selection which = chunk_of(&array, k);                                                           \
+                for (size_t j = 0; j < which.count; j++) {                                                             \
+                    chunk[j] = (int)*values++;                                                                         \
+                }                                                                                                      \
+                if (!set(s->model, &which, chunk, text)) {                                             \
+                    return refused(s, NAME, valueReferences[i], text);                                                 \
+                }                                                                                                      \
+            }                                                                                                          \
+        }                                                                                                              \
+        return fmi3OK;                                                                                                 \
+    }
+
+GET(Int32, INTEGER, model_get_integers)
+GET(Int64, ENUMERATION, model_get_integers)
+GET(Boolean, BOOLEAN, model_get_booleans)
+SET(Int32, model_set_integers)
+SET(Boolean, model_set_booleans)

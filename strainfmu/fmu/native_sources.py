@@ -1,0 +1,86 @@
+"""C sources of the native FMUs: which folders make a library, and what ``sources/`` of an FMU holds.
+
+Every FMU brings the sources of its model and of its FMI version, and two ways to build them: ``CMakeLists.txt``, and
+``buildDescription.xml`` for importers that compile by themselves.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+LIBRARIES = {
+    "estimator": ("core", "estimator"),
+    "plant": ("core", "system", "plant", "autopilot", "schedule"),
+}
+"""Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
+
+FRONTS = {"2": "fmi2", "3": "fmi3"}
+"""Folder below ``fmus/native`` of the front of each FMI version; a library holds both."""
+
+
+def library_folders(library: str) -> tuple[str, ...]:
+    """Return the folders that make ``library``, a key of :data:`LIBRARIES`."""
+    return (*FRONTS.values(), *LIBRARIES[library])
+
+
+def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
+    """Return content by name inside ``sources/`` of what the FMUs of one library and FMI version have in common.
+
+    The names are those below ``fmus/native``. The standard's headers are there as one file, which CMake uses where it
+    knows no others: FMI excludes them by their own names from ``sources/``.
+    """
+    native = resources.files("fmus").joinpath("native")
+    front = FRONTS[fmi_version]
+    names = ["library.cmake", f"headers/{front}.h"]
+    for folder in (*LIBRARIES[library], front):
+        items = (item.name for item in native.joinpath(folder).iterdir())
+        names += [f"{folder}/{name}" for name in items if name.endswith((".c", ".h"))]
+    return {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
+
+
+def compiled_files(sources: Mapping[str, bytes]) -> list[str]:
+    """Return the names of the files to compile."""
+    return [name for name in sources if name.endswith(".c")]
+
+
+def sources_digest(sources: Mapping[str, bytes]) -> str:
+    """Return a hash of names and content of ``sources``."""
+    digest = hashlib.sha256()
+    for name, content in sources.items():
+        digest.update(f"{name} {len(content)}\n".encode() + content)
+    return digest.hexdigest()
+
+
+def cmake_lists(model_identifier: str, source_files: Sequence[str]) -> bytes:
+    """Return ``sources/CMakeLists.txt`` of an FMU."""
+    files = "\n".join(f"  {name}" for name in source_files)
+    text = f"""\
+# The shared library of this FMU: cmake -S sources -B build && cmake --build build
+# The result is build/{model_identifier} with the suffix of the platform; it belongs into binaries/<platform>/.
+
+cmake_minimum_required(VERSION 3.10)
+project({model_identifier} LANGUAGES C)
+include(library.cmake)
+
+add_fmi_library({model_identifier}
+{files}
+)
+"""
+    return text.encode()
+
+
+def build_description(model_identifier: str, source_files: Sequence[str]) -> bytes:
+    """Return ``sources/buildDescription.xml``.
+
+    Source: FMI 3.0.2, section 2.6; FMI 2.0.4 and later allow the same file, beside ``SourceFiles`` (section 2.3).
+    """
+    root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
+    configuration = SubElement(root, "BuildConfiguration", {"modelIdentifier": model_identifier})
+    files = SubElement(configuration, "SourceFileSet", {"language": "C99"})
+    for name in source_files:
+        SubElement(files, "SourceFile", {"name": name})
+    indent(root)
+    return tostring(root, encoding="UTF-8", xml_declaration=True)
