@@ -1,6 +1,6 @@
 """The autopilot's law in numpy, sample by sample: what :mod:`strainfmu.cosim.autopilot` derives.
 
-The native FMU computes it in C (``fmus/native/plant/autopilot.c``); its reference run comes from here.
+The native FMU computes it in C (``fmus/native/autopilot/autopilot.c``); its reference run comes from here.
 """
 
 from __future__ import annotations

@@ -72,7 +72,9 @@ PLATFORMS = {
 
 def source_files(library: str = "estimator", native: Path = NATIVE) -> tuple[Path, ...]:
     """Return the C files that make a library, a key of :data:`~strainfmu.fmu.native_sources.LIBRARIES`."""
-    return tuple(file for folder in library_folders(library) for file in sorted(native.joinpath(folder).glob("*.c")))
+    return tuple(
+        file for folder in library_folders(library) for file in sorted(native.joinpath(folder).glob("*.c"))
+    )
 
 
 def library_file(platform: str, library: str = "estimator", folder: Path = NATIVE / "binaries") -> Path:

@@ -60,7 +60,8 @@ def test_nothing_but_libc_is_needed() -> None:
 
 
 def test_sources_are_short_and_complete() -> None:
-    assert {path.name for path in source_files()} >= {"estimator.c", "fmi2_co_simulation.c", "fmi3_co_simulation.c"}
+    names = {path.name for path in source_files()}
+    assert names >= {"estimator.c", "fmi2_co_simulation.c", "fmi3_co_simulation.c"}
     assert not list(NATIVE.rglob("fmi[23]Function*.h"))  # an FMU must not bring the standard's headers
 
 

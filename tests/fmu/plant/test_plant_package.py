@@ -80,7 +80,8 @@ def test_every_platform_is_shipped(fmus: dict[str, Path]) -> None:
         names = archive.namelist()
     for platform, item in PLATFORMS.items():
         assert f"binaries/{platform}/StrainedVehicle{item.suffix}" in names
-    assert {"sources/plant/plant.c", "sources/autopilot/autopilot.c", "sources/fmi2/fmi2_co_simulation.c"} <= set(names)
+    files = ("plant/plant.c", "autopilot/autopilot.c", "schedule/schedule.c", "fmi2/fmi2_co_simulation.c")
+    assert {f"sources/{name}" for name in files} <= set(names)
 
 
 def test_schedule_jumps_at_its_times(fmus: dict[str, Path], tmp_path: Path) -> None:
