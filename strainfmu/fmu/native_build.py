@@ -146,7 +146,7 @@ def build_library(platform: str, library: str = "estimator", native: Path = NATI
 def universal_library(libraries: list[bytes]) -> bytes:
     """Return one macOS library of several, each for another processor.
 
-    Source: Apple, ``mach-o/fat.h``: a big-endian header that lists processor, position, size and alignment of each.
+    Source: Apple, ``mach-o/fat.h``: a big-endian header with processor, position, size and alignment of each.
     """
     alignment = 14  # as a power of two: 16 KiB pages of Apple's processors
     entries, body = b"", b""

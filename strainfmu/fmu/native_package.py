@@ -1,7 +1,7 @@
 """The native kind of FMU: prebuilt libraries for several platforms, their sources, and a resource they read.
 
-No compiler is needed: the libraries lie in ``fmus/native/binaries``, one folder per platform, each library with the
-functions of FMI 2.0 and FMI 3.0. The export renames it to the model identifier.
+No compiler is needed: the libraries lie in ``fmus/native/binaries``, one folder per platform, each library with
+the functions of FMI 2.0 and FMI 3.0. The export renames it to the model identifier.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """C sources of the native FMUs: which folders make a library, and what ``sources/`` of an FMU holds.
 
-Every FMU brings the sources of its model and of its FMI version, and two ways to build them: ``CMakeLists.txt``, and
-``buildDescription.xml`` for importers that compile by themselves.
+Every FMU brings the sources of its model and of its FMI version, and two ways to build them: ``CMakeLists.txt``,
+and ``buildDescription.xml`` for importers that compile by themselves.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def library_folders(library: str) -> tuple[str, ...]:
 def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
     """Return content by name inside ``sources/`` of what the FMUs of one library and FMI version have in common.
 
-    The names are those below ``fmus/native``. The standard's headers are there as one file, which CMake uses where it
-    knows no others: FMI excludes them by their own names from ``sources/``.
+    The names are those below ``fmus/native``. The standard's headers are there as one file, which CMake uses where
+    it knows no others: FMI excludes them by their own names from ``sources/``.
     """
     native = resources.files("fmus").joinpath("native")
     front = FRONTS[fmi_version]
