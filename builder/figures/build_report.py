@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 
 MODES_DRAWN = 20
-MOST_LABELS = 30
-LEAST_SHOWN = 1e-4
-"""Of the variance, in per cent: where a logarithmic axis ends."""
+MAX_LABELS = 30
+MIN_SHOWN = 1e-4
+"""Fraction of the variance, in per cent, at which a logarithmic axis ends."""
 THIS_MAP, AT_BEST, SNAPSHOTS = "tab:blue", "tab:orange", "0.6"
 RULE_MARKS = ("*", "o", "s", "^", "D")
 
@@ -35,12 +35,12 @@ def classes(
     removed_at_best: FloatArray,
     blind: Collection[int],
 ) -> Figure:
-    """Draw how much of the snapshots each class of symmetry is, and how much of it the data remove.
+    """Draw the fraction of the snapshots in each class of symmetry, and how much of it the data remove.
 
     Parameters
     ----------
-    of_snapshots, of_kept_modes : (4,) part of each class in the variance [1].
-    removed, removed_at_best : (4,) part of the class's variance that this map, the best linear map removes [1].
+    of_snapshots, of_kept_modes : (4,) fraction of the variance in each class [1].
+    removed, removed_at_best : (4,) fraction of the class's variance that this map, the best one removes [1].
     blind : indices of the classes that no gauge responds to.
     """
     figure = blank_figure(10.0, 3.4)
@@ -48,7 +48,7 @@ def classes(
     row = np.arange(len(SYMMETRIES))
     held.barh(row - 0.2, 100.0 * of_snapshots, 0.38, color=SNAPSHOTS, label="snapshots")
     held.barh(row + 0.2, 100.0 * of_kept_modes, 0.38, color="0.3", label="kept modes")
-    held.set_xlabel("share of the variance [%]")
+    held.set_xlabel("fraction of the variance [%]")
     held.set_yticks(row, [str(one) for one in SYMMETRIES])
     held.invert_yaxis()
     known.barh(row - 0.2, 100.0 * removed, 0.38, color=THIS_MAP, label="this map")
@@ -56,7 +56,7 @@ def classes(
     known.set_xlabel("variance removed by the data [%]")
     known.set_xlim(min(0.0, 100.0 * float(np.nanmin(removed, initial=0.0))), 100.0)
     for i in blind:
-        words = "blind: known only by what flies with it"
+        words = "blind: known only by correlation"
         known.text(2.0, i, words, fontsize=8, va="center", bbox={"facecolor": "white", "edgecolor": "tab:red"})
     for axis in (held, known):
         axis.grid(axis="x", alpha=0.3)
@@ -65,31 +65,31 @@ def classes(
 
 
 def modes(*, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, n_kept: int) -> Figure:
-    """Draw the first modes: their part of the variance, and what is left of it.
+    """Draw the first modes: their fraction of the variance, and what is left of it.
 
     Parameters
     ----------
-    of_variance : (k,) part of each mode in the variance of the snapshots [1].
-    removed, removed_at_best : (k,) part of the mode's variance that this map, the best linear map removes [1].
+    of_variance : (k,) fraction of the snapshots' variance in each mode [1].
+    removed, removed_at_best : (k,) fraction of the mode's variance that this map, the best linear map removes [1].
     n_kept : modes that are states.
     """
     count = min(MODES_DRAWN, len(of_variance))
     figure = blank_figure(10.0, 3.6)
     axis = figure.subplots()
     number, percent = np.arange(1, count + 1), 100.0 * of_variance[:count]
-    left = np.maximum(percent * (1.0 - removed[:count]), LEAST_SHOWN)
-    best = np.maximum(percent * (1.0 - removed_at_best[:count]), LEAST_SHOWN)
-    axis.bar(number, np.maximum(percent, LEAST_SHOWN), 0.8, color="0.8", label="of the snapshots")
+    left = np.maximum(percent * (1.0 - removed[:count]), MIN_SHOWN)
+    best = np.maximum(percent * (1.0 - removed_at_best[:count]), MIN_SHOWN)
+    axis.bar(number, np.maximum(percent, MIN_SHOWN), 0.8, color="0.8", label="of the snapshots")
     axis.plot(number, left, "o", color=THIS_MAP, label="left by this map")
-    axis.plot(number, best, "_", color=AT_BEST, markersize=14, markeredgewidth=2.5, label="left by the best one")
+    axis.plot(number, best, "_", color=AT_BEST, markersize=14, markeredgewidth=2.5, label="left by the best map")
     if n_kept < count:
         axis.axvline(n_kept + 0.5, color="black", linestyle="--", linewidth=0.8)
-        axis.text(n_kept + 0.6, axis.get_ylim()[1], "cut off", fontsize=8, va="top")
+        axis.text(n_kept + 0.6, axis.get_ylim()[1], "truncated", fontsize=8, va="top")
     axis.set_yscale("log")
-    axis.set_ylim(LEAST_SHOWN, 200.0)
+    axis.set_ylim(MIN_SHOWN, 200.0)
     axis.set_xticks(number)
     axis.set_xlabel("POD mode")
-    axis.set_ylabel("share of all variance [%]")
+    axis.set_ylabel("fraction of the variance [%]")
     axis.grid(axis="y", alpha=0.3)
     axis.legend(fontsize=8, ncols=3, loc="upper right")
     return figure
@@ -101,7 +101,7 @@ def known_pressure(surface: SurfaceMesh, removed: FloatArray, inverse_map: Inver
     Parameters
     ----------
     surface : the pressure nodes.
-    removed : (n_p,) part of the variance removed at each node [1]; NaN where there is none.
+    removed : (n_p,) fraction of the variance removed at each node [1]; NaN where there is none.
     inverse_map : its gauges are drawn.
     """
     figure = blank_figure(10.0, 3.8)
@@ -127,17 +127,17 @@ def known_pressure(surface: SurfaceMesh, removed: FloatArray, inverse_map: Inver
 
 def coefficients(
     *,
-    causes: Sequence[str],
+    sources: Sequence[str],
     of_variance: FloatArray,
     std_of_range: FloatArray,
     correlation: FloatArray,
 ) -> Figure:
-    """Draw where each coefficient's variance comes from, its sigma over its range, and the errors' correlation.
+    """Draw the sources of each coefficient's variance, its sigma over its range, and the errors' correlation.
 
     Parameters
     ----------
-    causes : n names.
-    of_variance : (n, 5) part of each cause in the variance of each coefficient [1].
+    sources : n names.
+    of_variance : (n, 5) fraction of each source in the variance of each coefficient [1].
     std_of_range : (5,) sigma over the width of the range [1]; infinite where there is no range.
     correlation : (5, 5) of the errors [1].
     """
@@ -145,12 +145,12 @@ def coefficients(
     variances, ranges, matrix = figure.subplots(1, 3, width_ratios=(1.2, 1.0, 1.1))
     below = np.zeros(5)
     column = np.arange(5)
-    for name, percent in zip(causes, 100.0 * of_variance, strict=True):
+    for name, percent in zip(sources, 100.0 * of_variance, strict=True):
         variances.bar(column, percent, 0.7, bottom=below, label=name)
         below += percent
     variances.set_xticks(column, COEFFICIENT_NAMES)
-    variances.set_ylabel("share of the variance [%]")
-    variances.set_ylim(0.0, 100.0 + 12.0 * len(causes))
+    variances.set_ylabel("fraction of the variance [%]")
+    variances.set_ylim(0.0, 100.0 + 12.0 * len(sources))
     variances.legend(fontsize=8, loc="upper left")
     finite = np.where(np.isfinite(std_of_range), 300.0 * std_of_range, np.nan)
     ranges.bar(column, finite, 0.7, color=THIS_MAP)
@@ -181,7 +181,7 @@ def _draw_correlation(figure: Figure, axis: Any, values: FloatArray) -> None:
 
 
 def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: FloatArray) -> Figure:
-    """Draw, at each gauge of the unrolled body, by how much its loss raises each sigma; and the bias noticed.
+    """Draw, at each gauge of the unrolled body, how much its loss raises each sigma, and the detectable bias.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
             axis.set_title(f"{COEFFICIENT_NAMES[i]}, gauge lost", fontsize=9)
         else:
             numbers, label = 1e6 * detectable_bias, "bias [um/m]"
-            axis.set_title("least bias that is noticed", fontsize=9)
+            axis.set_title("minimum detectable bias", fontsize=9)
         drawn = _draw_gauges(axis, inverse_map, numbers)
         figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
     for axis in axes[-1]:
@@ -220,14 +220,14 @@ def pair_loss(inverse_map: InverseMap, *, growth: FloatArray, pairs: IntArray, p
     grown[i, j] = grown[j, i] = 100.0 * (pair_growth.max(axis=1) - 1.0)
     grown[np.arange(n), np.arange(n)] = 100.0 * (growth.max(axis=1) - 1.0)
     finite = grown[np.isfinite(grown)]
-    most = max(float(finite.max(initial=0.0)), 1.0)
+    largest = max(float(finite.max(initial=0.0)), 1.0)
     figure = blank_figure(8.0, 7.0)
     axis = figure.subplots()
-    colours = LogNorm(most / 1e3, most)
-    shown = np.where(np.isfinite(grown), np.maximum(grown, most / 1e3), np.nan)
+    colours = LogNorm(largest / 1e3, largest)
+    shown = np.where(np.isfinite(grown), np.maximum(grown, largest / 1e3), np.nan)
     axis.set_facecolor("black")  # where the gauges left do not identify the state
     drawn = axis.imshow(shown, norm=colours, cmap=COLOUR_MAP, interpolation="nearest")
-    every = -(-n // MOST_LABELS)
+    every = -(-n // MAX_LABELS)
     ticks = np.arange(0, n, every)
     names = [inverse_map.gauge_names[k] for k in ticks]
     axis.set_xticks(ticks, names, rotation=90, fontsize=7)
@@ -241,14 +241,14 @@ def eigenvalues(values: FloatArray, gamma: float) -> Figure:
     figure = blank_figure(10.0, 3.6)
     decay, factors = figure.subplots(1, 2, sharex=True)
     number = np.arange(1, len(values) + 1)
-    seen = values > 1e-16 * values[0]
+    above_round_off = values > 1e-16 * values[0]
     above = int(np.sum(values >= gamma))
-    decay.semilogy(number[seen], values[seen], ".-", color=THIS_MAP, linewidth=0.8)
+    decay.semilogy(number[above_round_off], values[above_round_off], ".-", color=THIS_MAP, linewidth=0.8)
     decay.axhline(gamma, color="tab:red", linewidth=1.0, label=f"gamma = {gamma:.4g}; {above} eigenvalues above")
     decay.set_ylabel("eigenvalue [1]")
     decay.legend(fontsize=8)
     factors.bar(number, values / (values + gamma), color=THIS_MAP)
-    factors.set_ylabel("filter factor: part decided by the data [1]")
+    factors.set_ylabel("filter factor: fraction determined by the data [1]")
     for axis in (decay, factors):
         axis.set_xlabel("mode of the prior-preconditioned Hessian")
         axis.grid(alpha=0.3)
@@ -291,7 +291,7 @@ def _draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None)
     finite = np.ones(len(roll), dtype=bool) if numbers is None else np.isfinite(numbers)
     drawn: Any = None
     for chosen, marker, label in ((~hoop, "o", "axial"), (hoop, "s", "hoop")):
-        # Gauges at one place would hide each other.
+        # Gauges at one position would hide each other.
         at = position[:, 0], roll + np.where(hoop, 9.0, -9.0)
         if numbers is None:
             axis.plot(at[0][chosen], at[1][chosen], marker, color="white", markeredgecolor="black", markersize=5)

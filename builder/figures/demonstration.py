@@ -78,10 +78,10 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
 
 def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float) -> Any:
     """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad]."""
-    seen = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
-    shown = at_roll_angles(ratio, surface.roll_angle, np.mod(seen + facing, 2.0 * np.pi))
-    across = 1e3 * np.outer(surface.radius, np.sin(seen))
-    along = np.repeat(surface.x[:, None], len(seen), axis=1)
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
+    shown = at_roll_angles(ratio, surface.roll_angle, np.mod(angle + facing, 2.0 * np.pi))
+    across = 1e3 * np.outer(surface.radius, np.sin(angle))
+    along = np.repeat(surface.x[:, None], len(angle), axis=1)
     return axis.pcolormesh(
         along,
         across,
@@ -95,7 +95,7 @@ def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float
 
 
 def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
-    """Draw where the gauges sit and what they measure: unrolled, and seen from behind."""
+    """Draw position and direction of the gauges: unrolled, and seen from behind."""
     figure = blank_figure(10.0, 4.2)
     unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
     position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
@@ -131,7 +131,7 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
 def overview(
     snapshots: Snapshots, surface: SurfaceGrid, inverse_map: InverseMap, recording: Recording, title: str
 ) -> Figure:
-    """Draw the product in one picture: load and gauges on the body, and two coefficients that strain gave back."""
+    """Draw load and gauges on the body, and two coefficients that were estimated from strain."""
     figure = blank_figure(10.0, 6.5)
     body, *panels = figure.subplots(3, 1, height_ratios=(1.1, 1.0, 1.0))
     index = three_conditions(snapshots)[1]

@@ -1,4 +1,4 @@
-"""A field on a body of revolution as the source shows it: from the side, from leeward, and from ahead."""
+"""Views of a field on a body of revolution, as the source shows it: from the side, from leeward, from ahead."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MOST_STATIONS = 160
-"""Drawn along the body."""
+MAX_STATIONS = 160
+"""Stations drawn along the body, at most."""
 
 FRONT = "front"
 STARBOARD = "from starboard (+y)"
 SIDES = {STARBOARD: 0.5 * np.pi, "from port (-y)": 1.5 * np.pi}
 """Roll angle [rad] of the meridian that faces the reader, of the two views onto the xz-plane."""
 
-HIGHEST = 99.0
+COLOUR_PERCENTILE = 99.0
 """Percentile at which colours end: at the nose pressure is far higher, as the source notes."""
 
 
@@ -34,7 +34,7 @@ class FieldRow:
 
     Attributes
     ----------
-    title : what is drawn.
+    title : name of the field.
     field : (n_p,).
     low, high : ends of the colours.
     label : of the colour bar, with unit.
@@ -50,13 +50,13 @@ class FieldRow:
 def pressure_rows(named: Mapping[str, FloatArray], error: FloatArray) -> list[FieldRow]:
     """Return rows of pressures (n_p,) [Pa] on one scale, and one of the absolute ``error`` on its own; in kPa."""
     first = next(iter(named.values()))
-    high = 1e-3 * float(np.percentile(first, HIGHEST))
+    high = 1e-3 * float(np.percentile(first, COLOUR_PERCENTILE))
     rows = [
         FieldRow(title=title, field=1e-3 * field, low=0.0, high=high, label="p [kPa]")
         for title, field in named.items()
     ]
     size = np.abs(error)
-    end = 1e-3 * float(np.percentile(size, HIGHEST))
+    end = 1e-3 * float(np.percentile(size, COLOUR_PERCENTILE))
     return [*rows, FieldRow(title="absolute error", field=1e-3 * size, low=0.0, high=end, label="kPa")]
 
 
@@ -80,7 +80,7 @@ def field_figure(rows: list[FieldRow], grid: SurfaceGrid, views: dict[str, float
 
 def _thinned(row: FieldRow, grid: SurfaceGrid) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return stations (n,), radii (n,) and values (n, n_roll) of few enough stations to be drawn."""
-    chosen = np.unique(np.linspace(0, len(grid.x) - 1, MOST_STATIONS).astype(int))
+    chosen = np.unique(np.linspace(0, len(grid.x) - 1, MAX_STATIONS).astype(int))
     return grid.x[chosen], grid.radius[chosen], grid.as_map(row.field)[chosen]
 
 

@@ -1,4 +1,4 @@
-"""Figures of a campaign: the pressure on the surface, along the body, and what it adds up to."""
+"""Figures of a campaign: pressure on the surface, along the body, and the forces it adds up to."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MOST_LINES = 6
-"""Total incidences drawn in one panel."""
-LEAST_INCIDENCE = np.deg2rad(0.05)
+MAX_LINES = 6
+"""Total incidences drawn in one panel, at most."""
+MIN_INCIDENCE = np.deg2rad(0.05)
 """Below it [rad] normal force is too small to have a centre."""
 
 
 def surface_maps(snapshots: Snapshots) -> Figure:
-    """Draw p/p_inf unrolled, station against roll angle from leeward: least and greatest a_T of up to three M."""
+    """Draw p/p_inf unrolled, station against roll angle from leeward: minimum and maximum a_T of up to three M."""
     figure = blank_figure(11.0, 7.5)
     machs = _spread(np.unique(snapshots.condition[:, 0]), 3)
     axes = figure.subplots(len(machs), 2, sharex=True, sharey=True, squeeze=False)
@@ -51,13 +51,13 @@ def _draw_unrolled(axis: Any, snapshots: Snapshots, index: int) -> Any:
     axis.set_ylim(-180.0, 180.0)
     if grid is not None:
         away = np.linspace(-180.0, 180.0, 181)
-        wanted = np.mod(np.radians(away) + condition.leeward_roll_angle, 2.0 * np.pi)
-        shown = at_roll_angles(grid.as_map(ratio), grid.roll_angle, wanted)
+        requested = np.mod(np.radians(away) + condition.leeward_roll_angle, 2.0 * np.pi)
+        shown = at_roll_angles(grid.as_map(ratio), grid.roll_angle, requested)
         return axis.pcolormesh(grid.x, away, shown.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True)
     x, y, z = snapshots.point.T
     away = np.degrees(np.arctan2(y, z) - condition.leeward_roll_angle)
     corner = np.mod(away[snapshots.triangle] + 180.0, 360.0) - 180.0
-    inside = np.ptp(corner, axis=1) < 180.0  # a triangle across the seam would be drawn over the whole width
+    inside = np.ptp(corner, axis=1) < 180.0  # a triangle across the seam would span the whole width
     number = np.arange(3 * int(inside.sum())).reshape(-1, 3)
     at_corner = snapshots.triangle[inside].ravel()
     return axis.tripcolor(
@@ -110,8 +110,8 @@ def centre_line(snapshots: Snapshots, index: int, from_leeward: float) -> list[t
     meridian = condition.leeward_roll_angle + from_leeward
     grid = snapshots.grid
     if grid is not None:
-        wanted = np.mod(np.array([meridian]), 2.0 * np.pi)
-        line = at_roll_angles(grid.as_map(cp), grid.roll_angle, wanted)[:, 0]
+        requested = np.mod(np.array([meridian]), 2.0 * np.pi)
+        line = at_roll_angles(grid.as_map(cp), grid.roll_angle, requested)[:, 0]
         joints = [0, *(np.flatnonzero(np.diff(grid.x) == 0.0) + 1), len(grid.x)]
         return [(grid.x[a:b], line[a:b]) for a, b in pairwise(joints)]
     x, y, z = snapshots.point.T
@@ -130,7 +130,7 @@ def force_curves(snapshots: Snapshots) -> Figure:
     axes = figure.subplots(3, 1, sharex=True)
     curves = in_plane_forces(snapshots)
     for mach in np.unique(snapshots.condition[:, 0]):
-        index = _one_per_incidence(snapshots, mach, most=None)
+        index = _one_per_incidence(snapshots, mach, limit=None)
         angle = np.degrees(snapshots.total_incidence[index])
         for axis, values in zip(axes, curves, strict=True):
             axis.plot(angle, values[index], "o-", markersize=3, linewidth=1.0, label=f"M {mach:g}")
@@ -164,20 +164,20 @@ def in_plane_forces(snapshots: Snapshots) -> tuple[FloatArray, FloatArray, Float
     reference = snapshots.reference_quantities
     with np.errstate(divide="ignore", invalid="ignore"):
         centre = reference.moment_station - reference.length * moment / normal
-    known = (snapshots.total_incidence > LEAST_INCIDENCE) & (np.abs(normal) > 1e-9)
+    known = (snapshots.total_incidence > MIN_INCIDENCE) & (np.abs(normal) > 1e-9)
     return normal, axial, np.where(known, centre, np.nan)
 
 
-def _one_per_incidence(snapshots: Snapshots, mach: float, most: int | None = MOST_LINES) -> NDArray[np.intp]:
-    """Return one snapshot of each total incidence at ``mach``, ascending; at most ``most``, evenly spread."""
+def _one_per_incidence(snapshots: Snapshots, mach: float, limit: int | None = MAX_LINES) -> NDArray[np.intp]:
+    """Return one snapshot of each total incidence at ``mach``, ascending; at most ``limit``, evenly spread."""
     here = np.flatnonzero(snapshots.condition[:, 0] == mach)
     _, first = np.unique(np.round(snapshots.total_incidence[here], 6), return_index=True)
     chosen = here[first]
-    return chosen if most is None else _spread(chosen, most)
+    return chosen if limit is None else _spread(chosen, limit)
 
 
-def _spread(values: NDArray[Any], most: int) -> NDArray[Any]:
-    """Return at most ``most`` of the values, first and last among them."""
-    if len(values) <= most:
+def _spread(values: NDArray[Any], limit: int) -> NDArray[Any]:
+    """Return at most ``limit`` of the values, first and last among them."""
+    if len(values) <= limit:
         return values
-    return values[np.round(np.linspace(0, len(values) - 1, most)).astype(int)]
+    return values[np.round(np.linspace(0, len(values) - 1, limit)).astype(int)]

@@ -1,4 +1,4 @@
-"""Figures of a structure: its mesh and gauges, what pressure strains them, and what a layout can see."""
+"""Figures of a structure: mesh and gauges, strain patterns of pressure, observability of the layouts."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 SIGNED_COLOUR_MAP = "RdBu_r"
 MICROSTRAIN_PER_KPA = 1e9
 """From strain per pressure [1/Pa] to um/m per kPa."""
-MOST_EDGES = 100_000
+MAX_EDGES = 100_000
 """Edges drawn of the unrolled mesh; a finer one is drawn up to some roll angle only."""
 CLOSE_UP = 0.06
 """Length shown in the close-up of the mesh, over that of the body."""
-PATTERN_PLACES = (0.15, 0.5, 0.85)
-"""Which gauges of a direction have their patterns drawn: shares of their number, from the nose."""
+PATTERN_POSITIONS = (0.15, 0.5, 0.85)
+"""Which gauges of a direction have their patterns drawn: fractions of their number, from the nose."""
 HEAT_MAP_RANGE = 1e3
 DIRECTION_COLOURS = {"axial": "tab:blue", "hoop": "tab:red", "other": "tab:green"}
 
@@ -47,7 +47,7 @@ def mesh_and_gauges(structure: Structure) -> Figure:
     rows, side = columns[0].subgridspec(len(layouts), 1), columns[1].subgridspec(2, 1)
     close, behind = figure.add_subplot(side[0]), figure.add_subplot(side[1])
     edge = _unrolled_edges(structure)
-    limit = 360.0 if len(edge) <= MOST_EDGES else float(np.sort(edge[:, :, 1].max(axis=1))[MOST_EDGES])
+    limit = 360.0 if len(edge) <= MAX_EDGES else float(np.sort(edge[:, :, 1].max(axis=1))[MAX_EDGES])
     whole: Any = None
     for row, layout in enumerate(layouts):
         whole = figure.add_subplot(rows[row], sharex=whole)
@@ -67,7 +67,7 @@ def mesh_and_gauges(structure: Structure) -> Figure:
 
 
 def distinct_gauges(structure: Structure) -> IntArray:
-    """Return one gauge of each place and direction: layouts may share gauges."""
+    """Return one gauge of each position and direction: layouts may share gauges."""
     where = np.round(np.hstack([structure.gauge_position, structure.gauge_direction]), 6)
     _, first = np.unique(where, axis=0, return_index=True)
     chosen: IntArray = np.sort(first)
@@ -172,7 +172,7 @@ def _draw_from_behind(axis: Any, structure: Structure, gauges: IntArray) -> None
 
 
 def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
-    """Draw how pressure at each place strains a few gauges: Z_p per area, unrolled; a cross marks the gauge."""
+    """Draw the strain of a few gauges per pressure at each point: Z_p per area; a cross marks the gauge."""
     chosen = pattern_gauges(structure)
     figure = blank_figure(12.0, 1.0 + 2.5 * len(chosen))
     axes = figure.subplots(len(chosen), max(map(len, chosen)), sharex=True, sharey=True, squeeze=False)
@@ -182,22 +182,22 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
     for row, gauges in zip(axes, chosen, strict=True):
         influence = MICROSTRAIN_PER_KPA * response.of(gauges).influence(x, np.radians(roll))
         for axis, gauge, values in zip(row, gauges.tolist(), influence, strict=False):
-            most = float(np.abs(values).max())
+            largest = float(np.abs(values).max())
             drawn = axis.pcolormesh(
                 x,
                 roll,
                 values.T,
                 shading="gouraud",
                 cmap=SIGNED_COLOUR_MAP,
-                vmin=-most,
-                vmax=most,
+                vmin=-largest,
+                vmax=largest,
                 rasterized=True,
             )
-            place = structure.gauge_position[gauge]
-            at = float(roll_degrees(place[None])[0])
-            axis.plot(place[0], at, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False)
+            position = structure.gauge_position[gauge]
+            at = float(roll_degrees(position[None])[0])
+            axis.plot(position[0], at, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False)
             axis.set_title(
-                f"{structure.gauge_names[gauge]}: {names[gauge]}, x {place[0]:.3g} m, {at:.4g} deg", fontsize=8
+                f"{structure.gauge_names[gauge]}: {names[gauge]}, x {position[0]:.3g} m, {at:.4g} deg", fontsize=8
             )
             figure.colorbar(drawn, ax=axis, pad=0.01)
         row[0].set_ylabel("roll angle [deg]")
@@ -207,7 +207,7 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
     for axis in axes[-1]:
         axis.set_xlabel("station x from the nose tip [m]")
     figure.suptitle(
-        "Strain by pressure at each place, per area [(um/m)/(kPa m$^2$)], as far as smooth pressures feel it: "
+        "Strain per pressure at each point, per area [(um/m)/(kPa m$^2$)], over smooth pressures: "
         f"{structure.vehicle}",
         fontsize=11,
     )
@@ -226,7 +226,7 @@ def pattern_gauges(structure: Structure) -> list[IntArray]:
         away = np.abs(roll_degrees(structure.gauge_position[alike]) - 180.0)
         stations, first = np.unique(station[np.lexsort((away, station))], return_index=True)
         if len(stations):
-            number = np.unique([int(share * len(stations)) for share in PATTERN_PLACES])
+            number = np.unique([int(fraction * len(stations)) for fraction in PATTERN_POSITIONS])
             found.append(alike[np.lexsort((away, station))][first[number]])
     return found
 
@@ -260,13 +260,13 @@ def waves(structure: Structure, response: SmoothResponse) -> Figure:
         axis.set_xticks(range(len(labels)), labels, rotation=90, fontsize=7)
         axis.set_xlabel("wave round the axis: cos(m phi), sin(m phi)")
         axis.set_title(layout, fontsize=9)
-    figure.colorbar(drawn, ax=list(axes), extend="min", pad=0.01, label="greatest |strain| [um/m per kPa rms]")
+    figure.colorbar(drawn, ax=list(axes), extend="min", pad=0.01, label="maximum |strain| [um/m per kPa rms]")
     figure.suptitle(f"Response of each gauge per harmonic of the pressure: {structure.vehicle}", fontsize=11)
     return figure
 
 
 def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
-    """Draw how singular values of Z_p decay, and the greatest of each symmetry class, per layout."""
+    """Draw how singular values of Z_p decay, and the maximum of each symmetry class, per layout."""
     figure = blank_figure(12.0, 4.8)
     decay, classes = figure.subplots(1, 2)
     layouts = structure.layouts
@@ -284,10 +284,10 @@ def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
         classes.bar(
             at, np.maximum(norms, floor) - floor, 0.9 * width, bottom=floor, color=f"C{number}", label=layout
         )
-        for place, one in zip(at, found[layout], strict=True):
+        for x, one in zip(at, found[layout], strict=True):
             if one.blind:
                 classes.text(
-                    place,
+                    x,
                     1.3 * max(MICROSTRAIN_PER_KPA * one.norm, floor),
                     "blind",
                     rotation=90,
@@ -304,12 +304,12 @@ def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
     classes.set_yscale("log")
     classes.set_ylim(floor, 3.0 * strongest)
     classes.set_xticks(range(len(SYMMETRIES)), [str(one).replace(", ", ",\n") for one in SYMMETRIES], fontsize=8)
-    classes.set_ylabel("greatest singular value [um/m per kPa rms]")
+    classes.set_ylabel("maximum singular value [um/m per kPa rms]")
     classes.set_title(
         "per symmetry of the pressure about y = 0 and z = 0\n"
-        f"blind: below {100.0 * THRESHOLD:g} % of the layout's greatest",
+        f"blind: below {100.0 * THRESHOLD:g} % of the layout's maximum",
         fontsize=9,
     )
     classes.grid(axis="y", alpha=0.3)
-    figure.suptitle(f"What the gauges see: {structure.vehicle}", fontsize=11)
+    figure.suptitle(f"What the gauges observe: {structure.vehicle}", fontsize=11)
     return figure

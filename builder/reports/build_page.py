@@ -1,4 +1,4 @@
-"""The report of a build as files: ``report.html`` to read, ``report.json`` and CSV tables to go on with."""
+"""The report of a build as files: a page ``report.html``, and its numbers as ``report.json`` and CSV tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAGE_NAME = "report.html"
 ROWS_ON_PAGE = 20
 
 SCHEMA_VERSION = 1
-"""Of report.json; higher where names or meanings change."""
+"""Version of report.json; raised when names or meanings change."""
 
 
 def write_numbers(report: BuildReport, folder: Path) -> None:
@@ -61,34 +61,34 @@ def write_report_page(report: BuildReport, path: Path) -> None:
 
 
 def report_page(report: BuildReport) -> Page:
-    """Return the page: answers in the order in which they are asked."""
+    """Return the page."""
     tables = report_tables(report)
     sections = (
-        _sight(report, tables),
+        _observability(report, tables),
         _blindness(report),
-        _sureness(report, tables),
-        _worth(report, tables),
+        _uncertainty(report, tables),
+        _gauge_values(report, tables),
         _losses(report, tables),
         *((_gamma(report, tables),) if report.gamma else ()),
-        Section("What counts as noise", (tables["noise"],)),
-        Section("Where the map holds", (tables["validity"], Paragraph(STRAINS_OF_GAUGES))),
-        Section("What is not in these numbers", (Items(report.excluded),)),
+        Section("Noise terms", (tables["noise"],)),
+        Section("Validity range", (tables["validity"], Paragraph(STRAINS_OF_GAUGES))),
+        Section("Errors not included", (Items(report.excluded),)),
         Section("Numbers", (Files(_files(tables)),)),
     )
-    return Page(f"{report.vehicle}: what its gauges tell", _opening(report), sections)
+    return Page(f"{report.vehicle}: what its gauges can observe", _opening(report), sections)
 
 
-STRAINS_OF_GAUGES = "The greatest strain of each gauge over the snapshots stands in the table of gauges."
+STRAINS_OF_GAUGES = "The maximum strain of each gauge over the snapshots is in the table of gauges."
 
 
 def blind_line(report: BuildReport) -> str:
-    """Return one sentence on what the layout cannot see."""
+    """Return one sentence on what the layout cannot observe."""
     if not report.blind_classes:
         return f"Layout {report.layout} is blind to no class of symmetry."
     parts = []
     for i in report.blind_classes:
-        share = report.sight.class_share[i]
-        known = f" ({100.0 * share:.1f} % of the snapshots' variance)" if np.isfinite(share) else ""
+        fraction = report.observability.class_fraction[i]
+        known = f" ({100.0 * fraction:.1f} % of the snapshots' variance)" if np.isfinite(fraction) else ""
         parts.append(f"pressure {report.symmetries[i].symmetry}{known}")
     return f"Layout {report.layout} is blind to {'; '.join(parts)}."
 
@@ -96,11 +96,11 @@ def blind_line(report: BuildReport) -> str:
 def _opening(report: BuildReport) -> tuple[Block, ...]:
     one = report.inverse_map
     modes = "POD modes, by least squares" if one.case == 1 else "states under a Gaussian prior"
-    sight = report.sight
-    dear = int(np.argmax(report.gauges.growth.max(axis=1)))
-    of = int(np.argmax(report.gauges.growth[dear]))
-    share = report.coefficients.std_of_range
-    unsure = int(np.argmax(np.where(np.isfinite(share), share, -1.0)))
+    observed = report.observability
+    costly = int(np.argmax(report.gauges.growth.max(axis=1)))
+    of = int(np.argmax(report.gauges.growth[costly]))
+    of_range = report.coefficients.std_of_range
+    unsure = int(np.argmax(np.where(np.isfinite(of_range), of_range, -1.0)))
     return (
         Paragraph(
             f"Layout {report.layout}, {one.n_gauges} gauges; Case {one.case}, {len(one.state_offset)} {modes}; "
@@ -108,47 +108,47 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
         ),
         Items(
             (
-                f"The data remove {100.0 * sight.removed:.1f} % of the variance of the snapshots' pressure; the "
-                f"best linear map would remove {100.0 * sight.removed_at_best:.1f} %.",
+                f"The data remove {100.0 * observed.removed:.1f} % of the variance of the snapshots' pressure. "
+                f"The best linear map would remove {100.0 * observed.removed_at_best:.1f} %.",
                 blind_line(report),
-                f"Least known of its range is {COEFFICIENT_NAMES[unsure]}: sigma is "
-                f"{100.0 * share[unsure]:.2g} % of it.",
-                f"The dearest gauge is {one.gauge_names[dear]}: {_grown(report.gauges.growth[dear, of])} "
-                f"{COEFFICIENT_NAMES[of]} without it.",
+                f"The most uncertain coefficient is {COEFFICIENT_NAMES[unsure]}: its sigma is "
+                f"{100.0 * of_range[unsure]:.2g} % of its range.",
+                f"The gauge whose loss costs most is {one.gauge_names[costly]}: without it "
+                f"{_grown(report.gauges.growth[costly, of])} {COEFFICIENT_NAMES[of]}.",
             )
         ),
     )
 
 
 def _grown(ratio: float) -> str:
-    return f"{100.0 * (ratio - 1.0):.2g} % more sigma of" if np.isfinite(ratio) else "nothing is left of"
+    return f"{100.0 * (ratio - 1.0):.2g} % more sigma of" if np.isfinite(ratio) else "no estimate of"
 
 
-def _sight(report: BuildReport, tables: dict[str, Table]) -> Section:
+def _observability(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
-        "What this layout sees",
+        "What this layout observes",
         (
             Paragraph(
                 "Pressure is split by its symmetry about the planes y = 0 and z = 0. Response: strain over all "
-                "gauges per rms pressure, of smooth pressures. Variance removed: of the pressures that fly, the "
-                "snapshots; at best means the best linear map of the same gauges and noise."
+                "gauges per rms pressure, for smooth pressures. Variance removed: of the snapshots' pressure. At "
+                "best: by the best linear map of the same gauges and noise."
             ),
             tables["classes"],
             picture(
-                draw.known_pressure(report.surface, report.sight.node_removed, report.inverse_map),
-                "Share of the pressure's variance that the data remove, on the unrolled body; circles are axial "
-                "gauges, squares hoop gauges, drawn a little apart.",
-                "Map of the unrolled body showing where pressure becomes known.",
+                draw.known_pressure(report.surface, report.observability.node_removed, report.inverse_map),
+                "Fraction of the pressure's variance that the data remove, on the unrolled body. Circles are "
+                "axial gauges, squares are hoop gauges, drawn slightly apart.",
+                "Map of the unrolled body: fraction of the pressure's variance that the data remove.",
             ),
             picture(
                 draw.modes(
-                    of_variance=report.sight.mode_share,
-                    removed=report.sight.mode_removed,
-                    removed_at_best=report.sight.mode_removed_at_best,
-                    n_kept=report.sight.n_kept,
+                    of_variance=report.observability.mode_fraction,
+                    removed=report.observability.mode_removed,
+                    removed_at_best=report.observability.mode_removed_at_best,
+                    n_kept=report.observability.n_kept,
                 ),
-                "The first POD modes: how much of the variance each is, and how much is left of it.",
-                "Bars of the variance of each mode with marks for what the estimate leaves of it.",
+                "The first POD modes: fraction of the variance in each, and what remains after the estimate.",
+                "Bars of the variance of each mode with marks for the part that remains after the estimate.",
                 "svg",
             ),
             first_rows(tables["modes"], ROWS_ON_PAGE),
@@ -158,56 +158,56 @@ def _sight(report: BuildReport, tables: dict[str, Table]) -> Section:
 
 
 def _blindness(report: BuildReport) -> Section:
-    said: list[Block] = [Paragraph(blind_line(report))]
-    sight = report.sight
+    blocks: list[Block] = [Paragraph(blind_line(report))]
+    observed = report.observability
     for i in report.blind_classes:
-        if not np.isfinite(sight.class_removed[i]):
+        if not np.isfinite(observed.class_removed[i]):
             continue
-        said.append(
+        blocks.append(
             Paragraph(
-                f"No strain tells of pressure {report.symmetries[i].symmetry}. It is "
-                f"{100.0 * sight.class_share_of_kept[i]:.1f} % of the variance of the modes that the map keeps. "
-                f"What becomes known of it, {100.0 * sight.class_removed[i]:.1f} % by this map, is inferred: in "
-                "the snapshots it comes with pressure that the gauges see. On a flight where it does not, that "
-                "part is wrong, and neither sigma nor chi-square shows it."
+                f"No gauge responds to pressure {report.symmetries[i].symmetry}. It is "
+                f"{100.0 * observed.class_fraction_of_kept[i]:.1f} % of the variance of the modes that the map "
+                f"keeps. The part that this map still estimates, {100.0 * observed.class_removed[i]:.1f} %, is "
+                "inferred: in the snapshots it is correlated with pressure that the gauges observe. In a flight "
+                "without that correlation the inferred part is wrong, and neither sigma nor chi-square shows it."
             )
         )
-    if np.isfinite(sight.class_share).all():
-        said.append(
+    if np.isfinite(observed.class_fraction).all():
+        blocks.append(
             picture(
                 draw.classes(
-                    of_snapshots=sight.class_share,
-                    of_kept_modes=sight.class_share_of_kept,
-                    removed=sight.class_removed,
-                    removed_at_best=sight.class_removed_at_best,
+                    of_snapshots=observed.class_fraction,
+                    of_kept_modes=observed.class_fraction_of_kept,
+                    removed=observed.class_removed,
+                    removed_at_best=observed.class_removed_at_best,
                     blind=report.blind_classes,
                 ),
-                "Left: each class's share of the variance. Right: how much of it the data remove.",
-                "Bars of the variance per class of symmetry, and of the share that becomes known.",
+                "Left: fraction of the variance in each class. Right: how much of it the data remove.",
+                "Bars of the variance per class of symmetry, and of the fraction that the data remove.",
                 "svg",
             )
         )
     else:
-        said.append(
-            Paragraph("The surface is not symmetric about y = 0 and z = 0: shares of classes are not given.")
+        blocks.append(
+            Paragraph("The surface is not symmetric about y = 0 and z = 0: fractions per class are not given.")
         )
-    return Section("What it is blind to", tuple(said))
+    return Section("Blindness", tuple(blocks))
 
 
-def _sureness(report: BuildReport, tables: dict[str, Table]) -> Section:
+def _uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
-        "How sure each coefficient is",
+        "Uncertainty of each coefficient",
         (
             tables["coefficients"],
             picture(
                 draw.coefficients(
-                    causes=report.coefficients.names,
+                    sources=report.coefficients.names,
                     of_variance=report.coefficients.variance / report.coefficients.std**2,
                     std_of_range=report.coefficients.std_of_range,
                     correlation=report.coefficients.correlation,
                 ),
-                "Where each variance comes from, 3 sigma over the range of the snapshots, correlation of errors.",
-                "Bars of the causes of each coefficient's variance and of 3 sigma over its range; correlations.",
+                "Sources of each variance; 3 sigma over the range of the snapshots; correlation of errors.",
+                "Bars of the sources of each coefficient's variance and of 3 sigma over its range; correlations.",
                 "svg",
             ),
             tables["sources"],
@@ -217,16 +217,20 @@ def _sureness(report: BuildReport, tables: dict[str, Table]) -> Section:
     )
 
 
-def _worth(report: BuildReport, tables: dict[str, Table]) -> Section:
-    groups: Block = tables["groups"] if report.gauges.groups else Paragraph("All gauges can be told apart.")
+def _gauge_values(report: BuildReport, tables: dict[str, Table]) -> Section:
+    groups: Block = (
+        tables["groups"]
+        if report.gauges.groups
+        else Paragraph("A fault can be attributed to a single gauge, for every gauge.")
+    )
     return Section(
-        "Which gauge matters most",
+        "Value of each gauge",
         (
             Paragraph(
-                "Leverage is the share of a gauge's information that no other gauge has: 1 where nothing checks "
-                "it. A bias as large as stated is noticed, or blamed on its gauge, in 99 % of the cases, at one "
-                "false alarm in 10,000; what an unnoticed bias costs is in the sigmas of the coefficient it costs "
-                "most."
+                "Leverage is the fraction of a gauge's information that no other gauge has: 1 where no other "
+                "gauge checks it. A bias of the stated size is detected, or attributed to its gauge, in 99 % of "
+                "the cases, at one false alarm in 10,000. The effect of an undetected bias is given in sigmas of "
+                "the coefficient that it affects most."
             ),
             picture(
                 draw.gauge_loss(
@@ -234,9 +238,9 @@ def _worth(report: BuildReport, tables: dict[str, Table]) -> Section:
                     growth=report.gauges.growth,
                     detectable_bias=report.gauges.detectable_bias,
                 ),
-                "Growth of each sigma where one gauge is lost, and the least bias that is noticed, at the gauge's "
-                "place on the unrolled body; black: the others do not identify the state.",
-                "Six unrolled bodies with gauges coloured by what their loss costs.",
+                "Growth of each sigma when one gauge is lost, and the minimum detectable bias, at the gauge's "
+                "position on the unrolled body. Black: the others do not identify the state.",
+                "Six unrolled bodies with gauges coloured by the cost of their loss.",
                 "svg",
             ),
             tables["gauges"],
@@ -247,7 +251,7 @@ def _worth(report: BuildReport, tables: dict[str, Table]) -> Section:
 
 def _losses(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
-        "What a lost gauge costs",
+        "Cost of a lost gauge",
         (
             tables["worst_losses"],
             first_rows(tables["worst_pairs"], ROWS_ON_PAGE),
@@ -258,8 +262,8 @@ def _losses(report: BuildReport, tables: dict[str, Table]) -> Section:
                     pairs=report.gauges.pairs,
                     pair_growth=report.gauges.pair_growth,
                 ),
-                "The loss of two gauges: growth of the sigma that grows most. On the diagonal the loss of one.",
-                "Matrix of gauges by gauges coloured by what the loss of both costs.",
+                "Loss of two gauges: growth of the sigma that grows most. On the diagonal: loss of one gauge.",
+                "Matrix of gauges by gauges coloured by the cost of losing both.",
             ),
         ),
     )
@@ -269,12 +273,12 @@ def _gamma(report: BuildReport, tables: dict[str, Table]) -> Section:
     assert report.gamma is not None
     above = int(np.sum(report.gamma.eigenvalues >= report.gamma.gamma))
     return Section(
-        "How much the prior decides",
+        "Weight of the prior",
         (
             Paragraph(
                 f"{above} modes have an eigenvalue of at least gamma = {report.gamma.gamma:.4g}: there the data "
-                "outweigh the prior. The rules are given the data that prior and noise lead to expect. The "
-                "L-curve is a diagnostic: no map is built by its corner."
+                "outweigh the prior. The rules are applied to the data expected from prior and noise. The "
+                "L-curve is a diagnostic: no map is built from its corner."
             ),
             tables["gamma_rules"],
             picture(

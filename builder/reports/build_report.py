@@ -1,4 +1,4 @@
-"""What a map and its gauges can and cannot do, as numbers."""
+"""The report of a build as numbers: what a map and its gauges can and cannot do."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from builder.reports.coefficient_sources import CoefficientSources, coefficient_
 from builder.reports.exclusions import exclusions
 from builder.reports.gamma_choice import GammaChoice, gamma_choice
 from builder.reports.gauge_value import GaugeValue, gauge_value
-from builder.reports.prior_observability import PriorSight, prior_sight
+from builder.reports.prior_observability import PriorObservability, prior_observability
 from builder.structure.observability import (
     CLASS_DEGREE,
     HIGHEST_DEGREE,
@@ -33,24 +33,24 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BuildReport:
-    """The answers of a report.
+    """The parts of a report.
 
     Attributes
     ----------
     vehicle, layout, engine, structural_model : names.
-    inverse_map : the map that is spoken of.
+    inverse_map : the map of the report.
     surface : its pressure nodes.
-    singular_values : of Z_p over smooth pressures [1/Pa], greatest first.
+    singular_values : of Z_p over smooth pressures [1/Pa], falling.
     smooth_degree, smooth_harmonics : of those pressures.
-    symmetries : what the gauges see of each class of smooth pressures.
-    sight : what they see of the snapshots.
-    coefficients : how sure each is, and why.
-    gauges : what each is worth.
-    noise : share of each noise term.
+    symmetries : response of the gauges to each class of smooth pressures.
+    observability : what they observe of the snapshots.
+    coefficients : uncertainty of each, by source.
+    gauges : value of each.
+    noise : fraction of each noise term.
     gamma : choice of gamma, in Case 2.
-    excluded : what no number here holds.
+    excluded : errors that no number here includes.
     """
 
     vehicle: str
@@ -63,7 +63,7 @@ class BuildReport:
     smooth_degree: int
     smooth_harmonics: int
     symmetries: tuple[SymmetryResponse, ...]
-    sight: PriorSight
+    observability: PriorObservability
     coefficients: CoefficientSources
     gauges: GaugeValue
     noise: tuple[NoiseFraction, ...]
@@ -72,7 +72,7 @@ class BuildReport:
 
     @property
     def blind_classes(self) -> tuple[int, ...]:
-        """Classes that the gauges do not see, by their place in ``symmetries``."""
+        """Indices in ``symmetries`` of the classes that the gauges do not respond to."""
         return tuple(i for i, one in enumerate(self.symmetries) if one.blind)
 
 
@@ -88,8 +88,8 @@ def build_report(
     Raises
     ------
     InputError
-        As :func:`builder.inverse.build.build_inverse_map`; the map was built from something else, or the surface
-        has too few nodes to tell its symmetries apart.
+        As :func:`builder.inverse.build.build_inverse_map`; the map was built from other inputs, or the surface has
+        too few nodes to resolve its symmetries.
     """
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
     solution = solve(problem)
@@ -109,7 +109,7 @@ def build_report(
         smooth_degree=int(response.degree.max()),
         smooth_harmonics=int(response.harmonic.max()),
         symmetries=tuple(symmetry_responses(response)),
-        sight=prior_sight(problem, solution, grid),
+        observability=prior_observability(problem, solution, grid),
         coefficients=coefficient_sources(inverse_map, problem, solution),
         gauges=gauge_value(inverse_map),
         noise=tuple(solution.noise.fractions()),
@@ -119,9 +119,9 @@ def build_report(
 
 
 def _same(solution: Solution, inverse_map: InverseMap) -> bool:
-    """Return whether the map is that of the solution, but for round-off."""
+    """Return whether the map is that of the solution, up to round-off."""
     a, b = solution.solved.state_operator, inverse_map.state_operator
-    # A A' does not depend on the states chosen, nor on those that no gauge sees.
+    # A A' does not depend on the choice of states, nor on those that no gauge observes.
     pairs = ((solution.noise.covariance, inverse_map.noise_covariance), (a @ a.T, b @ b.T))
     return all(
         one.shape == other.shape and np.linalg.norm(one - other) <= 1e-6 * np.linalg.norm(other)
@@ -130,10 +130,10 @@ def _same(solution: Solution, inverse_map: InverseMap) -> bool:
 
 
 def _response(strain_operator: FloatArray, surface: SurfaceMesh, n_roll: int | None) -> SmoothResponse:
-    """Return the response to pressures as fine as the surface carries: of lower degree on a coarse one."""
-    most = HIGHEST_HARMONIC if n_roll is None else min(HIGHEST_HARMONIC, (n_roll - 1) // 2)
+    """Return the response to pressures as fine as the surface resolves: of lower degree on a coarse one."""
+    limit = HIGHEST_HARMONIC if n_roll is None else min(HIGHEST_HARMONIC, (n_roll - 1) // 2)
     last = InputError("surface: no pressures tried")
-    for degree, harmonics in ((HIGHEST_DEGREE, most), (CLASS_DEGREE, most), (CLASS_DEGREE, min(most, 4))):
+    for degree, harmonics in ((HIGHEST_DEGREE, limit), (CLASS_DEGREE, limit), (CLASS_DEGREE, min(limit, 4))):
         try:
             return smooth_response(strain_operator, surface.point, surface.node_area, degree, harmonics)
         except InputError as error:

@@ -1,4 +1,4 @@
-"""The numbers of a build report as tables: those that the page shows, and those that only the files hold."""
+"""The tables of a build report: those on the page, and those that only the files hold."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from strainfmu.estimator.validity import valid_ranges
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
-MOST_PAIRS = 200
+MAX_PAIRS = 200
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 
 
@@ -44,7 +44,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
 
 
 def first_rows(table: Table, count: int) -> Table:
-    """Return a table's first rows; where some are left out, the caption says so."""
+    """Return a table's first rows; where some are left out, the caption states it."""
     if len(table.rows) <= count:
         return table
     caption = f"{table.caption} The first {count} of {len(table.rows)}; {table.name}.csv holds all."
@@ -54,85 +54,85 @@ def first_rows(table: Table, count: int) -> Table:
 def validity(report: BuildReport) -> Table:
     columns = (
         ("quantity", Column("quantity")),
-        ("least", Column("least", "", ".6g")),
-        ("greatest", Column("greatest", "", ".6g")),
+        ("least", Column("minimum", "", ".6g")),
+        ("greatest", Column("maximum", "", ".6g")),
         ("unit", Column("unit")),
     )
-    return records_table("validity", "What the snapshots cover.", valid_ranges(report.inverse_map), columns)
+    return records_table("validity", "Range of the snapshots.", valid_ranges(report.inverse_map), columns)
 
 
 def classes(report: BuildReport) -> Table:
     """One row per class of symmetry, and one of all pressure."""
-    sight = report.sight
+    observed = report.observability
     rows: list[tuple[object, ...]] = [
         (
             str(one.symmetry),
-            "blind" if one.blind else "seen",
+            "blind" if one.blind else "observed",
             MICROSTRAIN_PER_KPA * one.norm,
             f"{one.rank} of {len(one.singular_values)}",
-            100.0 * sight.class_share[i],
-            100.0 * sight.class_share_of_kept[i],
-            MICRO * sight.class_strain[i],
-            100.0 * sight.class_removed[i],
-            100.0 * sight.class_removed_at_best[i],
+            100.0 * observed.class_fraction[i],
+            100.0 * observed.class_fraction_of_kept[i],
+            MICRO * observed.class_strain[i],
+            100.0 * observed.class_removed[i],
+            100.0 * observed.class_removed_at_best[i],
         )
         for i, one in enumerate(report.symmetries)
     ]
-    all_strain = MICRO * float(np.sqrt(np.sum(sight.mode_strain**2)))
-    removed = 100.0 * sight.removed, 100.0 * sight.removed_at_best
+    all_strain = MICRO * float(np.sqrt(np.sum(observed.mode_strain**2)))
+    removed = 100.0 * observed.removed, 100.0 * observed.removed_at_best
     norm = MICROSTRAIN_PER_KPA * float(report.singular_values[0])
     rows.append(("all pressure", "", norm, "", 100.0, 100.0, all_strain, *removed))
     columns = (
         Column("pressure"),
         Column("gauges"),
-        Column("greatest response", "um/m per kPa rms", ".3g"),
+        Column("maximum response", "um/m per kPa rms", ".3g"),
         Column("rank"),
         Column("of the snapshots' variance", "%", ".1f"),
         Column("of the kept modes' variance", "%", ".1f"),
-        Column("strain it causes, rms", "um/m", ".3g"),
+        Column("rms strain", "um/m", ".3g"),
         Column("variance removed by this map", "%", ".1f"),
         Column("at best", "%", ".1f"),
     )
-    return make_table("classes", "Pressure by its symmetry, and what the gauges see of it.", columns, rows)
+    return make_table("classes", "Pressure by symmetry, and what the gauges observe of it.", columns, rows)
 
 
 def modes(report: BuildReport) -> Table:
-    sight = report.sight
+    observed = report.observability
     sigma = np.sqrt(np.mean(report.inverse_map.noise_std**2))
     rows = []
-    for j in range(len(sight.mode_std)):
+    for j in range(len(observed.mode_std)):
         rows.append(
             (
                 j + 1,
-                j < sight.n_kept,
-                sight.mode_std[j],
-                100.0 * sight.mode_share[j],
-                MICRO * sight.mode_strain[j],
-                sight.mode_strain[j] / sigma,
-                *_main_class(sight.mode_classes[j]),
-                100.0 * sight.mode_removed[j],
-                100.0 * sight.mode_removed_at_best[j],
+                j < observed.n_kept,
+                observed.mode_std[j],
+                100.0 * observed.mode_fraction[j],
+                MICRO * observed.mode_strain[j],
+                observed.mode_strain[j] / sigma,
+                *_main_class(observed.mode_classes[j]),
+                100.0 * observed.mode_removed[j],
+                100.0 * observed.mode_removed_at_best[j],
             )
         )
     columns = (
         Column("mode"),
-        Column("a state"),
+        Column("state of the map"),
         Column("pressure, rms", "Pa", ".3g"),
         Column("of the variance", "%", ".3g"),
-        Column("strain it causes, rms", "um/m", ".3g"),
+        Column("rms strain", "um/m", ".3g"),
         Column("over gauge noise", "1", ".3g"),
-        Column("most of it is"),
-        Column("that part", "%", ".0f"),
+        Column("main class"),
+        Column("fraction in it", "%", ".0f"),
         Column("variance removed by this map", "%", ".1f"),
         Column("at best", "%", ".1f"),
     )
     return make_table("modes", "POD modes of the snapshots at one standard deviation.", columns, rows)
 
 
-def _main_class(shares: FloatArray) -> tuple[str, float]:
-    """Return the class that most of a mode is of, and its share in per cent; nothing and NaN without classes."""
-    main = int(np.argmax(shares))
-    return (str(SYMMETRIES[main]) if np.isfinite(shares).all() else "", 100.0 * float(shares[main]))
+def _main_class(fractions: FloatArray) -> tuple[str, float]:
+    """Return the main class of a mode and its fraction in per cent; an empty name and NaN without classes."""
+    main = int(np.argmax(fractions))
+    return (str(SYMMETRIES[main]) if np.isfinite(fractions).all() else "", 100.0 * float(fractions[main]))
 
 
 def singular_values(report: BuildReport) -> Table:
@@ -164,9 +164,9 @@ def coefficients(report: BuildReport) -> Table:
         Column("coefficient"),
         Column("sigma", "1", ".3g"),
         Column("3 sigma", "1", ".3g"),
-        Column("least of the snapshots", "1", ".4f"),
-        Column("greatest", "1", ".4f"),
-        Column("sigma of that range", "%", ".2f"),
+        Column("minimum of the snapshots", "1", ".4f"),
+        Column("maximum", "1", ".4f"),
+        Column("sigma over that range", "%", ".2f"),
         Column("load"),
         Column("sigma of the load", "", ".3g"),
         Column("unit"),
@@ -189,15 +189,17 @@ def correlations(report: BuildReport) -> Table:
 
 
 def sources(report: BuildReport) -> Table:
-    found, caption = report.coefficients, "Share of each cause in the variance of each coefficient."
-    share = 100.0 * found.variance / found.std**2
-    return _by_coefficient("sources", caption, "cause", found.names, share, Column("", "%", ".1f"))
+    found, caption = report.coefficients, "Fraction of each source in the variance of each coefficient."
+    percent = 100.0 * found.variance / found.std**2
+    return _by_coefficient("sources", caption, "source", found.names, percent, Column("", "%", ".1f"))
 
 
 def source_sigmas(report: BuildReport) -> Table:
-    found, caption = report.coefficients, "Sigma of each coefficient by each cause alone."
+    found, caption = report.coefficients, "Sigma of each coefficient from each source alone."
     sigma = np.vstack([np.sqrt(found.variance), found.std])
-    return _by_coefficient("source_sigmas", caption, "cause", (*found.names, "all"), sigma, Column("", "1", ".3g"))
+    return _by_coefficient(
+        "source_sigmas", caption, "source", (*found.names, "all"), sigma, Column("", "1", ".3g")
+    )
 
 
 def _by_coefficient(
@@ -214,7 +216,7 @@ def noise(report: BuildReport) -> Table:
         ("fraction", Column("fraction", "%", ".1f")),
         ("rms_strain", Column("rms over the gauges", "um/m", ".3g")),
     )
-    caption = "What the states do not explain of the strain; shares of the whitened variance."
+    caption = "Strain that the states do not explain; fractions of the whitened variance."
     return records_table("noise", caption, report.noise, columns)
 
 
@@ -228,7 +230,7 @@ def gauges(report: BuildReport) -> Table:
         (
             name,
             position[i, 0],
-            # A hair before 360 deg is 0.
+            # A value just below 360 deg is 0.
             roll[i] if roll[i] < 360.0 - 1e-9 else 0.0,
             directions[i],
             MICRO * one.noise_std[i],
@@ -248,22 +250,24 @@ def gauges(report: BuildReport) -> Table:
         Column("roll angle", "deg", ".4g"),
         Column("direction"),
         Column("noise sigma", "um/m", ".3g"),
-        Column("greatest |strain|", "um/m", ".3g"),
+        Column("maximum |strain|", "um/m", ".3g"),
         Column("leverage", "1", ".3f"),
         *(Column(f"lost: sigma of {name} grows", "%", ".1f") for name in COEFFICIENT_NAMES),
-        Column("bias that is noticed", "um/m", ".3g"),
-        Column("bias that is blamed on it", "um/m", ".3g"),
-        Column("an unnoticed bias costs up to", "sigma", ".2f"),
-        Column("of"),
+        Column("detectable bias", "um/m", ".3g"),
+        Column("isolable bias", "um/m", ".3g"),
+        Column("effect of an undetected bias, maximum", "sigma", ".2f"),
+        Column("on"),
     )
-    return make_table("gauges", "Every gauge: place, worth, and what can be noticed of its faults.", columns, rows)
+    return make_table(
+        "gauges", "Every gauge: position, cost of its loss, detectable and isolable bias.", columns, rows
+    )
 
 
 def worst_losses(report: BuildReport) -> Table:
-    """Per coefficient the gauge, and the pair, whose loss costs most; a last row for the worst of all."""
+    """Per coefficient the gauge, and the pair, whose loss costs most; the last row is over all coefficients."""
     value, names = report.gauges, report.inverse_map.gauge_names
     rows = []
-    for i, coefficient in enumerate((*COEFFICIENT_NAMES, "the worst of them")):
+    for i, coefficient in enumerate((*COEFFICIENT_NAMES, "any")):
         single = value.growth.max(axis=1) if i == len(COEFFICIENT_NAMES) else value.growth[:, i]
         pair = value.pair_growth.max(axis=1) if i == len(COEFFICIENT_NAMES) else value.pair_growth[:, i]
         one = int(np.argmax(single))
@@ -272,18 +276,18 @@ def worst_losses(report: BuildReport) -> Table:
         rows.append((coefficient, names[one], 100.0 * (single[one] - 1.0), " and ".join(two), growth))
     columns = (
         Column("coefficient"),
-        Column("worst gauge to lose"),
-        Column("sigma grows", "%", ".1f"),
-        Column("worst pair to lose"),
-        Column("sigma grows by the pair", "%", ".1f"),
+        Column("gauge whose loss costs most"),
+        Column("sigma grows, gauge lost", "%", ".1f"),
+        Column("pair whose loss costs most"),
+        Column("sigma grows, pair lost", "%", ".1f"),
     )
-    return make_table("worst_losses", "The dearest losses.", columns, rows)
+    return make_table("worst_losses", "Losses that cost most.", columns, rows)
 
 
 def worst_pairs(report: BuildReport) -> Table:
     value, names = report.gauges, report.inverse_map.gauge_names
     worst = value.pair_growth.max(axis=1)
-    order = np.argsort(-worst, kind="stable")[:MOST_PAIRS]
+    order = np.argsort(-worst, kind="stable")[:MAX_PAIRS]
     rows = [(*(names[k] for k in value.pairs[i]), *(100.0 * (value.pair_growth[i] - 1.0))) for i in order.tolist()]
     columns = (
         Column("gauge"),
@@ -299,7 +303,7 @@ def alike(report: BuildReport) -> Table:
     rows = [
         (number, ", ".join(names[k] for k in group)) for number, group in enumerate(report.gauges.groups, start=1)
     ]
-    caption = "Gauges that cannot be told apart: a fault is blamed on the group."
+    caption = "Gauges whose faults cannot be distinguished: a fault is attributed to the group."
     return make_table("groups", caption, (Column("group"), Column("gauges")), rows)
 
 
@@ -321,11 +325,11 @@ def gamma_rules(report: BuildReport) -> Table:
         Column("rule"),
         Column("gamma", "1"),
         Column("eigenvalues above it"),
-        Column("states that the data decide", "1", ".1f"),
+        Column("states that the data determine", "1", ".1f"),
         *(Column(f"sigma of {name}", "1", ".3g") for name in COEFFICIENT_NAMES),
         Column("remark"),
     )
-    return make_table("gamma_rules", "Gamma by every rule, and what it would give.", columns, rows)
+    return make_table("gamma_rules", "Gamma by every rule, and the sigmas with it.", columns, rows)
 
 
 def eigenvalues(report: BuildReport) -> Table:
@@ -337,12 +341,12 @@ def eigenvalues(report: BuildReport) -> Table:
         Column("number"),
         Column("eigenvalue", "1"),
         Column("filter factor", "1", ".4f"),
-        Column("most of it is"),
-        Column("that part", "%", ".0f"),
+        Column("main class"),
+        Column("fraction in it", "%", ".0f"),
     )
     caption = (
-        "Eigenvalues of the prior-preconditioned Hessian, the part of each mode that the data decide, and the "
-        "symmetry of its pressure."
+        "Eigenvalues of the prior-preconditioned Hessian, the fraction of each mode that the data determine, and "
+        "the symmetry of its pressure."
     )
     return make_table("eigenvalues", caption, columns, rows)
 

@@ -1,4 +1,4 @@
-"""How sure each coefficient is, and what its variance is made of."""
+"""Uncertainty of each coefficient, split by the sources of its variance."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from strainfmu.estimator.inverse_map import InverseMap
 OF_STATES = "prior and gamma"
 
 UNCHANGED = 1e-6
-"""Of sigma: a range below it is round-off, as of C_Y without sideslip."""
+"""Fraction of sigma: a range below it is round-off, such as that of C_Y without sideslip."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CoefficientSources:
     """The five coefficients at the nominal dynamic pressure.
 
     Attributes
     ----------
     std : (5,) sigma [1].
-    range : (5, 2) least and greatest over the snapshots [1].
+    range : (5, 2) minimum and maximum over the snapshots [1].
     correlation : (5, 5) of the errors [1].
-    names : n causes, independent of each other.
-    variance : (n, 5) what each cause adds to the variance of each coefficient [1]; the columns add up to std^2.
+    names : n sources, independent of each other.
+    variance : (n, 5) contribution of each source to the variance of each coefficient [1]; columns add up to std^2.
     """
 
     std: FloatArray
@@ -38,11 +38,11 @@ class CoefficientSources:
 
     @property
     def std_of_range(self) -> FloatArray:
-        """(5,) sigma over the width of the range [1]; infinite where the snapshots do not change a coefficient."""
+        """(5,) sigma over the width of the range [1]; infinite where a coefficient is constant."""
         width = self.range[:, 1] - self.range[:, 0]
-        share = np.full(5, np.inf)
-        np.divide(self.std, width, out=share, where=width > UNCHANGED * self.std)
-        return share
+        fraction = np.full(5, np.inf)
+        np.divide(self.std, width, out=fraction, where=width > UNCHANGED * self.std)
+        return fraction
 
 
 def coefficient_scales(inverse_map: InverseMap) -> FloatArray:
@@ -53,7 +53,7 @@ def coefficient_scales(inverse_map: InverseMap) -> FloatArray:
 
 
 def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Solution) -> CoefficientSources:
-    """Return what the variance of each coefficient is made of; the map is that of ``problem`` and ``solution``.
+    """Return the sources of each coefficient's variance; the map is that of ``problem`` and ``solution``.
 
     The sources are the factors of :func:`builder.inverse.coefficients.load_error_factors`: each noise term, and in
     Case 2 what the gain does not resolve of the states, which depends on the prior and gamma.

@@ -1,4 +1,4 @@
-"""What the stated uncertainties do not hold, for one vehicle file: said in words, as no number can."""
+"""Errors that the stated uncertainties of one vehicle file do not include, in words."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 
 OPTIONAL_ERRORS = (
-    ("apparent_strain_um_per_m", "apparent strain, as of an uncompensated temperature"),
+    ("apparent_strain_um_per_m", "apparent strain, such as that of an uncompensated temperature"),
     ("gauge_gain_percent", "errors of gauge factor and amplifier gain"),
     ("gauge_position_mm", "errors of the gauges' positions"),
     ("gauge_orientation_deg", "errors of the gauges' directions"),
 )
-"""Entries of the section [noise] that are 0 by default, and what then counts as none."""
+"""Entries of the section [noise] that are 0 by default, and the error that is then left out."""
 
 
 def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
-    """Return what no sigma of the map holds, one sentence each; ``engine`` is that of the snapshots."""
+    """Return what no sigma of the map includes, one sentence each; ``engine`` is that of the snapshots."""
     model = "Fourier" if vehicle.structure.model == "fourier" else "three-dimensional"
     return (
-        "Base pressure: C_A is that of the fore-body.",
-        "Flight conditions unlike the snapshots', inside the ranges of this page or outside them.",
-        f"Errors of the flow solution ({engine}): modes and prior are its own.",
+        "Base pressure: C_A is the fore-body's.",
+        "Flight conditions that differ from the snapshots', inside or outside the ranges of this page.",
+        f"Errors of the flow solution ({engine}): modes and prior come from it.",
         f"Errors of the structural model ({model}): stiffness, joints, wall thickness, support.",
         *_absent_noise(vehicle.noise, vehicle.map.case == 1 or vehicle.map.prior_modes is not None),
-        "Errors of the dynamic pressure that turns loads into coefficients: it is taken as exact.",
-        "Vibration and inertia: strain is taken as the static answer to the pressure of the moment.",
+        "Errors of the dynamic pressure that turns loads into coefficients: it counts as exact.",
+        "Vibration and inertia: strain counts as the static response to the current pressure.",
     )
 
 
 def _absent_noise(noise: Noise, truncates: bool) -> list[str]:
-    # Temperature may also come as modes of its own.
+    # Temperature may also be given as modes in the nuisance file.
     held = {"apparent_strain_um_per_m"} if noise.nuisance_file is not None else set()
     absent = [
         f"{what[0].upper()}{what[1:]}: noise.{entry} is 0."
@@ -37,5 +37,5 @@ def _absent_noise(noise: Noise, truncates: bool) -> list[str]:
         if getattr(noise, entry) == 0.0 and entry not in held
     ]
     if truncates and not noise.with_truncated_modes:
-        absent.append("Pressure modes that were cut off: they are left out of the noise as the vehicle file asks.")
+        absent.append("Truncated pressure modes: the vehicle file leaves them out of the noise.")
     return absent

@@ -1,4 +1,4 @@
-"""How strongly a map of Case 2 leans on its prior: the gamma of each rule, and the L-curve."""
+"""The weight of the prior in a map of Case 2: gamma by each rule, and the L-curve."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
-from builder.reports.symmetry_classes import class_shares, mirror_operators
+from builder.reports.symmetry_classes import class_fractions, mirror_operators
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -23,15 +23,15 @@ CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GammaOfRule:
-    """One rule and what its gamma would give.
+    """One rule and the map that its gamma would give.
 
     Attributes
     ----------
     rule : its name, "this map" for the gamma in use.
-    gamma : [1], or None where the rule finds none; ``why_not`` says why.
-    degrees_of_freedom : number of states that the data decide.
+    gamma : [1], or None where the rule finds none; ``why_not`` gives the reason.
+    degrees_of_freedom : number of states that the data determine.
     n_recoverable : eigenvalues of at least gamma.
     coefficient_std : (5,) sigma [1], or None.
     """
@@ -44,17 +44,17 @@ class GammaOfRule:
     coefficient_std: FloatArray | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GammaChoice:
-    """What the spectrum of a map of Case 2 says.
+    """Gamma of a map of Case 2, and its spectrum.
 
     Attributes
     ----------
     eigenvalues : (k,) lambda of the prior-preconditioned Hessian, falling.
     filter_factors : (k,) lambda / (lambda + gamma).
-    mode_classes : (k, 4) share of each class of symmetry in the modes' pressure, area-weighted [1]; NaN where the
-        surface has no such symmetry.
-    gamma : in use.
+    mode_classes : (k, 4) fraction of each class of symmetry in the modes' pressure, area-weighted [1]; NaN where
+        the surface has no such symmetry.
+    gamma : the value in use.
     rules : the gamma in use first, then every rule.
     curve : the L-curve; a diagnostic.
     """
@@ -75,53 +75,59 @@ class GammaChoice:
 def gamma_choice(
     inverse_map: InverseMap, problem: Problem, solution: Solution, surface: SurfaceGrid | SurfaceMesh
 ) -> GammaChoice | None:
-    """Return what the rules say of a map of Case 2, None of one of Case 1, which has no gamma.
+    """Return gamma by every rule for a map of Case 2; None for a map of Case 1, which has no gamma.
 
-    Data are those that prior and noise lead to expect: the mean over flights like the snapshots'.
+    The data are those expected from prior and noise: the mean over flights like the snapshots'.
     """
     solved = solution.solved
     if not isinstance(solved, GaussianMap):
         return None
     data, loads = expected_data(solved.spectrum), problem.load_operator @ solution.field_modes
-    rules = [_at(inverse_map, loads, solution, solved, "this map", solved.regularisation)]
+    scales = coefficient_scales(inverse_map)
+
+    def at(rule: str, gamma: float) -> GammaOfRule:
+        """Return what the map would be with ``gamma``."""
+        other = gaussian_map(
+            state_operator=solved.state_operator,
+            mean_strain=solved.mean_strain,
+            noise_covariance=solved.noise_covariance,
+            regularisation=gamma,
+            spectrum=solved.spectrum,
+        )
+        covariance = load_covariance_by_terms(other, loads, solution.noise, inverse_map.strain_load_covariance)
+        return GammaOfRule(
+            rule=rule,
+            gamma=gamma,
+            why_not="",
+            degrees_of_freedom=float(np.sum(other.filter_factors)),
+            n_recoverable=other.n_recoverable,
+            coefficient_std=scales * np.sqrt(np.diag(covariance)),
+        )
+
+    rules = [at("this map", solved.regularisation)]
     for rule in RULES:
         try:
-            rules.append(_at(inverse_map, loads, solution, solved, rule, select_gamma(rule, data)))
+            rules.append(at(rule, select_gamma(rule, data)))
         except InputError as error:
-            rules.append(GammaOfRule(rule, None, str(error).partition(", ")[2] or str(error), np.nan, 0, None))
+            rules.append(
+                GammaOfRule(
+                    rule=rule,
+                    gamma=None,
+                    why_not=str(error).partition(", ")[2] or str(error),
+                    degrees_of_freedom=np.nan,
+                    n_recoverable=0,
+                    coefficient_std=None,
+                )
+            )
     # Mode j of the Hessian is column j of V among the states: the pressure F V_j.
     pressure = solution.field_modes @ solved.spectrum.right[:, : len(solved.spectrum.singular_values)]
     middle = np.log10(solved.regularisation)
     low, high = min(CURVE_DECADES[0], middle - 2.0), max(CURVE_DECADES[1], middle + 2.0)
     return GammaChoice(
-        solved.spectrum.eigenvalues,
-        solved.filter_factors,
-        class_shares(pressure, problem.node_area, mirror_operators(surface)),
-        solved.regularisation,
-        tuple(rules),
-        l_curve(data, np.logspace(low, high, CURVE_POINTS)),
-    )
-
-
-def _at(
-    inverse_map: InverseMap,
-    load_per_state: FloatArray,
-    solution: Solution,
-    solved: GaussianMap,
-    rule: str,
-    gamma: float,
-) -> GammaOfRule:
-    other = gaussian_map(
-        solved.state_operator, solved.mean_strain, solved.noise_covariance, gamma, solved.spectrum
-    )
-    covariance = load_covariance_by_terms(
-        other, load_per_state, solution.noise, inverse_map.strain_load_covariance
-    )
-    return GammaOfRule(
-        rule,
-        gamma,
-        "",
-        float(np.sum(other.filter_factors)),
-        other.n_recoverable,
-        coefficient_scales(inverse_map) * np.sqrt(np.diag(covariance)),
+        eigenvalues=solved.spectrum.eigenvalues,
+        filter_factors=solved.filter_factors,
+        mode_classes=class_fractions(pressure, problem.node_area, mirror_operators(surface)),
+        gamma=solved.regularisation,
+        rules=tuple(rules),
+        curve=l_curve(data, np.logspace(low, high, CURVE_POINTS)),
     )

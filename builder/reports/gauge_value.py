@@ -1,8 +1,8 @@
-"""What each gauge is worth: what its loss costs, what bias of it goes unnoticed, and what that does to the loads.
+"""Value of each gauge: the cost of its loss, the bias that stays undetected, and its effect on the loads.
 
 With P the precision of d - m and R the gauges lost, the gain without them is G - K P_R, K = G_R P_RR^-1
-(:mod:`strainfmu.estimator.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear in G;
-so with Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small
+(:mod:`strainfmu.estimator.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear in G.
+So with Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small
 products.
 """
 
@@ -26,25 +26,25 @@ from strainfmu.estimator.map_parts import map_parts
 from strainfmu.estimator.masks import LEAST_INFORMATION
 
 MISS_PROBABILITY = 0.01
-"""Of a bias as large as those called detectable and isolable."""
+"""Probability that a bias of the stated detectable or isolable size is missed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GaugeValue:
     """Design figures per gauge; n_d gauges, loads in the order of the map.
 
     Attributes
     ----------
-    leverage : (n_d,) 1 - P_ii / (Gamma^-1)_ii [1]: the part of its information that no other gauge has; 1 where
-        no other checks it. With independent noise the diagonal of A T.
+    leverage : (n_d,) 1 - P_ii / (Gamma^-1)_ii [1]: the fraction of its information that no other gauge has; 1
+        where no other gauge checks it. With independent noise it is the diagonal of A T.
     growth : (n_d, 5) sigma of each load without the gauge over sigma with all [1]; infinite where the others do
         not identify the state.
-    detectable_bias : (n_d,) least bias that its z-score shows in 99 % of the cases [m/m].
-    isolable_bias : (n_d,) least bias that is blamed on this gauge in 99 % of the cases [m/m].
-    undetected_effect : (n_d, 5) error of each load by a bias of ``detectable_bias``, in its sigmas [1].
-    groups : gauges, by index, that cannot be told apart.
+    detectable_bias : (n_d,) minimum bias that its z-score detects in 99 % of the cases [m/m].
+    isolable_bias : (n_d,) minimum bias that is attributed to this gauge in 99 % of the cases [m/m].
+    undetected_effect : (n_d, 5) error of each load from a bias of ``detectable_bias``, in its sigmas [1].
+    groups : gauges, by index, whose faults cannot be distinguished.
     pairs : (n, 2) all pairs of gauges.
-    pair_growth : (n, 5) as ``growth``, both lost.
+    pair_growth : (n, 5) as ``growth``, with both lost.
     """
 
     leverage: FloatArray
@@ -58,15 +58,15 @@ class GaugeValue:
 
 
 def gauge_value(inverse_map: InverseMap) -> GaugeValue:
-    """Return what each gauge of ``inverse_map`` is worth; false alarms as the estimator's."""
+    """Return the value of each gauge of ``inverse_map``, at the estimator's probability of false alarms."""
     parts, n = map_parts(inverse_map), inverse_map.n_gauges
     whitening = inverse_map.residual_whitening
     precision = whitening.T @ whitening
     information = np.sum(parts.noise_whitening**2, axis=0)
-    least = LEAST_INFORMATION * information
-    # What no other gauge checks has a precision of round-off.
-    precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= least), 0.0, precision)
-    correlation = correlations(precision, least)
+    minimum = LEAST_INFORMATION * information
+    # The precision of a gauge that no other checks is round-off.
+    precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= minimum), 0.0, precision)
+    correlation = correlations(precision, minimum)
     per_gauge = detectable_noncentrality(1, FALSE_ALARM_PROBABILITY / n, MISS_PROBABILITY)
     detectable = minimal_detectable_bias(precision_checked, per_gauge)
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY)
@@ -101,8 +101,8 @@ def loss_growth(inverse_map: InverseMap, lost: IntArray) -> FloatArray:
         change = np.hstack([change, precision @ model.state_operator])
     cross, square = error @ change.T, change @ change.T
     block = lost[:, :, None], lost[:, None, :]
-    share = np.linalg.eigvals(np.linalg.solve(weight[block], precision[block])).real.min(axis=1)
-    identified = (share >= LEAST_INFORMATION) | model.known_prior
+    fraction = np.linalg.eigvals(np.linalg.solve(weight[block], precision[block])).real.min(axis=1)
+    identified = (fraction >= LEAST_INFORMATION) | model.known_prior
     identified &= lost.shape[1] < inverse_map.n_gauges
     growth = np.full((len(lost), 5), np.inf)
     sets = lost[identified]

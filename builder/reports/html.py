@@ -1,8 +1,8 @@
-"""One page of HTML that needs no other file: no script, no font, no picture from elsewhere.
+"""A page of HTML that needs no other file: no script, no font, no external picture.
 
 A page is a title and sections; a section holds paragraphs, lists, tables, figures and further sections. All text
-is escaped. Figures travel inside the page as data URIs; as pictures of their own, so that the names inside one SVG
-cannot meet those inside another.
+is escaped. Figures are embedded as data URIs. Each SVG is an image of its own, so that the names inside one cannot
+collide with those inside another.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ class Items:
 
 @dataclass(frozen=True)
 class Preformatted:
-    """Text whose spaces and lines stay as they are, as of a file or a command."""
+    """Text with its spaces and line breaks kept, such as a file or a command."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Files:
-    """Links to files beside the page, and what each holds.
+    """Hyperlinks to files beside the page, with what each holds.
 
-    ``names_and_contents`` are relative paths with texts. A page is read without them.
+    ``names_and_contents`` are relative paths with descriptions. The page can be read without them.
     """
 
     names_and_contents: tuple[tuple[str, str], ...]
@@ -65,8 +65,8 @@ class Picture:
     ----------
     content : the bytes of a PNG or SVG file.
     kind : "png" or "svg".
-    caption : what is seen, below the figure; number and unit of axes belong into the figure.
-    alternative : what the figure says, for those who do not see it.
+    caption : text below the figure; numbers and units of axes belong into the figure.
+    alternative : description for readers who cannot see the figure.
     """
 
     content: bytes
@@ -77,7 +77,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it, in order; sections inside it get smaller headings."""
+    """A heading and its blocks, in order; sections inside it get smaller headings."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -96,11 +96,11 @@ class Page:
 
 
 def picture(figure: Figure, caption: str, alternative: str, kind: Literal["png", "svg"] = "png") -> Picture:
-    """Draw a matplotlib figure into a page; "svg" where it holds lines only, "png" where it holds meshes."""
+    """Draw a matplotlib figure into a page; "svg" for lines only, "png" for meshes."""
     from matplotlib import rc_context
 
     stream = io.BytesIO()
-    # Without a date, and with names that are not random, the same figure gives the same bytes.
+    # Without a date, and with fixed names, the same figure gives the same bytes.
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
         figure.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)

@@ -1,8 +1,8 @@
-"""What a mesh does to gauge strains and to the map built on it: the strains of snapshots, mesh by mesh.
+"""Mesh study: the effect of a mesh on gauge strains and on the map built on it.
 
 The Fourier model, which shares no mesh with the others, plays the vehicle. The difference of a mesh's strains from
-its strains under the pressure of the snapshots is told in units of the gauges' noise. A map is then built on each
-mesh and fed with the Fourier model's strains and noise, as a vehicle would feed it.
+the Fourier model's, under the pressure of the snapshots, is stated in units of the gauges' noise. A map is then
+built on each mesh and fed with the Fourier model's strains and noise, as a vehicle would feed it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from strainfmu.estimator.step import Estimator
 
 FOURIER = "Fourier model"
 LAYERS = 2  # of the Fourier model's wall
-FINE_LINEAR = 0.3  # sqrt(r t), of linear tetrahedra: not even that helps
+FINE_LINEAR = 0.3  # sqrt(r t), length of linear tetrahedra: even these lose strain
 NOISE_DRAWS, SEED = 10, 20200  # noise is drawn this many times for each snapshot
 
 
@@ -58,8 +58,8 @@ class StudyMesh:
     Attributes
     ----------
     name : for the table.
-    make : makes it from body and wall.
-    needs_gmsh : whether that takes Gmsh.
+    make : returns it for a body and a wall.
+    needs_gmsh : whether Gmsh makes it.
     """
 
     name: str
@@ -88,7 +88,7 @@ STUDY_MESHES = (
 
 
 def study_meshes(note: Callable[[str], None]) -> list[StudyMesh]:
-    """Return :data:`STUDY_MESHES`, without those of Gmsh where it cannot be loaded; ``note`` is told why."""
+    """Return :data:`STUDY_MESHES`, without those of Gmsh where it is missing; ``note`` gets the reason."""
     try:
         load_gmsh()
     except StrainfmuError as error:
@@ -97,9 +97,9 @@ def study_meshes(note: Callable[[str], None]) -> list[StudyMesh]:
     return list(STUDY_MESHES)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StrainTruth:
-    """What maps are fed with and held against, at N snapshots.
+    """Strains that the maps are fed with, and the true coefficients, at N snapshots.
 
     Attributes
     ----------
@@ -115,9 +115,9 @@ class StrainTruth:
     dynamic_pressure: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StudyRow:
-    """What one mesh does.
+    """The effect of one mesh.
 
     Attributes
     ----------
@@ -126,8 +126,8 @@ class StudyRow:
     strain_rms, strain_largest : difference of gauge strain from the Fourier model over the gauge's noise [1], over
         gauges in use and snapshots.
     error_of_range : (5,) rms error of C_A, C_N, C_Y, M_P, M_Y from the map on this mesh over their range [1].
-    coverage : (5,) share of samples with the truth within 3 sigma [1].
-    alarms : share of samples with chi-square above its limit [1].
+    coverage : (5,) fraction of samples with the truth within 3 sigma [1].
+    alarms : fraction of samples with chi-square above its limit [1].
     """
 
     mesh: str
@@ -151,15 +151,15 @@ def mesh_study(
     Parameters
     ----------
     vehicle, snapshots : the vehicle file and surface pressure at its conditions, on stations times roll angles.
-    reporter : told each mesh as a stage.
-    meshes : what is compared.
-    solver : of free meshes; None for the best that is there.
+    reporter : receives each mesh as a stage.
+    meshes : those compared.
+    solver : of free meshes; None for the best one installed.
 
     Raises
     ------
     InputError
-        The snapshots are on a free surface or of another vehicle, the vehicle file asks for what the Fourier model
-        cannot do, or the solver is not installed.
+        The snapshots are on a free surface or of another vehicle, the vehicle file requests what the Fourier
+        model cannot do, or the solver is not installed.
     StrainfmuError
         Gmsh is needed and not installed, or a solver fails.
     """
@@ -192,7 +192,7 @@ def fourier_on_snapshots(
     Raises
     ------
     InputError
-        The snapshots are on a free surface or of another body, or the model cannot do what is asked for.
+        The snapshots are on a free surface or of another body, or the model cannot do what the file requests.
     """
     grid, body = snapshots.grid, vehicle.body()
     if grid is None:
@@ -209,32 +209,39 @@ def fourier_on_snapshots(
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     harmonics = (grid.n_roll - 1) // 2
     response = harmonic_response(mesh, wall_of(vehicle).material, stations, grid.x, harmonics, progress)
-    return StructuralModel(grid, response, found, placed)
+    return StructuralModel(surface=grid, response=response, layouts=found, placed=placed)
 
 
 def _on_mesh(
-    case: SolidCase, wanted: StudyMesh, snapshots: Snapshots, solver: str | None, progress: Progress
+    case: SolidCase, chosen: StudyMesh, snapshots: Snapshots, solver: str | None, progress: Progress
 ) -> tuple[MappedStructure, int]:
     """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
-    mesh = wanted.make(case.body, case.wall)
+    mesh = chosen.make(case.body, case.wall)
     whole = whole_mesh(mesh)
     rows = csr_array(vstack([_rows(mesh, gauges) for gauges in case.layouts.values()]))
-    wanted_solver = None if isinstance(mesh, SweptSector) else solver
-    material, density, support = case.wall.material, case.density, case.support
-    found = solve_strain(mesh, material, density, support, rows, wanted_solver, progress)
+    free_solver = None if isinstance(mesh, SweptSector) else solver
+    found = solve_strain(
+        mesh,
+        material=case.wall.material,
+        density=case.density,
+        support=case.support,
+        rows=rows,
+        wanted=free_solver,
+        progress=progress,
+    )
     surface, operator = mapped_operator(found.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)
     ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
     structure = MappedStructure(
-        surface,
-        f"{wanted.name}, {whole.n_dof} dofs",
-        {name: GaugeLayout(one.name, one.position, one.direction) for name, one in case.layouts.items()},
-        dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True)),
+        surface=surface,
+        description=f"{chosen.name}, {whole.n_dof} dofs",
+        layouts={name: GaugeLayout(one.name, one.position, one.direction) for name, one in case.layouts.items()},
+        operators=dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True)),
     )
     return structure, whole.n_dof
 
 
 def _rows(mesh: SweptSector | SolidMesh, gauges: Gauges) -> csr_array:
-    """Return gauge rows; gauges are laid onto free meshes, which linear elements make faceted."""
+    """Return gauge rows; on free meshes, which linear elements make faceted, gauges are moved onto the surface."""
     if isinstance(mesh, SweptSector):
         return cyclic_gauge_rows(mesh, gauges)
     return gauge_rows(mesh, gauges, near_surface=True)
@@ -287,7 +294,7 @@ def study_table(rows: Sequence[StudyRow]) -> str:
 
 
 def study_csv(rows: Sequence[StudyRow]) -> str:
-    """Return the rows as CSV, one column per number; shares as fractions."""
+    """Return the rows as CSV, one column per number; coverage and alarms as fractions."""
     errors = [f"rms_error_of_range.{name}" for name in COEFFICIENT_NAMES]
     coverage = [f"within_3_sigma.{name}" for name in COEFFICIENT_NAMES]
     head = ["mesh", "n_dof", "strain_rms_over_sigma", "strain_largest_over_sigma", *errors, *coverage]

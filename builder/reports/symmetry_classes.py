@@ -1,4 +1,4 @@
-"""Pressure split by symmetry: its parts that are even or odd under y -> -y and under z -> -z, as projections."""
+"""Symmetry classes of pressure: its parts that are even or odd under y -> -y and under z -> -z, as projections."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from builder.structure.observability import SYMMETRIES
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
-LARGEST_GAP = 2e-3
-"""Of the body's length, between a surface and its mirror image, above which it has no such symmetry."""
+MAX_GAP = 2e-3
+"""Gap between a surface and its mirror image, over the body's length, above which it has no such symmetry."""
 
 Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 
@@ -21,7 +21,7 @@ Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 def mirror_operators(surface: SurfaceGrid | SurfaceMesh) -> Mirrors | None:
     """Return sparse (n_p, n_p) M_y, M_z: (M_y p)(x, y, z) = p(x, -y, z). None where the surface is not symmetric.
 
-    A grid always is; on other surfaces the value is that of the closest point.
+    A grid always is symmetric. On other surfaces the value is that of the closest point.
     """
     if isinstance(surface, SurfaceGrid):
         return grid_mirrors(surface)
@@ -30,16 +30,16 @@ def mirror_operators(surface: SurfaceGrid | SurfaceMesh) -> Mirrors | None:
         flip = np.ones(3)
         flip[axis] = -1.0
         closest = closest_points(surface, surface.point * flip, surface.node_normal * flip)
-        if closest.gap.max() > LARGEST_GAP * float(np.ptp(surface.point, axis=0).max()):
+        if closest.gap.max() > MAX_GAP * float(np.ptp(surface.point, axis=0).max()):
             return None
         found.append(interpolation_at(surface, closest))
     return found[0], found[1]
 
 
 def grid_mirrors(grid: SurfaceGrid) -> Mirrors:
-    """Return the same for a grid, exactly.
+    """Return the same for a grid, without interpolation error.
 
-    Where no node lies opposite another, pressure, which is trigonometric in roll angle, is mirrored wave by wave.
+    Pressure is trigonometric in roll angle. Where no node lies opposite another, it is mirrored wave by wave.
     """
     rings = sparse.identity(len(grid.x))
     of_y, of_z = (sparse.csr_array(sparse.kron(rings, one)) for one in _ring_mirrors(grid.n_roll))
@@ -53,7 +53,7 @@ def _ring_mirrors(n_roll: int) -> Mirrors:
     if n_roll % 2 == 0:
         return of_y, sparse.csr_array((every, (node, (n_roll // 2 - node) % n_roll)))
     # phi -> pi - phi keeps cos(m phi) of even m and sin(m phi) of odd m. An odd number of nodes carries both of
-    # every m up to (n_roll - 1) / 2, and nothing else: these waves are an orthogonal basis.
+    # every m up to (n_roll - 1) / 2 and nothing else: these waves are an orthogonal basis.
     harmonic = np.arange(1, n_roll // 2 + 1)
     phase = np.outer(2.0 * np.pi * node / n_roll, harmonic)
     scale, sign = np.sqrt(2.0 / n_roll), np.where(harmonic % 2 == 0, 1.0, -1.0)
@@ -61,14 +61,14 @@ def _ring_mirrors(n_roll: int) -> Mirrors:
     return of_y, sparse.csr_array(1.0 / n_roll + (cosines * sign) @ cosines.T - (sines * sign) @ sines.T)
 
 
-def class_shares(fields: FloatArray, area: FloatArray, mirrors: Mirrors | None) -> FloatArray:
-    """Return (n, 4) share [1] of each class of symmetry in the mean square of each field.
+def class_fractions(fields: FloatArray, area: FloatArray, mirrors: Mirrors | None) -> FloatArray:
+    """Return (n, 4) fraction [1] of each class of symmetry in the mean square of each field.
 
     Parameters
     ----------
     fields : (n_p, n) pressures, none of them 0 throughout.
     area : (n_p,) of the nodes, in any unit.
-    mirrors : of the surface; without them all is NaN.
+    mirrors : of the surface; None gives NaN.
     """
     if mirrors is None:
         return np.full((fields.shape[1], len(SYMMETRIES)), np.nan)

@@ -1,4 +1,4 @@
-"""Tables that hold raw numbers with units: shown rounded, written to CSV and JSON in full."""
+"""Tables of raw numbers with units: shown rounded, written in full to CSV and JSON."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ import numpy as np
 from strainfmu.files import write_bytes_atomically
 
 Cell = str | bool | int | float | None
-"""None and NaN are shown as a dash: there is no such number."""
+"""None and NaN, shown as a dash, stand for a missing number."""
 
 NO_VALUE = "–"
 
 SCALES = {"%": 100.0, "um/m": 1e6}
-"""From SI to the units that tables show instead."""
+"""Factors from SI to the units that tables show."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Column:
 
     Attributes
     ----------
-    heading : what it holds.
+    heading : its title without unit.
     unit : of its numbers, "" for words.
-    digits : format of its numbers that are not whole, as for ``format``.
+    digits : format specification of its numbers that are no integers.
     """
 
     heading: str
@@ -71,7 +71,7 @@ class Table:
 
 
 def make_table(name: str, caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Any]]) -> Table:
-    """Return a table of anything that is a number or a word; numpy's numbers become Python's.
+    """Return a table of numbers and words; numpy's numbers become Python's.
 
     Raises
     ------
@@ -88,8 +88,8 @@ def records_table(
 
     Parameters
     ----------
-    columns : where a cell comes from, an attribute of the record or a function of it, and the column it stands in.
-        Records are in SI; numbers under :data:`SCALES` are shown in the column's unit.
+    columns : source of the cells, an attribute of the record or a function of it, and their column. Records are in
+        SI; in columns with a unit of :data:`SCALES` numbers are converted to it.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def write_csv(tables: Mapping[str, Table], folder: Path) -> None:
 
 
 def shown(cell: Cell, column: Column) -> str:
-    """Return a cell as a reader sees it: rounded, a dash where there is no number."""
+    """Return a cell as text for a reader: rounded, a dash where there is no number."""
     if cell is None or (isinstance(cell, float) and isnan(cell)):
         return NO_VALUE
     if isinstance(cell, bool):
@@ -129,13 +129,13 @@ def shown(cell: Cell, column: Column) -> str:
         if not isfinite(cell):
             return "infinite" if cell > 0.0 else "-infinite"
         text = format(cell, column.digits)
-        # What rounds to 0 has no sign.
+        # A number that rounds to 0 has no sign.
         return text[1:] if text.startswith("-") and float(text) == 0.0 else text
     return str(cell)
 
 
 def is_number(cell: Cell) -> bool:
-    """Return whether a cell is aligned as a number: where it is one, or stands for one that is missing."""
+    """Return whether a cell is aligned as a number: a number, or a missing one."""
     return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))
 
 
@@ -163,7 +163,7 @@ def table_json(table: Table) -> dict[str, Any]:
 
 
 def json_number(cell: Cell) -> Cell:
-    """Return a cell as JSON can hold it: infinity as a word, NaN as null."""
+    """Return a cell as a value of JSON: infinity as a word, NaN as null."""
     if isinstance(cell, float) and not isfinite(cell):
         return None if isnan(cell) else ("infinite" if cell > 0.0 else "-infinite")
     return cell

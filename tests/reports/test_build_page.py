@@ -32,25 +32,25 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
-QUESTIONS = [
-    "what-this-layout-sees",
-    "what-it-is-blind-to",
-    "how-sure-each-coefficient-is",
-    "which-gauge-matters-most",
-    "what-a-lost-gauge-costs",
-    "how-much-the-prior-decides",
-    "what-counts-as-noise",
-    "where-the-map-holds",
-    "what-is-not-in-these-numbers",
+SECTIONS = [
+    "what-this-layout-observes",
+    "blindness",
+    "uncertainty-of-each-coefficient",
+    "value-of-each-gauge",
+    "cost-of-a-lost-gauge",
+    "weight-of-the-prior",
+    "noise-terms",
+    "validity-range",
+    "errors-not-included",
     "numbers",
 ]
 
 
-def test_page_answers_in_order(report: BuildReport, html: str) -> None:
+def test_sections_of_the_page_in_order(report: BuildReport, html: str) -> None:
     page = assert_self_contained(html)
     sections = [name for name in page.anchors if not name.startswith("table-")]
-    wanted = [name for name in QUESTIONS if report.gamma or name != "how-much-the-prior-decides"]
-    assert sections == wanted
+    expected = [name for name in SECTIONS if report.gamma or name != "weight-of-the-prior"]
+    assert sections == expected
     assert "nan" not in page.text.lower().replace("nano", "").split()
     assert len(page.alternatives) == (8 if report.gamma else 6)
     assert blind_line(report) in page.text
@@ -99,10 +99,10 @@ def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> 
     assert noise.sum() == pytest.approx(100.0, rel=1e-9)
     assert [row[0] for row in tables["gauges"].rows] == list(one.gauge_names)
     growth = np.array([row[7:12] for row in tables["gauges"].rows], dtype=float)
-    dearest = tables["worst_losses"].rows
+    costliest = tables["worst_losses"].rows
     for i in range(5):
-        assert dearest[i][2] == pytest.approx(growth[:, i].max())
-        assert dearest[i][1] == one.gauge_names[int(growth[:, i].argmax())]
+        assert costliest[i][2] == pytest.approx(growth[:, i].max())
+        assert costliest[i][1] == one.gauge_names[int(growth[:, i].argmax())]
     validity = {row[0]: row[1:] for row in tables["validity"].rows}
     assert validity["Mach number"] == (4.0, 5.0, "1")
     assert validity["angle of attack"] == pytest.approx((0.0, 6.0, "deg"))
@@ -143,11 +143,13 @@ def test_a_structure_on_a_free_mesh(parts: Parts) -> None:
     inverse_map = build_inverse_map(case.vehicle, snapshots, structure)
     report = build_report(case.vehicle, snapshots, structure, inverse_map)
     expected = build_report(case.vehicle, case.snapshots, case.structure, case.inverse_map)
-    np.testing.assert_allclose(report.sight.class_share, expected.sight.class_share, rtol=5e-3, atol=1e-6)
-    np.testing.assert_allclose(report.sight.removed, expected.sight.removed, rtol=5e-3)
+    np.testing.assert_allclose(
+        report.observability.class_fraction, expected.observability.class_fraction, rtol=5e-3, atol=1e-6
+    )
+    np.testing.assert_allclose(report.observability.removed, expected.observability.removed, rtol=5e-3)
     assert report.blind_classes == expected.blind_classes
     assert picture(
-        known_pressure(report.surface, report.sight.node_removed, report.inverse_map), "caption", "words"
+        known_pressure(report.surface, report.observability.node_removed, report.inverse_map), "caption", "words"
     ).content.startswith(b"\x89PNG")
 
 
@@ -184,14 +186,14 @@ def test_a_zero_has_no_sign() -> None:
 def test_what_is_excluded_follows_the_noise_section(parts: Parts) -> None:
     vehicle = parts[0]
 
-    def said(**entries: object) -> str:
+    def excluded(**entries: object) -> str:
         noise = vehicle.noise.model_copy(update=entries)
         return " ".join(exclusions(vehicle.model_copy(update={"noise": noise}), "newtonian"))
 
-    assert "noise.gauge_gain_percent is 0" in said()
-    assert "noise.gauge_gain_percent" not in said(gauge_gain_percent=1.0)
-    assert "noise.apparent_strain_um_per_m is 0" in said()
-    assert "noise.apparent_strain_um_per_m" not in said(nuisance_file="thermal.csv")
-    assert "cut off" not in said()
-    assert "cut off" in said(truncated_modes=False)
-    assert "newtonian" in said()
+    assert "noise.gauge_gain_percent is 0" in excluded()
+    assert "noise.gauge_gain_percent" not in excluded(gauge_gain_percent=1.0)
+    assert "noise.apparent_strain_um_per_m is 0" in excluded()
+    assert "noise.apparent_strain_um_per_m" not in excluded(nuisance_file="thermal.csv")
+    assert "Truncated pressure modes" not in excluded()
+    assert "Truncated pressure modes" in excluded(truncated_modes=False)
+    assert "newtonian" in excluded()

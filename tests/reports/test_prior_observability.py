@@ -12,7 +12,7 @@ from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise_model import gauge_noise
 from builder.inverse.solution import Problem, solve
-from builder.reports.prior_observability import PriorSight, prior_sight
+from builder.reports.prior_observability import PriorObservability, prior_observability
 from builder.reports.symmetry_classes import mirror_operators, symmetric_part
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
@@ -29,7 +29,7 @@ ODD_ODD = [str(one) for one in SYMMETRIES].index("odd in y, odd in z")
 EVEN_ODD = [str(one) for one in SYMMETRIES].index("even in y, odd in z")
 
 
-def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorSight, float]:
+def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorObservability, float]:
     """cos(phi) of 300 Pa and sin(2 phi) of 100 Pa, over four gauges that feel 1, cos and sin; and their share."""
     phi = np.tile(grid.roll_angle, STATIONS)
     random = np.random.default_rng(5)
@@ -56,33 +56,33 @@ def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorSight,
     )
     # Both waves have a mean square of 1/2 over the area.
     share = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
-    return prior_sight(problem, solve(problem), grid), share
+    return prior_observability(problem, solve(problem), grid), share
 
 
 @pytest.mark.parametrize("grid", [GRID, ODD_GRID], ids=["24 roll angles", "25 roll angles"])
 def test_blind_share_of_a_constructed_case(grid: SurfaceGrid) -> None:
     """sin(2 phi) is odd in y and z: its share by the amplitudes; uncorrelated, nothing of it becomes known."""
-    sight, share = constructed(correlated=False, grid=grid)
-    assert sight.class_share[ODD_ODD] == pytest.approx(share, rel=1e-9)
-    assert sight.class_share[EVEN_ODD] == pytest.approx(1.0 - share, rel=1e-9)
-    assert sight.class_share.sum() == pytest.approx(1.0, rel=1e-12)
-    assert sight.class_strain[ODD_ODD] < 1e-12 * sight.class_strain[EVEN_ODD]
-    assert sight.class_removed[ODD_ODD] == pytest.approx(0.0, abs=1e-6)
-    assert sight.class_removed[EVEN_ODD] > 0.999
-    assert sight.removed == pytest.approx(1.0 - share, abs=1e-3)
-    assert sight.mode_classes[0, EVEN_ODD] == pytest.approx(1.0, abs=1e-9)
-    assert sight.mode_classes[1, ODD_ODD] == pytest.approx(1.0, abs=1e-9)
-    empty = np.isnan(sight.class_removed)
+    observed, share = constructed(correlated=False, grid=grid)
+    assert observed.class_fraction[ODD_ODD] == pytest.approx(share, rel=1e-9)
+    assert observed.class_fraction[EVEN_ODD] == pytest.approx(1.0 - share, rel=1e-9)
+    assert observed.class_fraction.sum() == pytest.approx(1.0, rel=1e-12)
+    assert observed.class_strain[ODD_ODD] < 1e-12 * observed.class_strain[EVEN_ODD]
+    assert observed.class_removed[ODD_ODD] == pytest.approx(0.0, abs=1e-6)
+    assert observed.class_removed[EVEN_ODD] > 0.999
+    assert observed.removed == pytest.approx(1.0 - share, abs=1e-3)
+    assert observed.mode_classes[0, EVEN_ODD] == pytest.approx(1.0, abs=1e-9)
+    assert observed.mode_classes[1, ODD_ODD] == pytest.approx(1.0, abs=1e-9)
+    empty = np.isnan(observed.class_removed)
     assert empty.sum() == 2  # the classes that hold nothing
 
 
 def test_blind_pressure_is_inferred_from_what_flies_with_it() -> None:
     """One amplitude for both waves: the unseen one is known as well as the seen one."""
-    sight, share = constructed(correlated=True)
-    assert sight.class_share[ODD_ODD] == pytest.approx(share, rel=1e-9)
-    assert sight.class_strain[ODD_ODD] < 1e-12 * sight.class_strain[EVEN_ODD]
-    assert sight.class_removed[ODD_ODD] == pytest.approx(sight.class_removed[EVEN_ODD], rel=1e-9)
-    assert sight.class_removed[ODD_ODD] > 0.999
+    observed, share = constructed(correlated=True)
+    assert observed.class_fraction[ODD_ODD] == pytest.approx(share, rel=1e-9)
+    assert observed.class_strain[ODD_ODD] < 1e-12 * observed.class_strain[EVEN_ODD]
+    assert observed.class_removed[ODD_ODD] == pytest.approx(observed.class_removed[EVEN_ODD], rel=1e-9)
+    assert observed.class_removed[ODD_ODD] > 0.999
 
 
 @pytest.mark.parametrize("grid", [GRID, ODD_GRID], ids=["24 roll angles", "25 roll angles"])
@@ -126,15 +126,15 @@ def test_a_body_without_symmetry_has_no_classes(parts: Parts) -> None:
     mesh = mesh_of_grid(case.structure.surface)
     bent = replace(mesh, point=mesh.point + np.outer(0.1 * mesh.point[:, 0] ** 2, [0.0, 1.0, 1.0]))
     assert mirror_operators(bent) is None
-    sight = prior_sight(case.problem, case.solution, bent)
-    assert np.isnan(sight.class_share).all()
-    assert 0.0 < sight.removed <= 1.0
+    observed = prior_observability(case.problem, case.solution, bent)
+    assert np.isnan(observed.class_fraction).all()
+    assert 0.0 < observed.removed <= 1.0
 
 
 def test_removed_variance_is_that_of_snapshots_flown_one_by_one(case: ReportCase) -> None:
     """Fields estimated from each snapshot's strain, and the noise's part: mean square error over area, 1e-9."""
     problem, solution = case.problem, case.solution
-    sight = prior_sight(problem, solution, case.structure.surface)
+    observed = prior_observability(problem, solution, case.structure.surface)
     net = problem.pressure - problem.internal_pressure
     states = net @ problem.strain_operator.T @ solution.solved.strain_gain.T + solution.solved.state_offset
     error = solution.mean + states @ solution.field_modes.T - problem.pressure
@@ -143,20 +143,20 @@ def test_removed_variance_is_that_of_snapshots_flown_one_by_one(case: ReportCase
     of_noise = solution.field_modes @ solution.solved.strain_gain @ problem.noise[0].strain
     left = (np.sum(error**2, axis=0) / n + np.sum(of_noise**2, axis=1)) @ area
     before = np.sum((problem.pressure - solution.mean) ** 2, axis=0) / n
-    assert sight.removed == pytest.approx(1.0 - left / (before @ area), rel=1e-9)
+    assert observed.removed == pytest.approx(1.0 - left / (before @ area), rel=1e-9)
     per_node = 1.0 - (np.sum(error**2, axis=0) / n + np.sum(of_noise**2, axis=1)) / before
-    np.testing.assert_allclose(sight.node_removed, per_node, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(observed.node_removed, per_node, rtol=1e-7, atol=1e-9)
 
 
 def test_no_linear_map_is_better_than_the_best(parts: Parts) -> None:
     """At gamma = 1 and with all modes the map is the best one; with four modes it is not, for any mode kept."""
     best = case_of(parts, MapEntry(case=2, gamma=1.0))
-    sight = prior_sight(best.problem, best.solution, best.structure.surface)
-    assert sight.removed == pytest.approx(sight.removed_at_best, rel=1e-9)
-    np.testing.assert_allclose(sight.mode_removed, sight.mode_removed_at_best, rtol=1e-6, atol=1e-8)
+    observed = prior_observability(best.problem, best.solution, best.structure.surface)
+    assert observed.removed == pytest.approx(observed.removed_at_best, rel=1e-9)
+    np.testing.assert_allclose(observed.mode_removed, observed.mode_removed_at_best, rtol=1e-6, atol=1e-8)
     for entry in (CASE_1, CASE_2):
         case = case_of(parts, entry)
-        other = prior_sight(case.problem, case.solution, case.structure.surface)
-        assert other.removed_at_best == pytest.approx(sight.removed, rel=1e-9)
+        other = prior_observability(case.problem, case.solution, case.structure.surface)
+        assert other.removed_at_best == pytest.approx(observed.removed, rel=1e-9)
         assert other.removed < other.removed_at_best
         assert (other.mode_removed <= other.mode_removed_at_best + 1e-9).all()
