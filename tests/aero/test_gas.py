@@ -200,11 +200,11 @@ def test_flux_between_equal_states_is_theirs(slope: float) -> None:
     p, rho, u, v, t = 0.9, 1.2, 6.0, 0.3, -0.2
     through = rho * (v - slope * u)
     expected = [through, through * u - slope * p, through * v + p, through * t]
-    np.testing.assert_allclose(hll(p, rho, u, v, t, p, rho, u, v, t, slope), expected, rtol=1e-12)
+    np.testing.assert_allclose(hll((p, rho, u, v, t), (p, rho, u, v, t), slope), expected, rtol=1e-12)
 
 
 def test_flux_is_the_upwind_one_outside_the_fan() -> None:
     """With the face slower or faster than every wave only one side counts."""
     left, right = (0.9, 1.2, 6.0, 0.3, -0.2), (0.5, 0.7, 6.5, -0.4, 0.1)
-    np.testing.assert_array_equal(hll(*left, *right, -2.0), hll(*left, *left, -2.0))
-    np.testing.assert_array_equal(hll(*left, *right, 2.0), hll(*right, *right, 2.0))
+    np.testing.assert_array_equal(hll(left, right, -2.0), hll(left, left, -2.0))
+    np.testing.assert_array_equal(hll(left, right, 2.0), hll(right, right, 2.0))

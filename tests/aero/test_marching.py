@@ -12,7 +12,7 @@ from math import atan, pi, radians, tan
 import numpy as np
 import pytest
 
-from builder.aero.euler.grid import cell_areas, full_body_rays, half_body_rays, place_vertices
+from builder.aero.euler.grid import Step, cell_areas, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.march import advance_cells, decode, find_fluxes
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.plane import free_stream
@@ -155,7 +155,8 @@ def test_uniform_stream_stays_uniform_on_a_moving_grid(
     assert decode(conserved, rays, stream, cell, wave)
     change, result, pressure = np.empty_like(conserved), np.empty_like(conserved), np.empty(n_phi)
     repairs = np.zeros(1, dtype=np.int64)
-    assert find_fluxes(before, after, dx, cell, wave, rays, stream, change, pressure, repairs)
+    step = Step(before, after, dx)
+    assert find_fluxes(step, cell, wave, rays, stream, change, wall_pressure=pressure, repairs=repairs)
     advance_cells(conserved, area_before, change, change, area_after, result)
     assert np.abs(area_after / area_before - 1.0).max() > 0.05
     size = conserved[1].max()

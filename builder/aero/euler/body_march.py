@@ -96,7 +96,15 @@ def march_body(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingG
                 pressures.append(pressure)
         solved.append((np.concatenate(stations), np.concatenate(pressures)))
     momentum, mass_defect = momentum_balance(plane, pieces[-1][-1].radius[-1], flow.stream, grid)
-    return Marched(tuple(solved), plane.force, momentum, mass_defect, change, plane.n_steps, int(plane.repairs[0]))
+    return Marched(
+        pieces=tuple(solved),
+        force=plane.force,
+        force_from_momentum=momentum,
+        mass_defect=mass_defect,
+        conical_change=change,
+        n_steps=plane.n_steps,
+        n_repairs=int(plane.repairs[0]),
+    )
 
 
 def _end_of_cone(wall: Wall) -> float:
@@ -176,19 +184,19 @@ def advance(
     n_phi, n_r = plane.conserved.shape[1:]
     stations, pressures = np.empty(MAX_STEPS), np.empty((MAX_STEPS, n_phi))
     status, n_steps, x = march.march(
-        plane.conserved,
-        plane.outer,
-        grid.spacing(n_r),
-        plane.rays,
-        wall,
-        float(plane.x),
-        float(x_end),
-        flow.stream,
-        COURANT,
-        stations,
-        pressures,
-        plane.force,
-        plane.repairs,
+        conserved=plane.conserved,
+        outer=plane.outer,
+        spacing=grid.spacing(n_r),
+        rays=plane.rays,
+        wall=wall,
+        x_start=float(plane.x),
+        x_end=float(x_end),
+        stream=flow.stream,
+        courant=COURANT,
+        stations=stations,
+        pressures=pressures,
+        force=plane.force,
+        repairs=plane.repairs,
     )
     if status != march.REACHED_END:
         reasons = {

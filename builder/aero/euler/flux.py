@@ -12,6 +12,9 @@ import math
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA
 
+FaceState = tuple[float, float, float, float, float]
+"""p, rho, u and the velocity normal and tangential to a face: v_n, v_t."""
+
 
 @compiled
 def characteristic_slopes(
@@ -26,36 +29,23 @@ def characteristic_slopes(
 
 
 @compiled
-def _side(
-    p: float, rho: float, u: float, v: float, t: float, s: float
-) -> tuple[float, float, float, float, float, float, float, float]:
+def _side(state: FaceState, s: float) -> tuple[float, float, float, float, float, float, float, float]:
     """Return E (4 values) and F_n - s E (4 values) of one state."""
+    p, rho, u, v, t = state
     mass, through = rho * u, rho * (v - s * u)
     return mass, mass * u + p, mass * v, mass * t, through, through * u - s * p, through * v + p, through * t
 
 
 @compiled
-def hll(
-    pl: float,
-    rl: float,
-    ul: float,
-    vl: float,
-    tl: float,
-    pr: float,
-    rr: float,
-    ur: float,
-    vr: float,
-    tr: float,
-    s: float,
-) -> tuple[float, float, float, float]:
+def hll(left: FaceState, right: FaceState, s: float) -> tuple[float, float, float, float]:
     """Return the two-wave flux of Harten, Lax and van Leer (SIAM Review 25, 1983) with steady slopes.
 
-    Arguments: (p, rho, u, v_n, v_t) on the left and right, slope s of the face.
+    ``s`` is the slope dn/dx of the face between the two states.
     """
-    l0, l1, l2, l3, f0, f1, f2, f3 = _side(pl, rl, ul, vl, tl, s)
-    r0, r1, r2, r3, g0, g1, g2, g3 = _side(pr, rr, ur, vr, tr, s)
-    lower_left, upper_left = characteristic_slopes(pl, rl, ul, vl)
-    lower_right, upper_right = characteristic_slopes(pr, rr, ur, vr)
+    l0, l1, l2, l3, f0, f1, f2, f3 = _side(left, s)
+    r0, r1, r2, r3, g0, g1, g2, g3 = _side(right, s)
+    lower_left, upper_left = characteristic_slopes(left[0], left[1], left[2], left[3])
+    lower_right, upper_right = characteristic_slopes(right[0], right[1], right[2], right[3])
     low = min(lower_left, lower_right) - s
     high = max(upper_left, upper_right) - s
     if low >= 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import hll
 from builder.aero.euler.gas import GAMMA, wall_pressure
-from builder.aero.euler.grid import Rays, face_area, norm
+from builder.aero.euler.grid import Rays, Step, face_area, norm
 from builder.aero.euler.reconstruction import (
     State,
     Stream,
@@ -32,7 +32,7 @@ def _flow_through(left: State, right: State, sx: float, sy: float, sz: float) ->
     pr, rr, ur, vr, wr = right
     nl, tl = vl * ny + wl * nz, wl * ny - vl * nz
     nr, tr = vr * ny + wr * nz, wr * ny - vr * nz
-    f0, f1, fn, ft = hll(pl, rl, ul, nl, tl, pr, rr, ur, nr, tr, slope)
+    f0, f1, fn, ft = hll((pl, rl, ul, nl, tl), (pr, rr, ur, nr, tr), slope)
     return f0 * length, f1 * length, (fn * ny - ft * nz) * length, (fn * nz + ft * ny) * length
 
 
@@ -47,13 +47,7 @@ def _turned_pressure(cell: FloatArray, j: int, i: int, sx: float, sy: float, sz:
 
 @compiled
 def add_wall_fluxes(
-    before: FloatArray,
-    after: FloatArray,
-    dx: float,
-    cell: FloatArray,
-    change: FloatArray,
-    pressure_at_wall: FloatArray,
-    repairs: IntArray,
+    step: Step, cell: FloatArray, change: FloatArray, pressure_at_wall: FloatArray, repairs: IntArray
 ) -> bool:
     """Add to change (4, n_phi, n_r) the wall's pressure, left in pressure_at_wall (n_phi,).
 
@@ -62,7 +56,7 @@ def add_wall_fluxes(
     fan looks like on the grid. False if a wall shock detaches.
     """
     for j in range(pressure_at_wall.size):
-        sx, sy, sz = face_area(before, after, dx, j + 1, 0, j, 0)
+        sx, sy, sz = face_area(step, j + 1, 0, j, 0)
         p = _turned_pressure(cell, j, 0, sx, sy, sz)
         if not p > 0.0:
             return False
@@ -81,9 +75,7 @@ def add_wall_fluxes(
 
 @compiled
 def add_radial_fluxes(
-    before: FloatArray,
-    after: FloatArray,
-    dx: float,
+    step: Step,
     wave: FloatArray,
     rays: Rays,
     stream: Stream,
@@ -96,12 +88,12 @@ def add_radial_fluxes(
     radial_slopes(wave, half)
     free_stream = (1.0 / GAMMA, 1.0, stream.u, stream.v, stream.w)
     for j in range(n_phi):
-        sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
+        ray = (rays.cell_sine[j], rays.cell_cosine[j])
         for i in range(1, n_r + 1):
-            sx, sy, sz = face_area(before, after, dx, j + 1, i, j, i)
+            sx, sy, sz = face_area(step, j + 1, i, j, i)
             if i < n_r:
-                left = reconstruct(wave, half, j, i - 1, 1.0, sine, cosine, stream, repairs)
-                right = reconstruct(wave, half, j, i, -1.0, sine, cosine, stream, repairs)
+                left = reconstruct(wave, half, j, i - 1, side=1.0, ray=ray, stream=stream, repairs=repairs)
+                right = reconstruct(wave, half, j, i, side=-1.0, ray=ray, stream=stream, repairs=repairs)
             else:
                 left = right = free_stream
             flux = _flow_through(left, right, sx, sy, sz)
@@ -113,9 +105,7 @@ def add_radial_fluxes(
 
 @compiled
 def add_circumferential_fluxes(
-    before: FloatArray,
-    after: FloatArray,
-    dx: float,
+    step: Step,
     wave: FloatArray,
     rays: Rays,
     stream: Stream,
@@ -127,17 +117,17 @@ def add_circumferential_fluxes(
     half = np.empty(change.shape)
     circumferential_slopes(wave, rays.step, half)
     for j in range(n_phi if rays.closed else n_phi + 1):
-        sine, cosine = rays.sine[j], rays.cosine[j]
+        ray = (rays.sine[j], rays.cosine[j])
         behind, ahead = j - 1, j
         if rays.closed and j == 0:
             behind = n_phi - 1
         for i in range(n_r):
-            sx, sy, sz = face_area(before, after, dx, j, i, j, i + 1)
+            sx, sy, sz = face_area(step, j, i, j, i + 1)
             # Across the symmetry plane (y = 0) lies the mirror image.
             if behind >= 0:
-                left = reconstruct(wave, half, behind, i, 1.0, sine, cosine, stream, repairs)
+                left = reconstruct(wave, half, behind, i, side=1.0, ray=ray, stream=stream, repairs=repairs)
             if ahead < n_phi:
-                right = reconstruct(wave, half, ahead, i, -1.0, sine, cosine, stream, repairs)
+                right = reconstruct(wave, half, ahead, i, side=-1.0, ray=ray, stream=stream, repairs=repairs)
             else:
                 right = (left[0], left[1], left[2], -left[3], left[4])
             if behind < 0:

@@ -122,15 +122,28 @@ def cell_areas(vertex: FloatArray, area: FloatArray) -> None:
             area[j, i] = 0.5 * abs(ay * bz - az * by)
 
 
+class Step(NamedTuple):
+    """The grid of one marching step, between whose two cross-planes the side faces lie.
+
+    Attributes
+    ----------
+    before, after : (2, n_phi + 1, n_r + 1) y, z of the vertices at both ends.
+    dx : its length.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    dx: float
+
+
 @compiled
-def face_area(
-    before: FloatArray, after: FloatArray, dx: float, j: int, i: int, j_next: int, i_next: int
-) -> tuple[float, float, float]:
+def face_area(step: Step, j: int, i: int, j_next: int, i_next: int) -> tuple[float, float, float]:
     """Return the vector area (x, y, z) that the edge from vertex (j, i) to (j_next, i_next) sweeps in a step.
 
     It points outward for an edge towards decreasing roll angle, and towards increasing roll angle for an
     outward edge.
     """
+    before, after, dx = step.before, step.after, step.dx
     ay = after[0, j_next, i_next] - before[0, j, i]
     az = after[1, j_next, i_next] - before[1, j, i]
     by = after[0, j, i] - before[0, j_next, i_next]

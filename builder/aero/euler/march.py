@@ -14,7 +14,7 @@ from builder.aero.euler.compiled import compiled
 from builder.aero.euler.flux import characteristic_slopes
 from builder.aero.euler.fluxes import add_circumferential_fluxes, add_radial_fluxes, add_wall_fluxes
 from builder.aero.euler.gas import GAMMA, primitive
-from builder.aero.euler.grid import Rays, Wall, cell_areas, face_area, find_wall, norm, place_vertices
+from builder.aero.euler.grid import Rays, Step, Wall, cell_areas, face_area, find_wall, norm, place_vertices
 from builder.aero.euler.reconstruction import Stream
 from strainfmu.arrays import FloatArray, IntArray
 
@@ -97,12 +97,10 @@ def crossing_steps(
 
 
 @compiled
-def add_wall_force(
-    before: FloatArray, after: FloatArray, dx: float, pressure: FloatArray, force: FloatArray
-) -> None:
+def add_wall_force(step: Step, pressure: FloatArray, force: FloatArray) -> None:
     """Add to force (3,) that of p - p_inf on the wall of one step, over p_inf, from pressure (n_phi,)."""
     for j in range(pressure.size):
-        sx, sy, sz = face_area(before, after, dx, j + 1, 0, j, 0)
+        sx, sy, sz = face_area(step, j + 1, 0, j, 0)
         excess = GAMMA * pressure[j] - 1.0
         force[0] -= excess * sx
         force[1] -= excess * sy
@@ -111,9 +109,7 @@ def add_wall_force(
 
 @compiled
 def find_fluxes(
-    before: FloatArray,
-    after: FloatArray,
-    dx: float,
+    step: Step,
     cell: FloatArray,
     wave: FloatArray,
     rays: Rays,
@@ -124,10 +120,10 @@ def find_fluxes(
 ) -> bool:
     """Fill change (4, n_phi, n_r) with what flows into each cell in a step; False if a wall shock detaches."""
     change[:] = 0.0
-    if not add_wall_fluxes(before, after, dx, cell, change, wall_pressure, repairs):
+    if not add_wall_fluxes(step, cell, change, wall_pressure, repairs):
         return False
-    add_radial_fluxes(before, after, dx, wave, rays, stream, change, repairs)
-    add_circumferential_fluxes(before, after, dx, wave, rays, stream, change, repairs)
+    add_radial_fluxes(step, wave, rays, stream, change, repairs)
+    add_circumferential_fluxes(step, wave, rays, stream, change, repairs)
     return True
 
 
@@ -190,38 +186,39 @@ def march(
     find_wall(x, wall, radius, slope)
     place_vertices(radius, outer, spacing, rays, before)
     cell_areas(before, area_before)
-    for step in range(stations.size):
+    for number in range(stations.size):
         if not decode(conserved, rays, stream, cell, wave):
-            return AXIAL_SONIC, step, x
-        outer_boundary_growth(x, before, outer, wave, rays, stream, growth)
-        crossing_steps(before, cell, spacing, rays, slope, growth, crossing)
+            return AXIAL_SONIC, number, x
+        outer_boundary_growth(x, before, outer, wave, rays, stream, growth=growth)
+        crossing_steps(before, cell, spacing, rays, wall_slope=slope, growth=growth, step=crossing)
         dx = courant * crossing.min()
         last = x + dx >= x_end * (1.0 - 1e-12)
         if last:
             dx = x_end - x
         # The shock moves as it would half a step ahead (second-order Adams-Bashforth).
-        ahead = 0.5 * dx / last_dx if step > 0 else 0.0
+        ahead = 0.5 * dx / last_dx if number > 0 else 0.0
         for j in range(n_phi + 1):
-            outer[j] += dx * (growth[j] + ahead * (growth[j] - last_growth[j] if step > 0 else 0.0))
+            outer[j] += dx * (growth[j] + ahead * (growth[j] - last_growth[j] if number > 0 else 0.0))
             last_growth[j] = growth[j]
         last_dx = dx
         find_wall(x + dx, wall, radius, slope)
         place_vertices(radius, outer, spacing, rays, after)
         cell_areas(after, area_after)
-        if not find_fluxes(before, after, dx, cell, wave, rays, stream, first, wall_first, repairs):
-            return WALL_DETACHED, step, x
+        step = Step(before, after, dx)
+        if not find_fluxes(step, cell, wave, rays, stream, first, wall_pressure=wall_first, repairs=repairs):
+            return WALL_DETACHED, number, x
         advance_cells(conserved, area_before, first, first, area_after, guess)
         if not decode(guess, rays, stream, cell, wave):
-            return AXIAL_SONIC, step, x
-        if not find_fluxes(before, after, dx, cell, wave, rays, stream, second, wall_second, repairs):
-            return WALL_DETACHED, step, x
+            return AXIAL_SONIC, number, x
+        if not find_fluxes(step, cell, wave, rays, stream, second, wall_pressure=wall_second, repairs=repairs):
+            return WALL_DETACHED, number, x
         advance_cells(conserved, area_before, first, second, area_after, conserved)
-        pressures[step] = 0.5 * (wall_first + wall_second)
-        stations[step] = x + 0.5 * dx
-        add_wall_force(before, after, dx, pressures[step], force)
+        pressures[number] = 0.5 * (wall_first + wall_second)
+        stations[number] = x + 0.5 * dx
+        add_wall_force(step, pressures[number], force)
         before, after = after, before
         area_before, area_after = area_after, area_before
         x += dx
         if last:
-            return REACHED_END, step + 1, x_end
+            return REACHED_END, number + 1, x_end
     return OUT_OF_STEPS, stations.size, x

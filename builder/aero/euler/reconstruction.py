@@ -17,6 +17,9 @@ from strainfmu.arrays import FloatArray, IntArray
 State = tuple[float, float, float, float, float]
 """p, rho, u, v, w."""
 
+Ray = tuple[float, float]
+"""Sine and cosine of a roll angle."""
+
 
 class Stream(NamedTuple):
     """The free stream: velocity along x, y, z and total enthalpy (c_inf = 1)."""
@@ -92,10 +95,9 @@ def circumferential_slopes(wave: FloatArray, step: float, half: FloatArray) -> N
 
 
 @compiled
-def face_state(
-    p: float, rho: float, radial: float, around: float, sine: float, cosine: float, stream: Stream
-) -> State:
-    """Return (p, rho, u, v, w) of the given values at a face whose ray has (sine, cosine)."""
+def face_state(p: float, rho: float, radial: float, around: float, ray: Ray, stream: Stream) -> State:
+    """Return (p, rho, u, v, w) of the given values at a face on ``ray``."""
+    sine, cosine = ray
     v = radial * sine + around * cosine + stream.v
     w = radial * cosine - around * sine + stream.w
     return p, rho, axial_velocity(p, rho, v, w, stream.enthalpy), v, w
@@ -108,8 +110,7 @@ def reconstruct(
     j: int,
     i: int,
     side: float,
-    sine: float,
-    cosine: float,
+    ray: Ray,
     stream: Stream,
     repairs: IntArray,
 ) -> State:
@@ -123,11 +124,10 @@ def reconstruct(
         rho + side * half[1, j, i],
         radial + side * half[2, j, i],
         around + side * half[3, j, i],
-        sine,
-        cosine,
+        ray,
         stream,
     )
     if state[0] > 0.0 and state[2] * state[2] * state[1] > GAMMA * state[0]:
         return state
     repairs[0] += 1
-    return face_state(p, rho, radial, around, sine, cosine, stream)
+    return face_state(p, rho, radial, around, ray, stream)

@@ -15,7 +15,7 @@ import numpy as np
 from builder.aero.euler.bow_shock import outer_boundary_growth
 from builder.aero.euler.compiled import compiled
 from builder.aero.euler.gas import GAMMA
-from builder.aero.euler.grid import Rays, cell_areas, place_vertices
+from builder.aero.euler.grid import Rays, Step, cell_areas, place_vertices
 from builder.aero.euler.march import AXIAL_SONIC, REACHED_END, WALL_DETACHED, crossing_steps, decode, find_fluxes
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.plane import Plane, change_between, cone_imbalance
@@ -25,7 +25,7 @@ from strainfmu.arrays import FloatArray
 COURANT = 1.1
 """Of the second stage; the scheme is unstable from 1.2 to 1.4 on."""
 FIRST_STAGE = 0.42
-"""Share of the step that the first stage takes (van Leer, Tai, Powell, AIAA 89-1933: 0.4242 for this scheme)."""
+"""Fraction of the step taken by the first stage (van Leer, Tai, Powell, AIAA 89-1933: 0.4242 for this scheme)."""
 PROBE = 1e-3
 """Length of the step at x = 1 from which the rates of change are taken."""
 ROUND = 20
@@ -45,10 +45,10 @@ def step_cells(
     area_after: FloatArray,
     inflow: FloatArray,
     step: FloatArray,
-    share: float,
+    fraction: float,
     result: FloatArray,
 ) -> None:
-    """Fill ``result`` (4, n_phi, n_r) with E after ``share`` of each cell's own step from ``start``.
+    """Fill ``result`` (4, n_phi, n_r) with E after ``fraction`` of each cell's own step from ``start``.
 
     ``inflow`` (4, n_phi, n_r) flows into the cells, and their area grows, over a step of PROBE at the E
     ``present``; ``step`` (n_phi, n_r) are the cells' own.
@@ -56,7 +56,7 @@ def step_cells(
     for k in range(start.shape[0]):
         for j in range(start.shape[1]):
             for i in range(start.shape[2]):
-                probes = share * step[j, i] / PROBE
+                probes = fraction * step[j, i] / PROBE
                 growth = area_after[j, i] - area[j, i]
                 gain = inflow[k, j, i] - present[k, j, i] * growth
                 result[k, j, i] = start[k, j, i] + probes * gain / (area[j, i] + probes * growth)
@@ -91,14 +91,14 @@ def sweep(
     for _ in range(ROUND):
         outer_start[:] = outer
         for stage in range(2):
-            share = FIRST_STAGE if stage == 0 else 1.0
+            fraction = FIRST_STAGE if stage == 0 else 1.0
             if not decode(present, rays, stream, cell, wave):
                 return AXIAL_SONIC
             place_vertices(slope, outer, spacing, rays, before)
             cell_areas(before, area)
-            outer_boundary_growth(1.0, before, outer, wave, rays, stream, growth)
+            outer_boundary_growth(1.0, before, outer, wave, rays, stream, growth=growth)
             if stage == 0:
-                crossing_steps(before, cell, spacing, rays, slope, growth, step)
+                crossing_steps(before, cell, spacing, rays, wall_slope=slope, growth=growth, step=step)
                 step *= COURANT
                 for j in range(n_phi + 1):
                     behind, ahead = max(j - 1, 0), min(j, n_phi - 1)
@@ -107,11 +107,12 @@ def sweep(
                     outer_step[j] = min(step[behind, n_r - 1], step[ahead, n_r - 1])
             place_vertices(slope * (1.0 + PROBE), outer + PROBE * growth, spacing, rays, after)
             cell_areas(after, area_after)
-            if not find_fluxes(before, after, PROBE, cell, wave, rays, stream, inflow, pressure, repairs):
+            probe = Step(before, after, PROBE)
+            if not find_fluxes(probe, cell, wave, rays, stream, inflow, wall_pressure=pressure, repairs=repairs):
                 return WALL_DETACHED
-            step_cells(conserved, present, area, area_after, inflow, step, share, present)
+            step_cells(conserved, present, area, area_after, inflow, step=step, fraction=fraction, result=present)
             for j in range(n_phi + 1):
-                outer[j] = outer_start[j] + share * outer_step[j] * (growth[j] - outer[j])
+                outer[j] = outer_start[j] + fraction * outer_step[j] * (growth[j] - outer[j])
         conserved[:] = present
     return REACHED_END
 
@@ -146,7 +147,7 @@ def relax_cone(plane: Plane, slope: FloatArray, stream: Stream, grid: MarchingGr
     moves: list[FloatArray] = []
     for _ in range(MAX_ROUNDS):
         before, pressure_before, outer_before = packed(), pressure.copy(), plane.outer.copy()
-        status = sweep(plane.conserved, plane.outer, spacing, plane.rays, slope, stream, pressure)
+        status = sweep(plane.conserved, plane.outer, spacing, plane.rays, slope, stream, pressure=pressure)
         if status != REACHED_END and not results:
             break
         if status != REACHED_END:  # The extrapolation went too far.
