@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import struct
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -23,6 +24,7 @@ from strainfmu.fmu.native_build import (
     source_files,
     universal_library,
 )
+from strainfmu.fmu.native_sources import LIBRARIES
 
 HAVE_ZIG = find_spec("ziglang") is not None and version("ziglang") == ZIG_VERSION
 needs_zig = pytest.mark.skipif(not HAVE_ZIG, reason=f"needs zig {ZIG_VERSION}: pip install 'strainfmu[native]'")
@@ -41,9 +43,10 @@ def test_all_functions_are_there(fmi: int, count: int) -> None:
     assert [name for name in names if not hasattr(shipped_library(), name)] == []
 
 
+@pytest.mark.parametrize("library", list(LIBRARIES))
 @pytest.mark.parametrize("platform", list(PLATFORMS))
-def test_every_platform_has_its_library(platform: str) -> None:
-    content = library_file(platform).read_bytes()
+def test_every_platform_has_its_libraries(platform: str, library: str) -> None:
+    content = library_file(platform, library).read_bytes()
     magic = {"linux64": b"\x7fELF", "aarch64-linux": b"\x7fELF", "win64": b"MZ", "darwin64": b"\xca\xfe\xba\xbe"}
     assert content.startswith(magic.get(platform, b"\xcf\xfa\xed\xfe"))
     names = [name.encode() for fmi in (2, 3) for name in functions(fmi)]
@@ -51,12 +54,13 @@ def test_every_platform_has_its_library(platform: str) -> None:
     assert b"/native/" not in content  # nothing of the folder it was built in
 
 
-def test_nothing_but_libc_is_needed() -> None:
-    content = library_file("linux64").read_bytes()
+@pytest.mark.parametrize("library", list(LIBRARIES))
+def test_nothing_but_libc_is_needed(library: str) -> None:
+    content = library_file("linux64", library).read_bytes()
     assert re.findall(rb"lib[a-z]+\.so\.\d+", content) == [b"libc.so.6"]
     assert set(re.findall(rb"GLIBC_[\d.]+", content)) <= {b"GLIBC_2.2.5", b"GLIBC_2.14"}
-    windows = set(re.findall(rb"[\w-]+\.dll", library_file("win64").read_bytes()))
-    assert all(name.startswith((b"api-ms-win-crt-", b"KERNEL32", b"estimator")) for name in windows), windows
+    windows = set(re.findall(rb"[\w-]+\.dll", library_file("win64", library).read_bytes()))
+    assert all(name.startswith((b"api-ms-win-crt-", b"KERNEL32", library.encode())) for name in windows), windows
 
 
 def test_sources_are_short_and_complete() -> None:
@@ -70,9 +74,9 @@ def test_universal_library() -> None:
     content = universal_library(parts)
     assert struct.unpack_from(">2I", content) == (0xCAFEBABE, 2)
     for k, part in enumerate(parts):
-        processor, _, place, size, alignment = struct.unpack_from(">5I", content, 8 + 20 * k)
-        assert (processor, size, place % (1 << alignment)) == ((7, 12)[k], len(part), 0)
-        assert content[place : place + size] == part
+        processor, _, position, size, alignment = struct.unpack_from(">5I", content, 8 + 20 * k)
+        assert (processor, size, position % (1 << alignment)) == ((7, 12)[k], len(part), 0)
+        assert content[position : position + size] == part
 
 
 def test_unknown_platform() -> None:
@@ -80,15 +84,35 @@ def test_unknown_platform() -> None:
         main(["amiga"])
 
 
+def copied_sources(folder: Path) -> Path:
+    """The C sources in another folder: the same bytes are built there."""
+    return Path(shutil.copytree(NATIVE, folder / "copy", ignore=shutil.ignore_patterns("binaries")))
+
+
 @needs_zig
-def test_library_is_that_of_the_sources() -> None:
-    # Same sources, same compiler: same bytes, whatever the folder.
-    platform = this_platform()
-    assert build_library(platform) == library_file(platform).read_bytes()
+@pytest.mark.parametrize("library", list(LIBRARIES))
+def test_library_is_that_of_the_sources(library: str, tmp_path: Path) -> None:
+    platform, shipped = this_platform(), library_file(this_platform(), library).read_bytes()
+    assert build_library(platform, library) == shipped
+    assert build_library(platform, library, copied_sources(tmp_path)) == shipped
 
 
 @pytest.mark.slow
 @needs_zig
+@pytest.mark.parametrize("library", list(LIBRARIES))
 @pytest.mark.parametrize("platform", list(PLATFORMS))
-def test_all_libraries_are_those_of_the_sources(platform: str, tmp_path: Path) -> None:
-    assert build_library(platform) == library_file(platform).read_bytes()
+def test_all_libraries_are_those_of_the_sources(platform: str, library: str, tmp_path: Path) -> None:
+    assert (
+        build_library(platform, library, copied_sources(tmp_path)) == library_file(platform, library).read_bytes()
+    )
+
+
+@pytest.mark.parametrize(("fmi", "first"), [(2, "fmi2TypesPlatform"), (3, "fmi3PlatformTypes")])
+def test_copied_headers_are_those_of_the_standard(fmi: int, first: str) -> None:
+    """One file holds the three headers of a version, without the lines that include each other."""
+    parts = [
+        (fmi_headers() / f"{name}.h").read_text("ascii")
+        for name in (first, f"fmi{fmi}FunctionTypes", f"fmi{fmi}Functions")
+    ]
+    expected = [re.sub(r'(?m)^#include "fmi\d\w+\.h"\n', "", part).rstrip() for part in parts]
+    assert (NATIVE / "headers" / f"fmi{fmi}.h").read_text("ascii") == "\n\n".join(expected) + "\n"

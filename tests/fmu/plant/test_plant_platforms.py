@@ -17,11 +17,8 @@ from strainfmu.cosim.scenario import load_scenario
 from strainfmu.fmu.flight_package import export_flight
 from strainfmu.fmu.native_build import (
     NATIVE,
-    PLATFORMS,
-    build_library,
     compile_with_zig,
     fmi_headers,
-    library_file,
     source_files,
 )
 from strainfmu.fmu.plant_export import export_native_plant
@@ -128,15 +125,3 @@ def test_sanitizers(models: dict[str, Resources], tmp_path: Path) -> None:
     for item in models.values():
         words = output_of([str(host)], "damage", str(item.folder / "model.bin"), "3000")
         assert 0 < int(words[0]) < 3000
-
-
-@pytest.mark.parametrize("platform", list(PLATFORMS))
-def test_shipped_libraries_are_those_of_the_sources(platform: str) -> None:
-    pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
-    assert build_library(platform, "plant") == library_file(platform, "plant").read_bytes()
-
-
-def test_the_library_needs_the_c_library_alone() -> None:
-    text = library_file("linux64", "plant").read_bytes()
-    assert b"libc.so.6" in text
-    assert b"libm.so" not in text
