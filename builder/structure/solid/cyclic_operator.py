@@ -24,8 +24,6 @@ from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 
-IndexArray = NDArray[np.int32]
-
 
 @dataclass(frozen=True, eq=False)
 class CircularOperator:
@@ -53,7 +51,7 @@ class CircularOperator:
         return csr_array((data, index, pointer), shape=self.here.shape)
 
     @cached_property
-    def _aligned(self) -> tuple[IndexArray, IndexArray, FloatArray]:
+    def _aligned(self) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray]:
         """Pointer and index of the pattern common to the blocks, and their entries on it (3, n_entries)."""
         n_columns = self.here.shape[1]
         parts = [block.tocoo() for block in (self.here, self.after, self.before)]

@@ -8,13 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, eye_array, issparse
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-
-AnyArray = NDArray[np.float64] | NDArray[np.complex128]
 
 RESIDUAL_BOUND = 1e-6
 """Largest ||A x - b|| / ||b|| of a solution accepted; sound ones of gauge rows stay below 1e-8."""
@@ -126,7 +123,9 @@ def peak_memory() -> int:
     return int(held if sys.platform == "darwin" else 1024 * held)
 
 
-def relative_residual(matrix: csr_array, solution: AnyArray, right_hand_side: AnyArray) -> float:
+def relative_residual(
+    matrix: csr_array, solution: FloatArray | ComplexArray, right_hand_side: FloatArray | ComplexArray
+) -> float:
     """Return the largest ||A x - b|| / ||b|| of a sample of columns.
 
     The sample is up to three columns and, so that none is left out, the sum of all columns over their norms with
@@ -150,7 +149,11 @@ def relative_residual(matrix: csr_array, solution: AnyArray, right_hand_side: An
 
 
 def checked_residual(
-    name: str, matrix: csr_array, solution: AnyArray, right_hand_side: AnyArray, bound: float = RESIDUAL_BOUND
+    name: str,
+    matrix: csr_array,
+    solution: FloatArray | ComplexArray,
+    right_hand_side: FloatArray | ComplexArray,
+    bound: float = RESIDUAL_BOUND,
 ) -> float:
     """Return :func:`relative_residual`, refusing solutions that are none.
 

@@ -1,0 +1,85 @@
+"""Rules of the house that no linter knows, read from the sources."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import strainfmu
+
+pytestmark = pytest.mark.fast
+
+ROOT = Path(__file__).parents[1]
+TESTS = ROOT / "tests"
+PACKAGES = ("strainfmu", "builder", "fmus")
+
+TOP_LEVEL = ("pyproject.toml", "strainfmu", "builder", "tests", "fmus", "README.md")
+
+
+def sources(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
+    """Yield the Python files of the folders, by their paths in the project, parsed."""
+    for folder in folders:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            yield path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def name_of(node: ast.expr) -> str:
+    """Return the last part of a dotted name, of a call's or a subscript's too; empty for anything else."""
+    if isinstance(node, ast.Call):
+        return name_of(node.func)
+    if isinstance(node, ast.Subscript):
+        return name_of(node.value)
+    return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
+
+
+def test_the_top_level_names_are_there() -> None:
+    assert [name for name in TOP_LEVEL if not (ROOT / name).exists()] == []
+
+
+def test_the_command_line_alone_imports_the_builder() -> None:
+    importing = set()
+    for path, tree in sources("strainfmu"):
+        for node in ast.walk(tree):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            if any(name.split(".")[0] == "builder" for name in names):
+                importing.add(path.parts[1])
+    assert importing == {"cli"}
+
+
+def test_array_types_are_defined_in_one_module() -> None:
+    """Names that end with "Array" are given to an array type of numpy in ``strainfmu/arrays.py`` alone."""
+    defining = set()
+    for path, tree in sources(*PACKAGES):
+        for node in tree.body:
+            targets = node.targets if isinstance(node, ast.Assign) else []
+            if any(name_of(target).endswith("Array") for target in targets):
+                defining.add(path.as_posix())
+    assert defining == {"strainfmu/arrays.py"}
+
+
+def test_the_version_stands_in_one_place() -> None:
+    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    files += [ROOT / "pyproject.toml", ROOT / "CITATION.cff", *ROOT.glob("docs/conf.py")]
+    quoted = (f'"{strainfmu.__version__}"', f"'{strainfmu.__version__}'")
+    holding = [path for path in files if any(text in path.read_text(encoding="utf-8") for text in quoted)]
+    assert [path.relative_to(ROOT).as_posix() for path in holding] == ["strainfmu/version.py"]
+
+
+def test_every_folder_of_tests_takes_part_in_the_quick_look() -> None:
+    """All but the acceptance tests, which run the commands on whole demonstrations."""
+    marked: Counter[str] = Counter()
+    for path in TESTS.rglob("test_*.py"):
+        marked[path.parent.relative_to(TESTS).as_posix()] += "mark.fast" in path.read_text(encoding="utf-8")
+    without = {folder for folder, count in marked.items() if not count}
+    assert without <= {"acceptance", "aero/openfoam"}
+
+
+def test_test_files_have_names_of_their_own() -> None:
+    """pytest imports them by their names alone."""
+    names = Counter(path.name for path in TESTS.rglob("*.py") if path.name != "conftest.py")
+    assert [name for name, count in names.items() if count > 1] == []
