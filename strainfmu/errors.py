@@ -1,4 +1,4 @@
-"""The errors a user can cause or meet; each carries one line that says what to do.
+"""The errors a user can cause or meet; each carries one line with the cause and the cure.
 
 The command line prints that line and ends with :attr:`StrainfmuError.exit_code`.
 """

@@ -125,7 +125,7 @@ def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
     if words[1] != schema:
         raise InputError(f"{path}: expected a file of schema '{schema}', found '{words[1]}'")
     if words[2] != str(schema_version):
-        raise InputError(f"{path}: schema version {words[2]} found, {schema_version} wanted; build it again")
+        raise InputError(f"{path}: expected schema version {schema_version}, got {words[2]}; build it again")
     if words[4] != hashlib.sha256(content[USER_BLOCK_SIZE:]).hexdigest():
         raise InputError(
             f"{path}: damaged or altered since it was written as schema version {words[2]}; build it again"
@@ -137,7 +137,7 @@ def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
 
 
 def schema_of(path: Path) -> str:
-    """Return the schema that an artefact says it is of, unchecked.
+    """Return the schema that an artefact states, unchecked.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def content_hash_of(path: Path, schema: str, schema_version: int) -> str:
 
 
 def fingerprint(inputs: Mapping[str, Any]) -> str:
-    """Return a short hash of the inputs of a computation, to tell whether its result is up to date."""
+    """Return a short hash of the inputs of a computation, which decides whether its result is up to date."""
     text = json.dumps(inputs, sort_keys=True, default=_plain)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

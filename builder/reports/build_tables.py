@@ -54,8 +54,8 @@ def first_rows(table: Table, count: int) -> Table:
 def validity(report: BuildReport) -> Table:
     columns = (
         ("quantity", Column("quantity")),
-        ("least", Column("minimum", "", ".6g")),
-        ("greatest", Column("maximum", "", ".6g")),
+        ("minimum", Column("minimum", "", ".6g")),
+        ("maximum", Column("maximum", "", ".6g")),
         ("unit", Column("unit")),
     )
     return records_table("validity", "Range of the snapshots.", valid_ranges(report.inverse_map), columns)

@@ -23,7 +23,7 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import ambiguous_groups, correlations, outlier_threshold
 from strainfmu.estimator.map_parts import map_parts
-from strainfmu.estimator.masks import LEAST_INFORMATION
+from strainfmu.estimator.masks import MIN_INFORMATION
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""
@@ -63,7 +63,7 @@ def gauge_value(inverse_map: InverseMap) -> GaugeValue:
     whitening = inverse_map.residual_whitening
     precision = whitening.T @ whitening
     information = np.sum(parts.noise_whitening**2, axis=0)
-    minimum = LEAST_INFORMATION * information
+    minimum = MIN_INFORMATION * information
     # The precision of a gauge that no other checks is round-off.
     precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= minimum), 0.0, precision)
     correlation = correlations(precision, minimum)
@@ -102,7 +102,7 @@ def loss_growth(inverse_map: InverseMap, lost: IntArray) -> FloatArray:
     cross, square = error @ change.T, change @ change.T
     block = lost[:, :, None], lost[:, None, :]
     fraction = np.linalg.eigvals(np.linalg.solve(weight[block], precision[block])).real.min(axis=1)
-    identified = (fraction >= LEAST_INFORMATION) | model.known_prior
+    identified = (fraction >= MIN_INFORMATION) | model.known_prior
     identified &= lost.shape[1] < inverse_map.n_gauges
     growth = np.full((len(lost), 5), np.inf)
     sets = lost[identified]

@@ -45,9 +45,9 @@ class EstimatorSlave(Fmi2Slave):
         references = value_references(interface)
         self._names = [variable.name for variable in interface]
         self._of_type = {
-            "Real": _places(interface, "Real"),
-            "Integer": _places(interface, "Integer", "Enumeration"),
-            "Boolean": _places(interface, "Boolean"),
+            "Real": _indices(interface, "Real"),
+            "Integer": _indices(interface, "Integer", "Enumeration"),
+            "Boolean": _indices(interface, "Boolean"),
         }
         self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
         self._pressure, self._parameters = references["dynamic_pressure"], references[PARAMETERS[0]]
@@ -121,14 +121,14 @@ class EstimatorSlave(Fmi2Slave):
                 self._values[vr] = bool(value)
 
     def _are(self, vrs: list[int], fmi_type: str) -> bool:
-        """Tell whether every value reference is of the type, and log if not."""
+        """Return whether every value reference is of the type, and log if not."""
         if self._of_type[fmi_type].issuperset(vrs):
             return True
         self.log(f"a valueReference of {vrs} is no {fmi_type}", Fmi2Status.error)
         return False
 
     def _is_settable(self, vr: int, fmi_type: str) -> bool:
-        """Tell whether ``vr`` is an input or parameter of the type, and log if not."""
+        """Return whether ``vr`` is an input or parameter of the type, and log if not."""
         if vr >= self._first_input and vr in self._of_type[fmi_type]:
             return True
         self.log(f"valueReference {vr} is no {fmi_type} input or parameter", Fmi2Status.error)
@@ -161,6 +161,6 @@ class EstimatorSlave(Fmi2Slave):
         self._outdated = True
 
 
-def _places(interface: Sequence[Variable], *types: str) -> frozenset[int]:
+def _indices(interface: Sequence[Variable], *types: str) -> frozenset[int]:
     """Return the value references of the variables of ``types``."""
-    return frozenset(place for place, variable in enumerate(interface) if variable.fmi_type in types)
+    return frozenset(index for index, variable in enumerate(interface) if variable.fmi_type in types)

@@ -33,10 +33,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 1)
     except Exception as error:
-        say = getattr(error, "format_message", None)  # a wrong option or argument
-        if say is not None and say():
-            _fail(f"{say()} Try 'strainfmu --help'.", 2)
-        if say is not None:
+        message = getattr(error, "format_message", None)  # a wrong option or argument
+        if message is not None and message():
+            _fail(f"{message()} Try 'strainfmu --help'.", 2)
+        if message is not None:
             sys.exit(2)  # no arguments at all: the help has been printed
         if type(error).__name__ == "Abort":
             _fail("interrupted; what was finished is kept", 130)

@@ -1,6 +1,6 @@
 """The autopilot that holds a commanded angle of attack through C_N and M_P: its settings, data and interface.
 
-The law inverts the short-period motion. With w the frequency and z the damping ratio that are wanted,
+The law inverts the short-period motion. With w the frequency and z the damping ratio of the closed loop,
 
     a'  = q - q_inf S C_N / (m V)
     I q' = q_inf S L M_P + M_control
@@ -67,15 +67,21 @@ def normal_force_table(model: FlightModel, start: FlightStart) -> FloatArray:
     InputError
         The sideslip is outside the model's envelope, or C_N does not rise with the angle of attack.
     """
-    most = float(model.incidence_knots[-1])
-    if abs(start.sideslip_angle) >= most:
-        raise InputError(f"sideslip: {start.sideslip_angle:g} rad found, the flight model ends at {most:g} rad")
+    limit = float(model.incidence_knots[-1])
+    if abs(start.sideslip_angle) >= limit:
+        raise InputError(f"sideslip: {start.sideslip_angle:g} rad found, the flight model ends at {limit:g} rad")
     # cos a_T = cos a cos b: the largest angle of attack that total incidence leaves.
-    largest = float(np.arccos(np.cos(most) / np.cos(start.sideslip_angle))) * (1.0 - 1e-9)
+    largest = float(np.arccos(np.cos(limit) / np.cos(start.sideslip_angle))) * (1.0 - 1e-9)
     angles = np.linspace(-largest, largest, _TABLE_STEPS + 1)
     values = [
         evaluate(
-            model, FlightCondition(start.mach_number, angle, start.sideslip_angle, start.altitude)
+            model,
+            FlightCondition(
+                mach_number=start.mach_number,
+                angle_of_attack=angle,
+                sideslip_angle=start.sideslip_angle,
+                altitude=start.altitude,
+            ),
         ).coefficients[1]
         for angle in angles.tolist()
     ]
@@ -115,11 +121,11 @@ def autopilot_interface(
 def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
     valid = [
         Variable(
-            name,
-            f"Whether gauge {gauge} may be used; false once it was taken out of use",
-            "output",
-            "discrete",
-            "Boolean",
+            name=name,
+            description=f"Whether gauge {gauge} may be used; false once it was taken out of use",
+            causality="output",
+            variability="discrete",
+            fmi_type="Boolean",
             initially_depends_on=depends,
             array="valid",
         )
@@ -127,35 +133,35 @@ def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
     ]
     return [
         Variable(
-            "control_moment",
-            "Pitching moment wanted of the controls, positive nose-up",
-            "output",
+            name="control_moment",
+            description="Pitching moment demanded of the controls, positive nose-up",
+            causality="output",
             unit="N.m",
             display_unit="kN.m",
             initially_depends_on=depends,
         ),
         Variable(
-            "estimated_angle_of_attack",
-            "Angle of attack inferred from C_N",
-            "output",
+            name="estimated_angle_of_attack",
+            description="Angle of attack inferred from C_N",
+            causality="output",
             unit="rad",
             display_unit="deg",
             initially_depends_on=depends,
         ),
         Variable(
-            "trusted",
-            "Whether the estimate is used: it is finite and fits its gauges",
-            "output",
-            "discrete",
-            "Boolean",
+            name="trusted",
+            description="Whether the estimate is used: it is finite and fits its gauges",
+            causality="output",
+            variability="discrete",
+            fmi_type="Boolean",
             initially_depends_on=depends,
         ),
         Variable(
-            "isolated_gauges",
-            "Number of gauges taken out of use",
-            "output",
-            "discrete",
-            "Integer",
+            name="isolated_gauges",
+            description="Number of gauges taken out of use",
+            causality="output",
+            variability="discrete",
+            fmi_type="Integer",
             minimum=0,
             maximum=model.n_gauges,
             initially_depends_on=depends,
@@ -168,38 +174,61 @@ def _inputs(start: FlightStart) -> list[Variable]:
     nominal = dynamic_pressure(start.mach_number, start.altitude)
     return [
         Variable(
-            "commanded_angle_of_attack",
-            "Angle of attack to hold",
-            "input",
+            name="commanded_angle_of_attack",
+            description="Angle of attack to hold",
+            causality="input",
             unit="rad",
             display_unit="deg",
             start=0.0,
         ),
-        Variable("C_N", "Normal force coefficient, positive up", "input", unit="1", start=0.0),
-        Variable("M_P", "Pitching moment coefficient, positive nose-up", "input", unit="1", start=0.0),
-        Variable("chi_square", "Chi-square of the estimate's residual", "input", unit="1", start=0.0),
         Variable(
-            "chi_square_limit", "Its alarm level: above it the estimate is suspect", "input", unit="1", start=1.0
+            name="C_N", description="Normal force coefficient, positive up", causality="input", unit="1", start=0.0
         ),
         Variable(
-            "suspect_gauge",
-            "Number, from 1, of the gauge that does not fit; 0 for none",
-            "input",
-            "discrete",
-            "Integer",
+            name="M_P",
+            description="Pitching moment coefficient, positive nose-up",
+            causality="input",
+            unit="1",
+            start=0.0,
+        ),
+        Variable(
+            name="chi_square",
+            description="Chi-square of the estimate's residual",
+            causality="input",
+            unit="1",
+            start=0.0,
+        ),
+        Variable(
+            name="chi_square_limit",
+            description="Its alarm level: above it the estimate is suspect",
+            causality="input",
+            unit="1",
+            start=1.0,
+        ),
+        Variable(
+            name="suspect_gauge",
+            description="Number, from 1, of the gauge that does not fit; 0 for none",
+            causality="input",
+            variability="discrete",
+            fmi_type="Integer",
             minimum=0,
             start=0,
         ),
         Variable(
-            "dynamic_pressure",
-            "Free-stream dynamic pressure",
-            "input",
+            name="dynamic_pressure",
+            description="Free-stream dynamic pressure",
+            causality="input",
             unit="Pa",
             display_unit="kPa",
             start=nominal,
         ),
         Variable(
-            "pitch_rate", "Pitch rate, positive nose-up", "input", unit="rad/s", display_unit="deg/s", start=0.0
+            name="pitch_rate",
+            description="Pitch rate, positive nose-up",
+            causality="input",
+            unit="rad/s",
+            display_unit="deg/s",
+            start=0.0,
         ),
     ]
 
@@ -220,10 +249,10 @@ def _parameters(settings: AutopilotSettings) -> list[Variable]:
     return [
         *(
             Variable(
-                name,
-                text,
-                "parameter",
-                "tunable",
+                name=name,
+                description=text,
+                causality="parameter",
+                variability="tunable",
                 unit=unit,
                 display_unit=shown,
                 minimum=low,
@@ -234,11 +263,11 @@ def _parameters(settings: AutopilotSettings) -> list[Variable]:
         ),
         *(
             Variable(
-                name,
-                text,
-                "parameter",
-                "tunable",
-                "Integer",
+                name=name,
+                description=text,
+                causality="parameter",
+                variability="tunable",
+                fmi_type="Integer",
                 minimum=0,
                 maximum=10**6,
                 start=getattr(settings, name),

@@ -20,7 +20,7 @@ from strainfmu.interface.plant_variables import FlightStart
 _ROUND_OFF = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AutopilotDesign:
     """What an autopilot is designed for.
 
@@ -94,12 +94,12 @@ def autopilot_design(model: FlightModel, start: FlightStart) -> AutopilotDesign:
         As :func:`~strainfmu.cosim.autopilot.normal_force_table`.
     """
     return AutopilotDesign(
-        normal_force_table(model, start),
-        model.reference_area,
-        model.reference_length,
-        start.mass,
-        start.pitch_inertia,
-        start.mach_number * speed_of_sound(start.altitude),
+        table=normal_force_table(model, start),
+        reference_area=model.reference_area,
+        reference_length=model.reference_length,
+        mass=start.mass,
+        pitch_inertia=start.pitch_inertia,
+        speed=start.mach_number * speed_of_sound(start.altitude),
     )
 
 
@@ -143,11 +143,11 @@ def _with_moment(
     sample: AutopilotSample,
     time: float,
 ) -> AutopilotState:
-    """Find the moment that gives the wanted second-order motion, or, without an estimate, damps the pitch rate."""
-    w, most, inertia = settings.frequency, settings.largest_moment, design.pitch_inertia
+    """Find the moment that gives the second-order motion, or, without an estimate, damps the pitch rate."""
+    w, maximum, inertia = settings.frequency, settings.largest_moment, design.pitch_inertia
     damping, rate = 2.0 * settings.damping_ratio * w, sample.pitch_rate
     if state.good is None or not isfinite(sample.dynamic_pressure) or not isfinite(rate):
-        moment = _bounded(-inertia * damping * rate, most) if isfinite(rate) else 0.0
+        moment = _bounded(-inertia * damping * rate, maximum) if isfinite(rate) else 0.0
         return replace(state, control_moment=moment, observed_at=None)
     normal_force, pitching = state.good
     angle, slope = _angle_of(design.table, normal_force)
@@ -156,8 +156,8 @@ def _with_moment(
     relief = scale * slope / momentum * angle_rate
     aerodynamic = scale * design.reference_length * pitching
     state = _observed(settings.observer_rate, state, angle_rate, time)
-    wanted = w**2 * (sample.commanded_angle_of_attack - angle) - damping * angle_rate - state.unexplained
-    moment = _bounded(inertia * (wanted + relief) - aerodynamic, most)
+    acceleration = w**2 * (sample.commanded_angle_of_attack - angle) - damping * angle_rate - state.unexplained
+    moment = _bounded(inertia * (acceleration + relief) - aerodynamic, maximum)
     predicted = (moment + aerodynamic) / inertia - relief + state.unexplained
     return replace(state, control_moment=moment, angle=angle, predicted_acceleration=predicted)
 
@@ -182,5 +182,5 @@ def _angle_of(table: FloatArray, normal_force: float) -> tuple[float, float]:
     return angle + (normal_force - force) / slope, slope
 
 
-def _bounded(moment: float, most: float) -> float:
-    return min(max(moment, -most), most)
+def _bounded(moment: float, maximum: float) -> float:
+    return min(max(moment, -maximum), maximum)

@@ -1,4 +1,4 @@
-"""Closed-loop flight: the FMUs of a scenario, how they are connected, and what a run is worth.
+"""Closed-loop flight: the FMUs of a scenario, how they are connected, and how a run scores.
 
     schedule -> plant -> estimator -> autopilot -> plant (delayed)
 
@@ -43,7 +43,11 @@ def scheduled_signals(scenario: Scenario, model: FlightModel) -> list[ScheduledS
         A fault names a gauge that is not there, or a gauge gets two faults at one time.
     """
     command = Variable(
-        "commanded_angle_of_attack", "Angle of attack to hold", "output", unit="rad", display_unit="deg"
+        name="commanded_angle_of_attack",
+        description="Angle of attack to hold",
+        causality="output",
+        unit="rad",
+        display_unit="deg",
     )
     signals = [
         ScheduledSignal(
@@ -94,20 +98,20 @@ def flight_connections(n_gauges: int, signals: Sequence[str], feedback: str) -> 
     feedback : "truth" or "estimate": where the autopilot's coefficients come from.
     """
     command, *faults = signals
-    links = [("schedule", command, "autopilot", command)]
-    links += [("plant", name, "estimator", name) for name in (*strain_names(n_gauges), "dynamic_pressure")]
-    links += [("plant", name, "autopilot", name) for name in ("pitch_rate", "dynamic_pressure")]
+    connections = [("schedule", command, "autopilot", command)]
+    connections += [("plant", name, "estimator", name) for name in (*strain_names(n_gauges), "dynamic_pressure")]
+    connections += [("plant", name, "autopilot", name) for name in ("pitch_rate", "dynamic_pressure")]
     source = "estimator" if feedback == "estimate" else "plant"
-    links += [(source, name, "autopilot", name) for name in ("C_N", "M_P")]
+    connections += [(source, name, "autopilot", name) for name in ("C_N", "M_P")]
     # What begins at a communication point acts from there on, so the plant gets it for the step that follows.
     delayed = [("schedule", name, "plant", name) for name in faults]
     delayed += [("autopilot", "control_moment", "plant", "control_moment")]
     if feedback == "estimate":
         watched = ("chi_square", "chi_square_limit", "suspect_gauge")
-        links += [("estimator", f"health.{name}", "autopilot", name) for name in watched]
+        connections += [("estimator", f"health.{name}", "autopilot", name) for name in watched]
         delayed += [("autopilot", name, "estimator", name) for name in valid_names(n_gauges)]
     return (
-        *(Connection(f"{a}.{x}", f"{b}.{y}") for a, x, b, y in links),
+        *(Connection(f"{a}.{x}", f"{b}.{y}") for a, x, b, y in connections),
         *(Connection(f"{a}.{x}", f"{b}.{y}", delayed=True) for a, x, b, y in delayed),
     )
 
@@ -139,7 +143,7 @@ def fly(
 
 @dataclass(frozen=True)
 class FaultReport:
-    """What came of one fault: seconds until health told of it, and until the gauge was out of use; or None."""
+    """Response to one fault: seconds until health reports it, and until the gauge is out of use; or None."""
 
     event: FaultEvent
     reported_after: float | None
@@ -148,7 +152,7 @@ class FaultReport:
 
 @dataclass(frozen=True)
 class FlightResult:
-    """What one run is worth.
+    """Score of one run.
 
     Attributes
     ----------
@@ -156,7 +160,7 @@ class FlightResult:
     settled_error : largest size of that within the last second before a new command, or before the end [rad].
     angle_error : rms of inferred less true angle of attack [rad].
     coefficient_error : rms of estimated less true C_N and M_P [1].
-    health : share of the samples by state.
+    health : fraction of the samples by state.
     faults : one report per fault.
     holds : whether settled_error is below :data:`HOLDING`.
     """
@@ -202,25 +206,27 @@ def _rms(values: FloatArray) -> float:
 
 
 def _fault_report(event: FaultEvent, recording: Recording, model: FlightModel) -> FaultReport:
-    """Say when a fault was seen: health is not OK and says something else than just before it.
+    """Return when a fault was reported: health is not OK and differs from that just before it.
 
-    Something else is another state, another number of gauges in use, or another suspect.
+    Different means another state, another number of gauges in use, or another suspect.
     """
     time = recording.time
     after = time >= event.time - 1e-9
     if event.kind is GaugeFault.NONE:
         return FaultReport(event, None, None)
-    told = np.stack([recording[f"estimator.health.{name}"] for name in ("state", "valid_gauges", "suspect_gauge")])
-    before = told[:, np.flatnonzero(~after)[-1]] if not after.all() else [HealthState.OK, model.n_gauges, 0.0]
-    changed = np.any(told != np.reshape(before, (-1, 1)), axis=0)
-    reported = after & (told[0] != HealthState.OK) & changed
+    reports = np.stack(
+        [recording[f"estimator.health.{name}"] for name in ("state", "valid_gauges", "suspect_gauge")]
+    )
+    before = reports[:, np.flatnonzero(~after)[-1]] if not after.all() else [HealthState.OK, model.n_gauges, 0.0]
+    changed = np.any(reports != np.reshape(before, (-1, 1)), axis=0)
+    reported = after & (reports[0] != HealthState.OK) & changed
     isolated = after & (recording[f"autopilot.valid[{gauge_number(event.gauge, model)}]"] == 0.0)
     first = [float(time[found][0]) - event.time if found.any() else None for found in (reported, isolated)]
     return FaultReport(event, first[0], first[1])
 
 
 def fault_text(event: FaultEvent) -> str:
-    """Say a fault in a few words."""
+    """Return a fault in a few words."""
     if event.kind is GaugeFault.NONE:
         return f"gauge {event.gauge} healed at {event.time:g} s"
     value = {GaugeFault.DRIFT: f" {1e6 * event.value:g} um/m per s"}.get(

@@ -37,13 +37,13 @@ _UNITS = {
     "noise_std": "m/m",
 }
 
-# A flight condition this share of the envelope outside a knot is round-off, not a wrong trajectory.
+# A flight condition this fraction of the envelope outside a knot is round-off, not a wrong trajectory.
 _ROUND_OFF = 1e-9
 # Points per trajectory interval at which the envelope is checked: cubics bend between the rows.
 _CHECKS_PER_ROW = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlightModel:
     """Strain and coefficients over the flight envelope, for n_d gauges on n_channel channels.
 
@@ -98,7 +98,7 @@ class FlightModel:
         return len(self.gauge_names)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FlightPoint:
     """What the vehicle feels at one flight condition, without noise.
 
@@ -206,7 +206,7 @@ def _check_shapes(model: FlightModel) -> None:
     """Refuse arrays that do not fit each other."""
     n_d, n_mach, n_incidence = len(model.gauge_names), len(model.mach_knots), len(model.incidence_knots)
     if min(n_mach, n_incidence) < 2:
-        raise InputError(f"flight model: {n_mach} x {n_incidence} knots found, at least 2 x 2 wanted")
+        raise InputError(f"flight model: expected at least 2 x 2 knots, got {n_mach} x {n_incidence}")
     if model.strain_table.ndim != 7:
         raise InputError(f"flight model: strain_table has {model.strain_table.ndim} axes, must have 7")
     n_channel, n_harmonic = model.strain_table.shape[4:6]

@@ -66,7 +66,7 @@ class FmuStep:
         self.n_gauges = len(strains)
         valid = _numbered(inputs, _VALID)
         if valid and len(valid) != self.n_gauges:
-            raise InputError(f"{path}: {len(valid)} inputs valid[i] found, {self.n_gauges} wanted")
+            raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
         self._set = (*strains, *valid, pressure)
         self._get = _outputs(path, self._description)
@@ -123,7 +123,10 @@ class FmuStep:
             raise self._after(error) from error
         self._time += step_size
         return StepResult(
-            self._values[:5].copy(), self._values[5:10].copy(), int(self._values[11]), float(self._values[10])
+            coefficients=self._values[:5].copy(),
+            coefficients_std=self._values[5:10].copy(),
+            health=int(self._values[11]),
+            chi_square=float(self._values[10]),
         )
 
     def close(self) -> None:

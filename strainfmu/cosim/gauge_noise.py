@@ -50,11 +50,11 @@ def gauge_noise(seed: int, sample: int, n_gauges: int) -> FloatArray:
     )
     probability = ((bits >> np.uint64(12)).astype(float) + 0.5) * 2.0**-53
     fraction, exponent = np.frexp(probability)
-    place = 2.0 * (2.0 * fraction) - 3.0
+    argument = 2.0 * (2.0 * fraction) - 3.0
     coefficient = quantile_table()[-1 - exponent]
     quantile = coefficient[:, -1]
     for k in range(COEFFICIENTS - 2, -1, -1):
-        quantile = quantile * place + coefficient[:, k]
+        quantile = quantile * argument + coefficient[:, k]
     return np.where(bits & np.uint64(1), -quantile, quantile)
 
 

@@ -84,7 +84,7 @@ def read_description(path: Path) -> Any:
     except Exception as error:  # fmpy raises whatever its zip and XML readers do
         raise InputError(f"{path}: damaged, or not an FMU") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
-        raise InputError(f"{path}: FMI {description.fmiVersion} found, an FMU for FMI 2.0 co-simulation wanted")
+        raise InputError(f"{path}: expected an FMU for FMI 2.0 co-simulation, got FMI {description.fmiVersion}")
     return description
 
 
@@ -108,7 +108,7 @@ def unzip(path: Path, folder: Path) -> None:
         raise InputError(f"{path}: damaged, cannot be unzipped: {error}") from error
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SignalBlock:
     """Variables of one FMI type, exchanged by one call.
 
@@ -198,7 +198,7 @@ class Instance:
 
         Parameters
         ----------
-        columns : place of each variable in the master's vector of all signals.
+        columns : index of each variable in the master's vector of all signals.
         """
         blocks = []
         for kind, fmi_types in (
@@ -210,8 +210,8 @@ class Instance:
                 (v.valueReference, c) for v, c in zip(variables, columns, strict=True) if v.type in fmi_types
             ]
             if chosen:
-                references, places = zip(*chosen, strict=True)
-                blocks.append(self._one_block(f"fmi2{direction}{kind}", references, np.array(places)))
+                references, columns_of = zip(*chosen, strict=True)
+                blocks.append(self._one_block(f"fmi2{direction}{kind}", references, np.array(columns_of)))
         return blocks
 
     def _one_block(self, function: str, references: Sequence[int], columns: NDArray[np.intp]) -> SignalBlock:

@@ -1,7 +1,7 @@
 """The co-simulation master: one loop over connected FMI 2.0 FMUs.
 
 Gauss-Seidel in topological order: an instance is stepped after all that feed it and gets their outputs of the
-same communication point, so a chain of FMUs has no delay, and the outputs at the start are right already. A cycle
+same communication point, so a series of FMUs has no delay, and the outputs at the start are right already. A cycle
 of FMUs needs a delayed connection: its target gets what the source gave at the communication point before.
 """
 
@@ -107,7 +107,7 @@ def simulate(
         values = np.empty((len(time), len(recorded)))
         values[0] = current[: len(recorded)]
         step_cost = _run(wired, time, current, values, progress, at_once)
-    return Recording(time, recorded, units, values, order, step_cost)
+    return Recording(time=time, names=recorded, units=units, values=values, instances=order, step_cost=step_cost)
 
 
 def communication_points(stop_time: float, communication_step_size: float) -> FloatArray:
@@ -120,7 +120,7 @@ def communication_points(stop_time: float, communication_step_size: float) -> Fl
     """
     for name, value in (("stop_time", stop_time), ("communication_step_size", communication_step_size)):
         if not 0.0 < value < inf:
-            raise InputError(f"{name}: {value:g} s found, a positive time wanted")
+            raise InputError(f"{name}: expected a positive time, got {value:g} s")
     if communication_step_size > stop_time:
         raise InputError(
             f"communication_step_size: {communication_step_size:g} s found, "
@@ -150,7 +150,7 @@ def matching_connections(source: str, target: str, instances: Mapping[str, Path]
 def _check_system(system: System, descriptions: Mapping[str, Any], time: FloatArray) -> None:
     """Refuse a system before anything is loaded."""
     if not system.instances:
-        raise InputError("system: no instance found, at least one wanted")
+        raise InputError("system: expected at least one instance, got none")
     paths = [Path(path).resolve() for path in system.instances.values()]
     for name, path in zip(system.instances, paths, strict=True):
         interface = descriptions[name].coSimulation
@@ -216,7 +216,7 @@ def _forget_imports(python_path: list[str]) -> None:
 
 def _wire(instance: Instance, system: System, signals: Sequence[str]) -> _Wired:
     """Look up value references once; the loop uses arrays only."""
-    column = {signal: place for place, signal in enumerate(signals)}
+    column = {signal: index for index, signal in enumerate(signals)}
     variables = {variable.name: variable for variable in instance.description.modelVariables}
     prefix = f"{instance.name}."
 
@@ -228,11 +228,11 @@ def _wire(instance: Instance, system: System, signals: Sequence[str]) -> _Wired:
     own = [signal for signal in signals if signal.startswith(prefix)]
     read = [variables[signal.removeprefix(prefix)] for signal in own]
     return _Wired(
-        instance,
-        blocks(delayed=False),
-        blocks(delayed=True),
-        instance.block("Get", read, [column[signal] for signal in own]),
-        instance.stepper(),
+        instance=instance,
+        inputs=blocks(delayed=False),
+        delayed=blocks(delayed=True),
+        outputs=instance.block("Get", read, [column[signal] for signal in own]),
+        step=instance.stepper(),
     )
 
 

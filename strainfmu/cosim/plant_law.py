@@ -47,7 +47,7 @@ class Plant:
     seed: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Gauges:
     """Readings (n_d,) of all gauges: kind and onset of the fault, last reading [m/m], the one that is held."""
 
@@ -99,7 +99,7 @@ def _at(
     gauges: _Gauges,
     time: float,
 ) -> tuple[dict[str, float], _Gauges]:
-    """Return the variables at ``time`` and the gauges, whose faults begin when they are first seen."""
+    """Return the variables at ``time`` and the gauges, whose faults begin at their first sample."""
     condition = _condition(plant, given, float(angle_and_rate[0]), time)
     point = evaluate(plant.model, condition, time)
     n = plant.model.n_gauges
@@ -116,7 +116,7 @@ def _at(
         **dict(zip(_CONDITION, condition.as_tuple(), strict=True)),
         "pitch_rate": float(angle_and_rate[1]),
     }
-    return row, _Gauges(kind, onset, gauges.last, held)
+    return row, _Gauges(kind=kind, onset=onset, last=gauges.last, held=held)
 
 
 def _condition(plant: Plant, given: Mapping[str, float], angle: float, time: float) -> FlightCondition:

@@ -19,7 +19,7 @@ SCHEMA_VERSION = 1
 _SLASH = "%2F"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """Signals over the communication points of a co-simulation.
 
@@ -98,7 +98,7 @@ def load_recording(path: Path) -> Recording:
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: damaged, {error}") from error
     names = tuple(name.replace(_SLASH, "/") for name in stored)
-    return Recording(time, names, units, values, instances, step_cost)
+    return Recording(time=time, names=names, units=units, values=values, instances=instances, step_cost=step_cost)
 
 
 def save_csv(recording: Recording, path: Path) -> None:

@@ -85,14 +85,14 @@ class _Table:
         numeric = isinstance(value, int | float) and not isinstance(value, bool)
         if not numeric or not isfinite(value) or not low <= value <= high:
             bounds = "" if low == -inf and high == inf else f" from {low:g} to {high:g}"
-            raise self.fault(key, f"{value!r} found, a number{bounds} wanted")
+            raise self.fault(key, f"expected a number{bounds}, got {value!r}")
         return float(value)
 
     def whole(self, key: str, default: int, high: int) -> int:
         """Take a whole number from 0 to ``high``."""
         value = self.entries.get(key, default)
         if not isinstance(value, int) or isinstance(value, bool):
-            raise self.fault(key, f"{value!r} found, a whole number wanted")
+            raise self.fault(key, f"expected a whole number, got {value!r}")
         return int(self.number(key, default, 0, high))
 
     def text(self, key: str, default: str | None = None) -> str:
@@ -101,21 +101,21 @@ class _Table:
         if value is None:
             raise self.fault(key, "entry is missing")
         if not isinstance(value, str) or not value:
-            raise self.fault(key, f"{value!r} found, a text wanted")
+            raise self.fault(key, f"expected text, got {value!r}")
         return value
 
     def table(self, key: str) -> _Table:
         """Take a table, empty if there is none."""
         value = self.entries.pop(key, {})
         if not isinstance(value, dict):
-            raise self.fault(key, f"{value!r} found, a table wanted")
+            raise self.fault(key, f"expected a table, got {value!r}")
         return _Table(self.path, f"{self.name}.{key}" if self.name else key, dict(value))
 
     def tables(self, key: str) -> list[_Table]:
         """Take an array of tables."""
         value = self.entries.pop(key, [])
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise self.fault(key, "an array of tables wanted")
+            raise self.fault(key, "expected an array of tables")
         return [_Table(self.path, f"{key}.{k}", dict(item)) for k, item in enumerate(value, start=1)]
 
     def finish(self) -> None:
@@ -224,10 +224,10 @@ def _fault(item: _Table, stop_time: float) -> FaultEvent:
     kind = GaugeFault[name.upper()]
     gauge = item.entries.pop("gauge", None)
     if not isinstance(gauge, str | int) or isinstance(gauge, bool):
-        raise item.fault("gauge", f"{gauge!r} found, the name of a gauge or its number from 1 wanted")
+        raise item.fault("gauge", f"expected the name of a gauge or its number from 1, got {gauge!r}")
     key = "drift_um_per_m_per_s" if kind is GaugeFault.DRIFT else "value_um_per_m"
     valued = kind in (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
     value = 1e-6 * item.number(key, None, -1e5, 1e5) if valued else 0.0
-    event = FaultEvent(item.number("time_s", None, 0.0, stop_time), gauge, kind, value)
+    event = FaultEvent(time=item.number("time_s", None, 0.0, stop_time), gauge=gauge, kind=kind, value=value)
     item.finish()
     return event

@@ -46,5 +46,5 @@ def schedule_data(signals: Sequence[ScheduledSignal]) -> FloatArray:
 
 def value_at(signal: ScheduledSignal, time: float) -> float:
     """Return the value of a signal at ``time`` [s], in its unit."""
-    place = int(np.searchsorted(signal.times, time, side="right")) - 1
-    return signal.values[max(place, 0)]
+    index = int(np.searchsorted(signal.times, time, side="right")) - 1
+    return signal.values[max(index, 0)]

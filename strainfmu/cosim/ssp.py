@@ -83,8 +83,8 @@ def system_structure(
         for signal in outputs:
             _add_connector(connectors, _system_name(signal), "output", find_variable(signal, descriptions).type)
     elements = SubElement(top, f"{{{SSD}}}Elements")
-    for place, instance in enumerate(system.instances):
-        _add_component(elements, system, descriptions, instance, outputs, place)
+    for index, instance in enumerate(system.instances):
+        _add_component(elements, system, descriptions, instance, outputs, index)
     connections = SubElement(top, f"{{{SSD}}}Connections")
     for connection in system.connections:
         _add_connection(
@@ -121,7 +121,7 @@ def _add_component(
     descriptions: Mapping[str, Any],
     instance: str,
     outputs: list[str],
-    place: int,
+    index: int,
 ) -> None:
     """Add one FMU with its scalar outputs and what is connected: FMPy sets every input that has a connector."""
     component = SubElement(
@@ -134,7 +134,7 @@ def _add_component(
     for variable in descriptions[instance].modelVariables:
         if f"{instance}.{variable.name}" in used:
             _add_connector(connectors, variable.name, variable.causality, variable.type)
-    x = 2.0 * _SCALE * place
+    x = 2.0 * _SCALE * index
     box = {"x1": x, "y1": 0.0, "x2": x + _SCALE, "y2": _SCALE}
     SubElement(component, f"{{{SSD}}}ElementGeometry", {key: f"{value:g}" for key, value in box.items()})
 

@@ -1,4 +1,4 @@
-"""One step of an estimator, be it an FMU or a map: strains and dynamic pressure in, coefficients out."""
+"""One step of an estimator, an FMU or a map: strains and dynamic pressure in, coefficients out."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class StepRefused(StrainfmuError):
     """The FMU could not do this one step; the next may be tried."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StepResult:
     """Outputs of one step of the estimator.
 
@@ -62,7 +62,7 @@ def open_step(source: Path) -> Iterator[ReadyStep]:
             yield ReadyStep(fmu, fmu.gauge_names)
         return
     if source.suffix.lower() not in (".h5", ".hdf5"):
-        raise InputError(f"{source}: an estimator FMU (X.fmu) or an inverse map (map.h5) wanted")
+        raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     from strainfmu.estimator.inverse_map import load_inverse_map
     from strainfmu.estimator.step import Estimator
 
@@ -71,6 +71,11 @@ def open_step(source: Path) -> Iterator[ReadyStep]:
 
     def step(strain: FloatArray, dynamic_pressure: float, step_size: float) -> StepResult:
         found = estimator.step(strain, dynamic_pressure)
-        return StepResult(found.coefficients, found.coefficients_std, int(found.health), found.chi_square)
+        return StepResult(
+            coefficients=found.coefficients,
+            coefficients_std=found.coefficients_std,
+            health=int(found.health),
+            chi_square=found.chi_square,
+        )
 
     yield ReadyStep(step, tuple(inverse_map.gauge_names))

@@ -18,7 +18,7 @@ HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", 
 _TO_SI = np.array([1.0, 1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """Flight conditions over time, interpolated by shape-preserving cubics.
 
@@ -108,10 +108,10 @@ def load_trajectory(path: Path) -> Trajectory:
         raise InputError(f"{path}: cannot be read as CSV text") from error
     found = tuple(cell.strip() for cell in rows[0]) if rows else ()
     if found != HEADER:
-        raise InputError(f"{path}: row 1: header '{','.join(found)}' found, '{','.join(HEADER)}' wanted")
+        raise InputError(f"{path}: row 1: expected the header '{','.join(HEADER)}', got '{','.join(found)}'")
     numbers = [_parse_row(path, number, row) for number, row in enumerate(rows[1:], start=2) if any(row)]
     if len(numbers) < 2:
-        raise InputError(f"{path}: {len(numbers)} rows of values found, at least 2 wanted")
+        raise InputError(f"{path}: expected at least 2 rows of values, got {len(numbers)}")
     table = np.array(numbers)
     if table[0, 0] != 0.0:
         raise InputError(f"{path}: row 2, column time_s: {table[0, 0]:g} found, must start at 0")
@@ -132,7 +132,7 @@ def _row_number(rows: list[list[str]], index: int) -> int:
 def _parse_row(path: Path, number: int, row: list[str]) -> list[float]:
     """Return the numbers of one row."""
     if len(row) != len(HEADER):
-        raise InputError(f"{path}: row {number}: {len(row)} values found, {len(HEADER)} wanted")
+        raise InputError(f"{path}: row {number}: expected {len(HEADER)} values, got {len(row)}")
     values = []
     for column, cell in zip(HEADER, row, strict=True):
         try:
@@ -140,6 +140,6 @@ def _parse_row(path: Path, number: int, row: list[str]) -> list[float]:
         except ValueError:
             value = float("nan")
         if not isfinite(value):
-            raise InputError(f"{path}: row {number}, column {column}: '{cell}' found, a finite number wanted")
+            raise InputError(f"{path}: row {number}, column {column}: expected a finite number, got '{cell}'")
         values.append(value)
     return values

@@ -1,4 +1,4 @@
-"""How large a bias of one gauge must be to be noticed, and to be blamed on that gauge.
+"""Detectable bias: how large a bias of one gauge must be to raise an alarm, and to be attributed to that gauge.
 
 Design figures of a map, not of a step: with P the precision of the residual (see
 :mod:`strainfmu.estimator.isolation`), a bias b of gauge i moves the chi-square's noncentrality to b^2 P_ii
@@ -83,9 +83,9 @@ def minimal_detectable_bias(precision: FloatArray, noncentrality: float) -> Floa
 def minimal_isolable_bias(
     precision: FloatArray, correlation: FloatArray, threshold: float, miss_probability: float
 ) -> FloatArray:
-    """Return (n_d,) bias [m/m] of gauge i that is blamed on gauge i with probability 1 - ``miss_probability``.
+    """Return (n_d,) bias [m/m] of gauge i that is attributed to gauge i with probability 1 - ``miss_probability``.
 
-    Blamed means: |z_i| > ``threshold`` and |z_i| > |z_j| for all j. With delta = b sqrt(P_ii) and rho the
+    Attributed means: |z_i| > ``threshold`` and |z_i| > |z_j| for all j. With delta = b sqrt(P_ii) and rho the
     correlation of z_i and z_j, z_i -+ z_j is normal of mean delta (1 -+ rho) and variance 2 (1 -+ rho); so a miss
     has at most the probability
 

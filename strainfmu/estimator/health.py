@@ -1,4 +1,4 @@
-"""How far an estimate may be believed: the states of health and the chi-square alarm level."""
+"""Health of an estimate: its states and the alarm level of chi-square."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class HealthState(IntEnum):
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
     """Dynamic pressure is below 1e-6 Pa or not finite, or its deviation is negative or not finite: no
-    coefficients; chi-square tells of the loads."""
+    coefficients; chi-square refers to the loads."""
     INVALID = 3
     """No gauge gives a valid strain: nothing can be computed."""
     DEGRADED = 4

@@ -201,8 +201,8 @@ def _check_values(inverse_map: InverseMap) -> None:
         raise InputError(f"inverse map: case is {inverse_map.case}, must be one of {', '.join(map(str, CASES))}")
     gamma, free = inverse_map.regularisation, inverse_map.case == 1
     if not (gamma == 0.0 if free else 0.0 < gamma < np.inf):
-        wanted = "0" if free else "positive"
-        raise InputError(f"inverse map: regularisation is {gamma}, must be {wanted} in Case {inverse_map.case}")
+        allowed = "0" if free else "positive"
+        raise InputError(f"inverse map: regularisation is {gamma}, must be {allowed} in Case {inverse_map.case}")
     freedom = n_d - n_q if free else n_d
     if freedom < 1:
         raise InputError(f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more")

@@ -1,4 +1,4 @@
-"""Which gauge is off: leave-one-out residuals, their alarm level, and gauges that cannot be told apart.
+"""Isolation of the gauge that is off: leave-one-out residuals, alarm level, ambiguous groups.
 
 P (n_d, n_d) is the precision of the residual r = d - m. For gauge i, (P r)_i / P_ii is how far it reads from what
 all others predict, with variance 1 / P_ii; so z_i = (P r)_i / sqrt(P_ii) is standard normal where all is well, and
@@ -19,18 +19,18 @@ AMBIGUOUS_CORRELATION = 0.9
 
 
 def standardised_residuals(
-    precision: FloatArray, residual: FloatArray, least_precision: FloatArray | float = 0.0
+    precision: FloatArray, residual: FloatArray, min_precision: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Return (n_d,) z_i = (P r)_i / sqrt(P_ii) [1]; 0 where P_ii <= ``least_precision``: no other gauge checks it.
+    """Return (n_d,) z_i = (P r)_i / sqrt(P_ii) [1]; 0 where P_ii <= ``min_precision``: no other gauge checks it.
 
     ``precision`` is P [1/(m/m)^2], ``residual`` r [m/m].
     """
-    return inverse_root(np.diag(precision), least_precision) * (precision @ residual)
+    return inverse_root(np.diag(precision), min_precision) * (precision @ residual)
 
 
-def inverse_root(precision_diagonal: FloatArray, least_precision: FloatArray | float = 0.0) -> FloatArray:
+def inverse_root(precision_diagonal: FloatArray, min_precision: FloatArray | float = 0.0) -> FloatArray:
     """Return 1 / sqrt(P_ii) (n_d,) [m/m], the deviation of leave-one-out errors; 0 for gauges nothing checks."""
-    checked = precision_diagonal > least_precision
+    checked = precision_diagonal > min_precision
     return np.where(checked, 1.0 / np.sqrt(np.where(checked, precision_diagonal, 1.0)), 0.0)
 
 
@@ -42,9 +42,9 @@ def outlier_threshold(n_gauges: int, false_alarm_probability: float) -> float:
     return -NormalDist().inv_cdf(0.5 * false_alarm_probability / n_gauges)
 
 
-def correlations(precision: FloatArray, least_precision: FloatArray | float = 0.0) -> FloatArray:
+def correlations(precision: FloatArray, min_precision: FloatArray | float = 0.0) -> FloatArray:
     """Return (n_d, n_d) correlations P_ij / sqrt(P_ii P_jj) of z; 0 with gauges that no other checks."""
-    scale = inverse_root(np.diag(precision), least_precision)
+    scale = inverse_root(np.diag(precision), min_precision)
     return precision * np.outer(scale, scale)
 
 
@@ -69,7 +69,7 @@ def ambiguous_groups(correlation: FloatArray, limit: float = AMBIGUOUS_CORRELATI
 
 
 def suspected_gauges(z: FloatArray, threshold: float, groups: tuple[tuple[int, ...], ...] = ()) -> tuple[int, ...]:
-    """Return the gauge of the largest |z| and those it cannot be told from, by index; none below ``threshold``.
+    """Return the gauge of the largest |z| and those of its ambiguous group, by index; none below ``threshold``.
 
     Right for a single faulty gauge; of several at once the worst need not be one of them.
     """

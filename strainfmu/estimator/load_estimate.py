@@ -99,7 +99,7 @@ class LoadEstimate(NamedLoads):
     valid : (n_d,) gauges that were used.
     standardised_residual : (n_d,) z, standard normal where a gauge fits the others; 0 where no other checks it.
     suspects : gauges, by index, that the largest |z| points to, none below its alarm level; more than one where
-        they cannot be told apart.
+        they cannot be distinguished.
     """
 
     loads: FloatArray

@@ -1,4 +1,4 @@
-"""What the matrices of every set of gauges are made from, in the same bits on every machine.
+"""Parts that the matrices of every set of gauges are made from, in the same bits on every machine.
 
 Estimator and FMUs share these numbers: loads are small differences of large terms, so that another order of sums
 would show, and an FMU that holds the result of LAPACK would differ from machine to machine. The formulas are those

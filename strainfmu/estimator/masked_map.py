@@ -1,4 +1,4 @@
-"""All that a step needs of an inverse map, for the gauges that are valid: computed once per set of gauges."""
+"""Inverse map for one set of valid gauges: the matrices and alarm levels of a step, computed once per set."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.isolation import ambiguous_groups, correlations, inverse_root, outlier_threshold
 from strainfmu.estimator.load_errors import load_error_covariance
 from strainfmu.estimator.map_parts import MapParts
-from strainfmu.estimator.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
+from strainfmu.estimator.masks import MIN_INFORMATION, information_left, masked_gain, masked_whitening
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MaskedMap:
     """An inverse map for the gauges that are valid, ready for the loop; columns of the others are zero.
 
@@ -29,7 +29,7 @@ class MaskedMap:
     degrees_of_freedom : of the residual.
     chi_square_limit : its alarm level.
     outlier_threshold : alarm level of the largest |z|.
-    ambiguous_groups : gauges, by index, that cannot be told apart.
+    ambiguous_groups : gauges, by index, that cannot be distinguished.
     """
 
     valid: BoolArray
@@ -58,8 +58,8 @@ def masked_map(parts: MapParts, valid: BoolArray) -> MaskedMap | None:
     if not valid.any():
         return None
     if parts.inverse_map.case == 1:
-        share = information_left(parts.gain_whitening, parts.noise_whitening, ~valid)
-        if share < LEAST_INFORMATION:
+        fraction = information_left(parts.gain_whitening, parts.noise_whitening, ~valid)
+        if fraction < MIN_INFORMATION:
             return None
     gain = masked_gain(parts.load_gain, parts.gain_whitening, ~valid)
     return _ready(parts, valid, gain, load_error_covariance(parts.error_model, gain))
@@ -71,18 +71,18 @@ def _ready(parts: MapParts, valid: BoolArray, load_gain: FloatArray, load_covari
     freedom = parts.inverse_map.residual_degrees_of_freedom - int(np.sum(~valid))
     precision = whitening.T @ whitening
     # Less than this is round-off: no other gauge checks this one.
-    least = LEAST_INFORMATION * np.sum(parts.noise_whitening**2, axis=0)
+    floor = MIN_INFORMATION * np.sum(parts.noise_whitening**2, axis=0)
     ready = MaskedMap(
-        valid,
-        load_gain,
-        load_covariance,
-        np.sqrt(np.diag(load_covariance)),
-        whitening,
-        inverse_root(np.diag(precision), least)[:, None] * whitening.T,
-        freedom,
-        chi_square_limit(freedom) if freedom > 0 else np.inf,
-        outlier_threshold(int(valid.sum()), FALSE_ALARM_PROBABILITY),
-        ambiguous_groups(correlations(precision, least)),
+        valid=valid,
+        load_gain=load_gain,
+        load_covariance=load_covariance,
+        loads_std=np.sqrt(np.diag(load_covariance)),
+        whitening=whitening,
+        z_whitening=inverse_root(np.diag(precision), floor)[:, None] * whitening.T,
+        degrees_of_freedom=freedom,
+        chi_square_limit=chi_square_limit(freedom) if freedom > 0 else np.inf,
+        outlier_threshold=outlier_threshold(int(valid.sum()), FALSE_ALARM_PROBABILITY),
+        ambiguous_groups=ambiguous_groups(correlations(precision, floor)),
     )
     for array in (valid, ready.loads_std, load_covariance):  # handed out with every estimate
         array.flags.writeable = False

@@ -13,13 +13,13 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 
-LEAST_INFORMATION = 1e-10
-"""Share of the information on some state below which the rest of the gauges does not identify it: its standard
+MIN_INFORMATION = 1e-10
+"""Fraction of the information on some state below which the rest of the gauges does not identify it: its standard
 deviation has grown by 1e5, and round-off, squared, is near 1e-24."""
 
 
 def information_left(whitening: FloatArray, noise_whitening: FloatArray, missing: BoolArray) -> float:
-    """Return the least share, over all states, of the information that the gauges kept hold of all gauges' [1].
+    """Return the smallest fraction, over all states, of all gauges' information that the gauges kept hold [1].
 
     With H = A' Gamma^-1 A + gamma I of all gauges and H_K of those kept it is the smallest eigenvalue of H^-1 H_K,
     which is that of (Gamma^-1)_RR^-1 P_RR (as X Y and Y X share eigenvalues). The variance of no state grows more

@@ -1,4 +1,4 @@
-"""What of an estimator may be set without another map: sensor range, alarm level, references."""
+"""Settings of an estimator that need no other map: sensor range, alarm level, references."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class EstimatorSettings:
     moment_station : x [m] of the moment point on the axis, aft from the nose tip.
     sensor_range : largest |strain| of a working gauge [m/m].
     alarm_scale : factor on the alarm level of chi-square, and on the square of that of the largest |z| [1]. 4 is
-        twice the noise in every gauge before the same share of false alarms.
+        twice the noise in every gauge before the same rate of false alarms.
     """
 
     reference_area: float
@@ -58,7 +58,7 @@ def setting_fault(name: str, value: float) -> str:
 def default_settings(inverse_map: InverseMap) -> EstimatorSettings:
     """Return the settings that ``inverse_map`` was built with.
 
-    A map that does not say where its moment point is counts stations from that point.
+    A map that does not state its moment point counts stations from that point.
     """
     return EstimatorSettings(
         inverse_map.reference_area,

@@ -31,7 +31,7 @@ ROWS = 64
 """Samples of one matrix product. For larger ones BLAS starts threads, which cost more than they save here."""
 
 CACHED_MASKS = 32
-"""Sets of missing gauges whose matrices are kept, the least recently used dropped first."""
+"""Sets of missing gauges whose matrices are kept, the one unused for longest dropped first."""
 
 
 def load(path: str | PathLike[str], settings: EstimatorSettings | None = None) -> Estimator:
@@ -48,8 +48,8 @@ def load(path: str | PathLike[str], settings: EstimatorSettings | None = None) -
 class Estimator:
     """An inverse map prepared for the loop: a step is three small matrix-vector products.
 
-    A gauge is left out of a step if its strain is not finite or beyond the sensor range, or if the caller says so.
-    The matrices without it are computed in the first step that lacks it, and kept.
+    A gauge is left out of a step if its strain is not finite or beyond the sensor range, or if the caller excludes
+    it. The matrices without it are computed in the first step that lacks it, and kept.
 
     Example
     -------
@@ -101,7 +101,7 @@ class Estimator:
         ------
         InputError
             An argument has the wrong shape or is no number, or ``valid`` is not of bool. Values that are not
-            finite are no error: the estimate goes without the gauge or without coefficients, and health says so.
+            finite are no error: the estimate goes without the gauge or without coefficients, and health states it.
         """
         d = np.asarray(strain, dtype=float)
         if d.ndim != 2:

@@ -1,4 +1,4 @@
-"""Where a map holds: the ranges that its snapshots cover, each with its unit as a user reads it."""
+"""Validity of a map: the ranges that its snapshots cover, each with its unit as a user reads it."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ValidRange:
-    """A quantity from ``least`` to ``greatest`` [``unit``]; they are equal where it was held."""
+    """A quantity from ``minimum`` to ``maximum`` [``unit``]; they are equal where it was held."""
 
     quantity: str
-    least: float
-    greatest: float
+    minimum: float
+    maximum: float
     unit: str
 
     @property
     def text(self) -> str:
         """The range as one text, with its unit."""
-        least, greatest = f"{self.least:.6g}", f"{self.greatest:.6g}"
-        numbers = least if least == greatest else f"{least} to {greatest}"
+        low, high = f"{self.minimum:.6g}", f"{self.maximum:.6g}"
+        numbers = low if low == high else f"{low} to {high}"
         return numbers if self.unit == "1" else f"{numbers} {self.unit}"
 
 
@@ -43,7 +43,7 @@ _OF_CONDITIONS = (
 
 
 def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
-    """Return least and greatest of each quantity over ``conditions``, by its name in a map's provenance."""
+    """Return minimum and maximum of each quantity over ``conditions``, by its name in a map's provenance."""
     values = {
         "mach_number": [c.mach_number for c in conditions],
         "angle_of_attack_deg": [degrees(c.angle_of_attack) for c in conditions],
@@ -57,7 +57,9 @@ def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[fl
 def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
     """Return what :func:`condition_ranges` found, for a reader; quantities that are not there are left out."""
     return [
-        ValidRange(quantity, factor * ranges[name][0], factor * ranges[name][1], unit)
+        ValidRange(
+            quantity=quantity, minimum=factor * ranges[name][0], maximum=factor * ranges[name][1], unit=unit
+        )
         for quantity, name, unit, factor in _OF_CONDITIONS
         if name in ranges
     ]
@@ -70,4 +72,7 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     # Earlier maps hold the altitude as one number.
     ranges = {name: value if isinstance(value, list) else [value, value] for name, value in held.items()}
     strain = 1e6 * float(np.max(inverse_map.strain_range))
-    return [*valid_conditions(ranges), ValidRange("|strain| of the gauge that strains most", 0.0, strain, "um/m")]
+    return [
+        *valid_conditions(ranges),
+        ValidRange(quantity="|strain| of the gauge that strains most", minimum=0.0, maximum=strain, unit="um/m"),
+    ]

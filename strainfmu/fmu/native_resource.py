@@ -26,7 +26,7 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.map_parts import MapParts, map_parts
-from strainfmu.estimator.masks import LEAST_INFORMATION
+from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.step import MIN_DYNAMIC_PRESSURE
 
@@ -75,7 +75,7 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
             settings.moment_station,
             settings.sensor_range,
             inverse_map.nominal_dynamic_pressure,
-            LEAST_INFORMATION,
+            MIN_INFORMATION,
             AMBIGUOUS_CORRELATION,
             MIN_DYNAMIC_PRESSURE,
             LARGEST_SENSOR_RANGE,
@@ -101,15 +101,15 @@ def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
         model.remainder,
         model.state_operator.T,
         model.load_per_state.T,
-        _least_precision(parts),
+        _min_precision(parts),
         np.array([chi_square_limit(freedom) for freedom in counts]),
         np.array([outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts]),
     )
 
 
-def _least_precision(parts: MapParts) -> FloatArray:
+def _min_precision(parts: MapParts) -> FloatArray:
     """Return (n_d,) the precision of a gauge [1/(m/m)^2] below which it is round-off: no other gauge checks it."""
-    return np.asarray(LEAST_INFORMATION * np.sum(parts.noise_whitening**2, axis=0))
+    return np.asarray(MIN_INFORMATION * np.sum(parts.noise_whitening**2, axis=0))
 
 
 def _packed_columns(upper: FloatArray) -> FloatArray:

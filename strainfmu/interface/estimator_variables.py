@@ -1,7 +1,7 @@
 """The interface of the estimator FMU: every variable described once.
 
 :func:`estimator_interface` gives the variables in the order of ``ModelVariables`` of FMI 2.0, scalar by scalar;
-the value reference of a variable is its place in that order. :func:`estimator_arrays` turns the list into that of
+the value reference of a variable is its index in that order. :func:`estimator_arrays` turns the list into that of
 FMI 3.0. The model descriptions, the documentation page and the FMUs' code all follow these lists.
 """
 
@@ -102,9 +102,14 @@ ARRAYS = {
     "moment": "Pitching (positive nose-up) and yawing (nose to starboard) moment",
     "sigma.force": "Standard deviations of the forces, same order",
     "sigma.moment": "Standard deviations of the moments, same order",
-    "strain": "Strain of each gauge; names and places in the documentation",
+    "strain": "Strain of each gauge; names and positions in the documentation",
     "valid": "Whether each gauge may be used; same order as strain",
 }
+
+
+def _gauge_text(gauge: str, x: float, y: float, z: float) -> str:
+    """Return the description of the strain of ``gauge`` at x, y, z [m] in body axes."""
+    return f"Strain of gauge {gauge} at x = {x:.4g} m, roll angle {degrees(atan2(y, z)) % 360.0:.4g} deg"
 
 
 def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
@@ -114,9 +119,9 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
     """
     strains = [
         Variable(
-            f"strain[{i}]",
-            f"Strain of gauge {gauge} at x = {x:.4g} m, roll angle {degrees(atan2(y, z)) % 360.0:.4g} deg",
-            "input",
+            name=f"strain[{i}]",
+            description=_gauge_text(gauge, x, y, z),
+            causality="input",
             unit="1",
             display_unit="um/m",
             nominal=_nominal(strain_range, noise),
@@ -136,11 +141,11 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
     ]
     valid = [
         Variable(
-            f"valid[{i}]",
-            f"Whether gauge {gauge} may be used",
-            "input",
-            "discrete",
-            "Boolean",
+            name=f"valid[{i}]",
+            description=f"Whether gauge {gauge} may be used",
+            causality="input",
+            variability="discrete",
+            fmi_type="Boolean",
             start=True,
             array="valid",
         )
@@ -154,9 +159,9 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
     nominal = inverse_map.nominal_dynamic_pressure
     return [
         Variable(
-            "dynamic_pressure",
-            "Free-stream dynamic pressure; turns loads into coefficients",
-            "input",
+            name="dynamic_pressure",
+            description="Free-stream dynamic pressure; turns loads into coefficients",
+            causality="input",
             unit="Pa",
             display_unit="kPa",
             nominal=nominal,
@@ -164,9 +169,9 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
             start=nominal,
         ),
         Variable(
-            "dynamic_pressure_std",
-            "Standard deviation of the error of dynamic_pressure; widens sigma of the coefficients",
-            "input",
+            name="dynamic_pressure_std",
+            description="Standard deviation of the error of dynamic_pressure; widens sigma of the coefficients",
+            causality="input",
             unit="Pa",
             display_unit="kPa",
             nominal=nominal,
@@ -189,10 +194,10 @@ def _parameters(inverse_map: InverseMap) -> list[Variable]:
     )
     return [
         Variable(
-            name,
-            text,
-            "parameter",
-            "tunable",
+            name=name,
+            description=text,
+            causality="parameter",
+            variability="tunable",
             unit=unit,
             display_unit=shown,
             minimum=-LARGEST_SETTING if name == "moment_station" else smallest,
@@ -210,9 +215,9 @@ def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) ->
     of_moment = (*of_force, "reference_length", "moment_station")
     values = [
         Variable(
-            name,
-            text,
-            "output",
+            name=name,
+            description=text,
+            causality="output",
             unit="1",
             nominal=nominal,
             depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
@@ -241,9 +246,9 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
     scale = inverse_map.nominal_dynamic_pressure * area
     values = [
         Variable(
-            name,
-            text,
-            "output",
+            name=name,
+            description=text,
+            causality="output",
             unit=unit,
             display_unit=f"k{unit}",
             nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
@@ -268,23 +273,23 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
 
 
 def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
-    """Return what tells how far the estimate may be believed."""
+    """Return the outputs that state the health of the estimate."""
     freedom, n = inverse_map.residual_degrees_of_freedom, inverse_map.n_gauges
     alarms = ("sensor_range", "alarm_scale")
     state = Variable(
-        "health.state",
-        "State of the estimate",
-        "output",
-        "discrete",
-        "Enumeration",
+        name="health.state",
+        description="State of the estimate",
+        causality="output",
+        variability="discrete",
+        fmi_type="Enumeration",
         declared_type=HEALTH_TYPE,
         depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
         initially_depends_on=alarms,
     )
     chi_square = Variable(
-        "health.chi_square",
-        f"Chi-square of the residual, {freedom} expected with all gauges",
-        "output",
+        name="health.chi_square",
+        description=f"Chi-square of the residual, {freedom} expected with all gauges",
+        causality="output",
         unit="1",
         nominal=_nominal(freedom),
         minimum=0.0,
@@ -299,11 +304,11 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     )
     counts = [
         Variable(
-            f"health.{name}",
-            text,
-            "output",
-            "discrete",
-            "Integer",
+            name=f"health.{name}",
+            description=text,
+            causality="output",
+            variability="discrete",
+            fmi_type="Integer",
             minimum=0,
             maximum=n,
             depends_on=gauges,
@@ -316,7 +321,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
                 "Number, from 1, of the first gauge that does not fit; 0 for none",
                 alarms,
             ),
-            ("suspects", "How many gauges share that suspicion because they cannot be told apart", alarms),
+            ("suspects", "Number of gauges under that suspicion, because they cannot be distinguished", alarms),
         )
     ]
     return [state, chi_square, limit, *counts]

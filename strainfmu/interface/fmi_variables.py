@@ -90,7 +90,7 @@ def strain_names(n_gauges: int) -> tuple[str, ...]:
 def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) -> tuple[Variable, ...]:
     """Return the interface of FMI 3.0: elements of one array become one variable, dependencies follow.
 
-    ``descriptions`` holds what is said of each array.
+    ``descriptions`` holds the description of each array.
     """
     array_of = {variable.name: variable.array or variable.name for variable in interface}
 
@@ -120,5 +120,5 @@ def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) 
 
 
 def value_references(interface: Sequence[Variable]) -> dict[str, int]:
-    """Return the value reference of each variable name: its place in the interface."""
-    return {variable.name: place for place, variable in enumerate(interface)}
+    """Return the value reference of each variable name: its index in the interface."""
+    return {variable.name: index for index, variable in enumerate(interface)}

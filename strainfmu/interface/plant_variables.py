@@ -12,7 +12,7 @@ from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_nam
 
 
 class StrainedVehicle(Protocol):
-    """What the plant's variables say of a vehicle: its gauges and their noise.
+    """The vehicle as the plant's variables describe it: its gauges and their noise.
 
     Attributes
     ----------
@@ -36,13 +36,14 @@ def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
     """Return the variables of the plant FMU in the order of their value references."""
     noise = ("noise_std", "seed")
     coefficients = [
-        Variable(name, f"{text}, true value", "output", unit="1") for name, text in COEFFICIENTS.items()
+        Variable(name=name, description=f"{text}, true value", causality="output", unit="1")
+        for name, text in COEFFICIENTS.items()
     ]
     strains = [
         Variable(
-            name,
-            f"Strain of gauge {gauge} at roll angle {degrees(angle) % 360.0:.4g} deg, with noise",
-            "output",
+            name=name,
+            description=f"Strain of gauge {gauge} at roll angle {degrees(angle) % 360.0:.4g} deg, with noise",
+            causality="output",
             unit="1",
             display_unit="um/m",
             initially_depends_on=noise,
@@ -57,35 +58,59 @@ def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
     ]
     parameters = [
         Variable(
-            "noise_std",
-            "Standard deviation of the noise on every strain",
-            "parameter",
-            "fixed",
+            name="noise_std",
+            description="Standard deviation of the noise on every strain",
+            causality="parameter",
+            variability="fixed",
             unit="1",
             display_unit="um/m",
             minimum=0.0,
             start=vehicle.noise_std,
         ),
-        Variable("seed", "Seed of the noise", "parameter", "fixed", "Integer", minimum=0, start=1),
+        Variable(
+            name="seed",
+            description="Seed of the noise",
+            causality="parameter",
+            variability="fixed",
+            fmi_type="Integer",
+            minimum=0,
+            start=1,
+        ),
     ]
     return (*coefficients, *strains, *_flight_condition(), *parameters)
 
 
 def _flight_condition() -> list[Variable]:
-    """Return the plant's outputs that say where on the trajectory it is."""
+    """Return the plant's outputs that state the flight condition."""
     return [
         Variable(
-            "dynamic_pressure",
-            "Free-stream dynamic pressure",
-            "output",
+            name="dynamic_pressure",
+            description="Free-stream dynamic pressure",
+            causality="output",
             unit="Pa",
             display_unit="kPa",
             minimum=0.0,
         ),
-        Variable("mach_number", "Free-stream Mach number", "output", unit="1", minimum=0.0),
-        Variable("angle_of_attack", "Angle of attack", "output", unit="rad", display_unit="deg"),
-        Variable("sideslip_angle", "Angle of sideslip", "output", unit="rad", display_unit="deg"),
-        Variable("altitude", "Geopotential altitude", "output", unit="m", display_unit="km"),
+        Variable(
+            name="mach_number", description="Free-stream Mach number", causality="output", unit="1", minimum=0.0
+        ),
+        Variable(
+            name="angle_of_attack",
+            description="Angle of attack",
+            causality="output",
+            unit="rad",
+            display_unit="deg",
+        ),
+        Variable(
+            name="sideslip_angle",
+            description="Angle of sideslip",
+            causality="output",
+            unit="rad",
+            display_unit="deg",
+        ),
+        Variable(
+            name="altitude", description="Geopotential altitude", causality="output", unit="m", display_unit="km"
+        ),
     ]
 
 
@@ -167,12 +192,12 @@ def native_plant_interface(
 
 
 def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion) -> Variable:
-    """Say on which inputs an output depends, and on which parameters its first value does."""
+    """Return an output with the inputs that it depends on, and the parameters that its first value depends on."""
     depends_on: tuple[str, ...] = given
     initial = ("initial_angle_of_attack",) if motion is Motion.SHORT_PERIOD else ()
     if output.array == "strain":
-        place = output.name.removeprefix("strain")
-        depends_on = (*given, f"fault_kind{place}", f"fault_value{place}")
+        index = output.name.removeprefix("strain")
+        depends_on = (*given, f"fault_kind{index}", f"fault_value{index}")
     elif output.name == "dynamic_pressure":
         depends_on, initial = tuple(name for name in given if name in ("mach_number", "altitude")), ()
     elif output.name not in COEFFICIENTS:
@@ -187,11 +212,11 @@ def _faults(vehicle: StrainedVehicle, n_gauges: int) -> list[Variable]:
     return [
         *(
             Variable(
-                f"fault_kind[{i}]",
-                f"Fault of gauge {names[i - 1]}: {kinds}",
-                "input",
-                "discrete",
-                "Integer",
+                name=f"fault_kind[{i}]",
+                description=f"Fault of gauge {names[i - 1]}: {kinds}",
+                causality="input",
+                variability="discrete",
+                fmi_type="Integer",
                 minimum=0,
                 maximum=int(max(GaugeFault)),
                 start=0,
@@ -201,9 +226,9 @@ def _faults(vehicle: StrainedVehicle, n_gauges: int) -> list[Variable]:
         ),
         *(
             Variable(
-                f"fault_value[{i}]",
-                f"Gauge {names[i - 1]}: bias [m/m], drift [m/m per s] or stuck reading [m/m]",
-                "input",
+                name=f"fault_value[{i}]",
+                description=f"Gauge {names[i - 1]}: bias [m/m], drift [m/m per s] or stuck reading [m/m]",
+                causality="input",
                 unit="1",
                 display_unit="um/m",
                 start=0.0,
@@ -219,43 +244,51 @@ def _short_period(start: FlightStart) -> list[Variable]:
     positive = 1e-300  # FMI's minimum is a value that is allowed
     return [
         Variable(
-            "pitch_rate",
-            "Pitch rate, positive nose-up",
-            "output",
+            name="pitch_rate",
+            description="Pitch rate, positive nose-up",
+            causality="output",
             unit="rad/s",
             display_unit="deg/s",
         ),
         Variable(
-            "control_moment",
-            "Pitching moment of the controls, positive nose-up",
-            "input",
+            name="control_moment",
+            description="Pitching moment of the controls, positive nose-up",
+            causality="input",
             unit="N.m",
             display_unit="kN.m",
             start=0.0,
         ),
-        Variable("mass", "Mass", "parameter", "fixed", unit="kg", minimum=positive, start=start.mass),
         Variable(
-            "pitch_inertia",
-            "Moment of inertia about the y axis through the moment reference point",
-            "parameter",
-            "fixed",
+            name="mass",
+            description="Mass",
+            causality="parameter",
+            variability="fixed",
+            unit="kg",
+            minimum=positive,
+            start=start.mass,
+        ),
+        Variable(
+            name="pitch_inertia",
+            description="Moment of inertia about the y axis through the moment reference point",
+            causality="parameter",
+            variability="fixed",
             unit="kg.m2",
             minimum=positive,
             start=start.pitch_inertia,
         ),
         Variable(
-            "pitch_damping",
-            "Derivative of M_P by pitch rate times L/(2 V)",
-            "parameter",
-            "fixed",
+            name="pitch_damping",
+            description="Derivative of M_P by pitch rate times L/(2 V)",
+            causality="parameter",
+            variability="fixed",
             unit="1",
             start=start.pitch_damping,
         ),
         Variable(
-            "initial_angle_of_attack",
-            "Angle of attack at the start",
-            "parameter",
-            "fixed",
+            name="initial_angle_of_attack",
+            description="Angle of attack at the start",
+            causality="parameter",
+            variability="fixed",
             unit="rad",
             display_unit="deg",
             start=start.angle_of_attack,

@@ -139,5 +139,5 @@ def test_a_file_without_an_entry_is_refused(tmp_path: Path) -> None:
 def test_an_older_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "snapshots.h5"
     write_hdf5_atomically(path, SCHEMA, 2, lambda file: None)
-    with pytest.raises(InputError, match="schema version 2 found, 3 wanted; build it again"):
+    with pytest.raises(InputError, match="expected schema version 3, got 2; build it again"):
         load_snapshots(path)

@@ -122,7 +122,7 @@ def test_estimate_flies_as_truth_does(scenario: Scenario, fmus: dict[str, Path])
 def test_a_failing_gauge_is_reported_and_the_loop_holds(
     scenario: Scenario, tmp_path: Path, kind: GaugeFault, value: float, isolated: bool
 ) -> None:
-    broken = replace(scenario, faults=(FaultEvent(2.0, "G1", kind, value),))
+    broken = replace(scenario, faults=(FaultEvent(time=2.0, gauge="G1", kind=kind, value=value),))
     recording, result = flown(broken, tmp_path)
     report = result.faults[0]
     assert report.reported_after is not None
@@ -135,7 +135,10 @@ def test_a_failing_gauge_is_reported_and_the_loop_holds(
 
 def test_a_fault_that_nobody_can_see_is_not_reported(scenario: Scenario, tmp_path: Path) -> None:
     # Health has told of the first for good when the second, which changes nothing, begins.
-    faults = (FaultEvent(1.0, 1, GaugeFault.DROPOUT), FaultEvent(2.0, 2, GaugeFault.DRIFT, 0.0))
+    faults = (
+        FaultEvent(1.0, 1, GaugeFault.DROPOUT),
+        FaultEvent(time=2.0, gauge=2, kind=GaugeFault.DRIFT, value=0.0),
+    )
     _, result = flown(replace(scenario, faults=faults, noise_seed=3), tmp_path)
     assert result.faults[0].reported_after is not None
     assert result.faults[1].isolated_after is None
@@ -163,7 +166,7 @@ def test_a_frozen_gauge_is_found_when_the_load_moves(scenario: Scenario, tmp_pat
 
 def test_isolation_can_be_switched_off(scenario: Scenario, tmp_path: Path) -> None:
     settings = replace(scenario.autopilot, confirmations=0)
-    faults = (FaultEvent(2.0, 1, GaugeFault.BIAS, 20 * NOISE_STD),)
+    faults = (FaultEvent(time=2.0, gauge=1, kind=GaugeFault.BIAS, value=20 * NOISE_STD),)
     recording, result = flown(replace(scenario, autopilot=settings, faults=faults), tmp_path)
     assert result.faults[0].isolated_after is None
     assert not np.any(recording["autopilot.isolated_gauges"])
@@ -321,23 +324,35 @@ def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Pa
     ("old", "new", "message"),
     [
         ("stop_time_s = 5.0", "", "stop_time_s: entry is missing"),
-        ("stop_time_s = 5.0", "stop_time_s = -1", "stop_time_s: -1 found, a number from 0.001 to 100000 wanted"),
-        ("stop_time_s = 5.0", "stop_time_s = true", "stop_time_s: True found"),
+        ("stop_time_s = 5.0", "stop_time_s = -1", "stop_time_s: expected a number from 0.001 to 100000, got -1"),
+        (
+            "stop_time_s = 5.0",
+            "stop_time_s = true",
+            "stop_time_s: expected a number from 0.001 to 100000, got True",
+        ),
         ("mach_number = 6.0", "mach_number = 6.0\nmac = 1", "flight.mac: unknown entry"),
-        ("mach_number = 6.0", "mach_number = nan", "flight.mach_number: nan found"),
+        ("mach_number = 6.0", "mach_number = nan", "flight.mach_number: expected a number from 0 to 100, got nan"),
         (
             "mach_number = 6.0",
             "mach_number = 6.0\nnoise_seed = 1.5",
-            "flight.noise_seed: 1.5 found, a whole number",
+            "flight.noise_seed: expected a whole number, got 1.5",
         ),
-        ("mach_number = 6.0", "mach_number = 6.0\nnoise_seed = -1", "flight.noise_seed: -1 found"),
+        (
+            "mach_number = 6.0",
+            "mach_number = 6.0\nnoise_seed = -1",
+            "noise_seed: expected a number from 0 to 2.14748e+09, got -1",
+        ),
         ("time_s = 0.0", "time_s = 0.1", "command: the times of the commands must start at 0 and increase"),
         ('name = "slender vehicle"', 'feedback = "guess"', "feedback: 'guess' found, must be truth or estimate"),
-        ('name = "slender vehicle"', "name = 3", "name: 3 found, a text wanted"),
-        ("[flight]", "flight = 3\n[other]", "flight: 3 found, a table wanted"),
+        ('name = "slender vehicle"', "name = 3", "name: expected text, got 3"),
+        ("[flight]", "flight = 3\n[other]", "flight: expected a table, got 3"),
         ("[[command]]", "[command", "no TOML file"),
         ("[flight]", '[files]\nmap = "none.h5"\n[flight]', "none.h5: no such file"),
-        ("[flight]", "[vehicle]\nmass_kg = 0\n[flight]", "vehicle.mass_kg: 0 found"),
+        (
+            "[flight]",
+            "[vehicle]\nmass_kg = 0\n[flight]",
+            "vehicle.mass_kg: expected a number from 0.001 to 1e+09, got 0",
+        ),
     ],
 )
 def test_wrong_scenarios(files: SlenderFiles, tmp_path: Path, run: Run, old: str, new: str, message: str) -> None:
@@ -358,7 +373,7 @@ def test_wrong_scenarios(files: SlenderFiles, tmp_path: Path, run: Run, old: str
         ('kind = "broken"\ngauge = 1', "fault.1.kind: 'broken' found, must be one of none, dropout, bias"),
         ('kind = "dropout"\ngauge = 99', "gauge 99 found, must be a number from 1 to 16"),
         ('kind = "dropout"\ngauge = "X"', "gauge 'X' found"),
-        ('kind = "dropout"', "fault.1.gauge: None found"),
+        ('kind = "dropout"', "fault.1.gauge: expected the name of a gauge or its number from 1, got None"),
         ('kind = "dropout"\ngauge = 1\nvalue_um_per_m = 3', "fault.1.value_um_per_m: unknown entry"),
         (
             'kind = "dropout"\ngauge = 1\n[[fault]]\ntime_s=1\nkind="none"\ngauge=1',
@@ -442,7 +457,7 @@ def test_twenty_seconds_of_the_surrogate(ic3x_demo: Path, tmp_path: Path) -> Non
         (GaugeFault.DRIFT, 1e-4),
         (GaugeFault.STUCK, 0.0),
     ):
-        broken = replace(scenario, faults=(FaultEvent(10.0, 5, kind, value),))
+        broken = replace(scenario, faults=(FaultEvent(time=10.0, gauge=5, kind=kind, value=value),))
         result = flight_result(broken, fly(broken, export_flight(broken, tmp_path / kind.name), "estimate"), model)
         assert result.faults[0].reported_after is not None, kind
         assert result.faults[0].reported_after <= 0.05 + 1e-9, kind

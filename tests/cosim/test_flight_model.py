@@ -54,7 +54,9 @@ def test_evaluate_is_the_stated_formula(internal_pressure: float | None) -> None
         moment * sin(roll),
     ]
 
-    point = evaluate(model, FlightCondition(mach, alpha, beta, altitude))
+    point = evaluate(
+        model, FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=beta, altitude=altitude)
+    )
 
     np.testing.assert_allclose(point.strain, expected_strain, rtol=1e-10)
     np.testing.assert_allclose(point.coefficients, expected, rtol=1e-10)
@@ -65,20 +67,29 @@ def test_evaluate_is_the_stated_formula(internal_pressure: float | None) -> None
     ("alpha", "beta", "roll"), [(0.1, 0.0, 0.0), (-0.1, 0.0, pi), (0.0, 0.1, -pi / 2), (0.0, -0.1, pi / 2)]
 )
 def test_the_leeward_meridian_is_where_the_wind_goes(alpha: float, beta: float, roll: float) -> None:
-    condition = FlightCondition(6.0, alpha, beta, 2e4)
+    condition = FlightCondition(mach_number=6.0, angle_of_attack=alpha, sideslip_angle=beta, altitude=2e4)
     assert condition.total_incidence == pytest.approx(0.1, rel=1e-14)
     assert cos(condition.leeward_roll_angle - roll) == pytest.approx(1.0, abs=1e-14)
 
 
 def test_incidence_keeps_its_digits_near_zero() -> None:
-    assert FlightCondition(6.0, 3e-9, 4e-9, 2e4).total_incidence == pytest.approx(5e-9, rel=1e-12)
+    assert FlightCondition(
+        mach_number=6.0, angle_of_attack=3e-9, sideslip_angle=4e-9, altitude=2e4
+    ).total_incidence == pytest.approx(5e-9, rel=1e-12)
 
 
 def test_both_ends_of_the_envelope_are_inside() -> None:
     model = synthetic_flight_model()
     for mach in (5.0, 7.0, 7.0 + 1e-12):
         for alpha in (0.0, radians(12.0), -radians(12.0)):
-            assert np.all(np.isfinite(evaluate(model, FlightCondition(mach, alpha, 0.0, 0.0)).strain))
+            assert np.all(
+                np.isfinite(
+                    evaluate(
+                        model,
+                        FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=0.0, altitude=0.0),
+                    ).strain
+                )
+            )
 
 
 @pytest.mark.parametrize(

@@ -94,9 +94,9 @@ def test_communication_points_end_exactly_at_stop_time() -> None:
 @pytest.mark.parametrize(
     ("stop", "step", "words"),
     [
-        (0.0, 0.1, "stop_time: 0 s found"),
-        (1.0, -1.0, "communication_step_size: -1 s found"),
-        (float("inf"), 0.1, "stop_time: inf s found"),
+        (0.0, 0.1, "stop_time: expected a positive time, got 0 s"),
+        (1.0, -1.0, "communication_step_size: expected a positive time, got -1 s"),
+        (float("inf"), 0.1, "stop_time: expected a positive time, got inf s"),
         (1.0, 2.0, "at most stop_time, 1 s, allowed"),
     ],
 )
@@ -150,7 +150,7 @@ def test_wrong_start_values_are_refused(
 
 
 def test_wrong_instances_are_refused(synthetic: SyntheticFiles) -> None:
-    with pytest.raises(InputError, match="no instance found"):
+    with pytest.raises(InputError, match="expected at least one instance, got none"):
         simulate(System({}), 1.0, 0.1)
     with pytest.raises(InputError, match=r"instance 'a\.b': a dot found"):
         simulate(System({"a.b": synthetic.plant}), 1.0, 0.1)
@@ -182,7 +182,7 @@ def test_missing_and_damaged_fmus_are_refused(synthetic: SyntheticFiles, tmp_pat
     assert "damaged" in message(tmp_path / "holes.fmu")
     xml = zipfile.ZipFile(synthetic.plant).read("modelDescription.xml")
     exchange = xml.replace(b"<CoSimulation", b"<ModelExchange")
-    assert "FMI 2.0 co-simulation wanted" in message(
+    assert "expected an FMU for FMI 2.0 co-simulation" in message(
         repacked(synthetic.plant, tmp_path / "me.fmu", modelDescription_xml=exchange)
     )
     assert "cannot be loaded on this machine" in message(
@@ -245,13 +245,16 @@ def test_a_recording_survives_the_disk(synthetic: SyntheticFiles, tmp_path: Path
 
 
 def test_names_with_a_slash_survive_the_disk(tmp_path: Path) -> None:
-    save_hdf5(Recording(np.zeros(1), ("x.'a/b'", "x.c"), ("m", ""), np.ones((1, 2))), tmp_path / "r.h5")
+    save_hdf5(
+        Recording(time=np.zeros(1), names=("x.'a/b'", "x.c"), units=("m", ""), values=np.ones((1, 2))),
+        tmp_path / "r.h5",
+    )
     loaded = load_recording(tmp_path / "r.h5")
     assert (loaded.names, loaded.units) == (("x.'a/b'", "x.c"), ("m", ""))
 
 
 def test_recordings_are_refused_or_kept_whole(tmp_path: Path) -> None:
-    recording = Recording(np.zeros(1), ("a.b",), ("",), np.zeros((1, 1)))
+    recording = Recording(time=np.zeros(1), names=("a.b",), units=("",), values=np.zeros((1, 1)))
     (tmp_path / "file").write_text("")
     with pytest.raises(StrainfmuError, match="could not be written"):
         save_csv(recording, tmp_path / "file" / "r.csv")

@@ -54,12 +54,15 @@ def test_a_byte_order_mark_and_blank_lines_do_no_harm(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "row 1: header '' found"),
-        ("time,mach\n0,5\n", "row 1: header 'time,mach' found, 'time_s,mach_number"),
-        (f"{HEAD}\n0,5,0,0,20\n", "1 rows of values found, at least 2 wanted"),
-        (f"{HEAD}\n0,5,0,0\n1,5,0,0,20\n", "row 2: 4 values found, 5 wanted"),
-        (f"{HEAD}\n0,5,0,0,20\n1,fast,0,0,20\n", "row 3, column mach_number: 'fast' found"),
-        (f"{HEAD}\n0,5,0,0,20\n1,5,0,0,inf\n", "row 3, column altitude_km: 'inf' found"),
+        ("", "row 1: expected the header 'time_s,mach_number"),
+        ("time,mach\n0,5\n", "altitude_km', got 'time,mach'"),
+        (f"{HEAD}\n0,5,0,0,20\n", "expected at least 2 rows of values, got 1"),
+        (f"{HEAD}\n0,5,0,0\n1,5,0,0,20\n", "row 2: expected 5 values, got 4"),
+        (
+            f"{HEAD}\n0,5,0,0,20\n1,fast,0,0,20\n",
+            "row 3, column mach_number: expected a finite number, got 'fast'",
+        ),
+        (f"{HEAD}\n0,5,0,0,20\n1,5,0,0,inf\n", "row 3, column altitude_km: expected a finite number, got 'inf'"),
         (f"{HEAD}\n1,5,0,0,20\n2,5,0,0,20\n", "row 2, column time_s: 1 found, must start at 0"),
         (f"{HEAD}\n0,5,0,0,20\n\n0,5,0,0,20\n", "row 4, column time_s: 0 found after 0, time must increase"),
     ],

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
-from strainfmu.estimator.masks import LEAST_INFORMATION, information_left, masked_gain, masked_whitening
+from strainfmu.estimator.masks import MIN_INFORMATION, information_left, masked_gain, masked_whitening
 from strainfmu.estimator.step import Estimator
 
 Q = 1.2e5
@@ -197,7 +197,7 @@ def test_nearly_unidentified_is_told_by_sigma() -> None:
     mask = missing(N_GAUGES, 3)
     whitening = innovation_whitening(a, model.noise_covariance, 0.0)
     share = information_left(whitening, inverse_cholesky(model.noise_covariance), mask)
-    assert LEAST_INFORMATION < share < 2e-8
+    assert MIN_INFORMATION < share < 2e-8
     complete, found = (
         Estimator(map_of(replace(model, strain_load_covariance=0.0 * model.strain_load_covariance))).estimate(
             model.m, Q, valid=valid

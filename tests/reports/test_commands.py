@@ -73,7 +73,7 @@ def inspected(case: ReportCase, folder: Path, figures: Path | None = None) -> st
 def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
     """Headings in brackets and names with brackets are no markup."""
     printed = inspected(case, tmp_path)
-    for text in ("A [deg] B", "G[deg]", "roll [deg]", "x [m]", "sigma [um/m]", "share [%]", "angle of attack"):
+    for text in ("A [deg] B", "G[deg]", "roll [deg]", "x [m]", "sigma [um/m]", "fraction [%]", "angle of attack"):
         assert text in printed
     assert "0 to 6 deg" in printed
     lines = [line.split() for line in printed.splitlines()]
@@ -113,6 +113,6 @@ def test_ranges_for_a_reader(case: ReportCase) -> None:
     assert found["Mach number"].text == "4 to 5"
     assert found["sideslip angle"].text == "0 to 3 deg"
     assert found["altitude"].text == "22 km"
-    assert found["|strain| of the gauge that strains most"].greatest == 1e6 * case.inverse_map.strain_range.max()
+    assert found["|strain| of the gauge that strains most"].maximum == 1e6 * case.inverse_map.strain_range.max()
     older = replace(case.inverse_map, provenance={"altitude_m": 22e3})
     assert valid_ranges(older)[0] == ValidRange("altitude", 22.0, 22.0, "km")

@@ -71,7 +71,7 @@ def test_what_the_layouts_see(printed: tuple[str, Path]) -> None:
         ("second", "odd odd"): ("0", True),
     }
     assert "they do not depend on the mesh" in " ".join(out.split())
-    assert "above 1 % of the layout's greatest" in " ".join(out.split())
+    assert "above 1 % of the layout's largest" in " ".join(out.split())
 
 
 def test_figures_are_written(printed: tuple[str, Path]) -> None:

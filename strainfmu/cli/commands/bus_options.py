@@ -1,4 +1,4 @@
-"""The options that all commands of the bus share, held against what they may be before anything is opened."""
+"""Options that all commands of the bus share, checked before anything is opened."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def check_run(duration: float | None, stuck_cycles: int, max_age: float) -> None
         One of them is no positive finite number, or ``stuck_cycles`` is negative.
     """
     if duration is not None and not 0.0 < duration < float("inf"):
-        raise InputError(f"--duration: {duration:g} s found, a positive number wanted")
+        raise InputError(f"--duration: expected a positive number, got {duration:g} s")
     if stuck_cycles < 0:
-        raise InputError(f"--stuck-cycles: {stuck_cycles} found, 0 for never or a positive number wanted")
+        raise InputError(f"--stuck-cycles: expected 0 for never or a positive number, got {stuck_cycles}")
     if not 0.0 < max_age < float("inf"):
-        raise InputError(f"--max-age: {max_age:g} cycles found, a positive number wanted")
+        raise InputError(f"--max-age: expected a positive number, got {max_age:g} cycles")
 
 
 def check_dynamic_pressure(pressure: float | None) -> None:
@@ -49,7 +49,7 @@ def check_dynamic_pressure(pressure: float | None) -> None:
         It is not a positive finite number.
     """
     if pressure is not None and not 0.0 < pressure < float("inf"):
-        raise InputError(f"--dynamic-pressure: {pressure:g} Pa found, a positive number wanted")
+        raise InputError(f"--dynamic-pressure: expected a positive number, got {pressure:g} Pa")
 
 
 def check_bus_options(interface: str, names: Iterable[str]) -> None:
@@ -68,10 +68,10 @@ def check_bus_options(interface: str, names: Iterable[str]) -> None:
 
 
 def known_bus_options(interface: str) -> frozenset[str] | None:
-    """Return every name that an interface of python-can may read, None where that cannot be told.
+    """Return every name that an interface of python-can may read, None where that cannot be known.
 
     Some read further options out of their keyword arguments: these stand in quotes in their source. A bit timing's
-    parameters may always be stated one by one. Interfaces of others, and what does not load here, cannot be told.
+    parameters may always be stated one by one. Interfaces of others, and what does not load here, cannot be known.
     """
     from strainfmu.can.wire.libraries import import_can
 
@@ -98,7 +98,7 @@ def _parameters(interface: str) -> set[str]:
 
 
 def _classes(interface: str) -> list[type]:
-    """Return the class of an interface and its bases, none if it does not load: opening it says why."""
+    """Return the class of an interface and its bases, none if it does not load: opening it reports why."""
     from can.interfaces import BACKENDS
 
     if interface not in BACKENDS:

@@ -65,7 +65,7 @@ def bridge(
         str | None, typer.Option(metavar="HOST:PORT", help="Send results as UDP-JSON: to 'strainfmu monitor' ...")
     ] = None,
     publish_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="With --publish: most datagrams a second.")
+        float, typer.Option(metavar="HZ", help="With --publish: maximum number of datagrams a second.")
     ] = 50.0,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
@@ -85,7 +85,7 @@ def bridge(
     from strainfmu.can.tools.observed import observed_bridge
 
     if (dbc is None) != (mapping is None):
-        raise InputError("--dbc and --mapping: one found without the other, both wanted")
+        raise InputError("--dbc and --mapping: expected both or none, got one")
     check_run(duration, stuck_cycles, max_age)
     check_dynamic_pressure(dynamic_pressure)
     options = BridgeOptions(
@@ -154,7 +154,7 @@ def identifiers_of(base: str, result_base: str, extended: bool) -> Identifiers:
         try:
             numbers.append(int(text, 0))
         except ValueError as error:
-            raise InputError(f"{name}: '{text}' found, a number such as 0x300 wanted") from error
+            raise InputError(f"{name}: expected a number such as 0x300, got '{text}'") from error
     return Identifiers(numbers[0], numbers[1], extended)
 
 

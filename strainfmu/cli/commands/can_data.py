@@ -93,8 +93,8 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
         total = sum(summary.missing_strains.values())
         gauge, number = summary.missing_strains.most_common(1)[0]
         lines.append(
-            f"{data}: {total} strains without a value in {len(summary.missing_strains)} gauges, most in '{gauge}' "
-            f"({number}): left out, sigma says what it costs"
+            f"{data}: {total} strains without a value in {len(summary.missing_strains)} gauges, the largest "
+            f"number in '{gauge}' ({number}): left out, and sigma has grown accordingly"
         )
     if summary.missing_pressure:
         lines.append(f"{data}: {summary.missing_pressure} samples without a dynamic pressure: no coefficients")
@@ -115,7 +115,7 @@ def _given_options(
 ) -> dict[str, Any]:
     """Return the bridge's options that were stated."""
     if (dbc is None) != (mapping is None):
-        raise InputError("--dbc and --mapping: one found without the other, both wanted")
+        raise InputError("--dbc and --mapping: expected both or none, got one")
     check_dynamic_pressure(dynamic_pressure)
     given: dict[str, Any] = {
         "profile": profile,
@@ -130,7 +130,7 @@ def _given_options(
 
 
 def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[str, Any]) -> None:
-    """Replay a log and say what came of it."""
+    """Replay a log and print the result."""
     from dataclasses import replace as replaced
     from time import perf_counter
 
@@ -186,8 +186,8 @@ def monitor(
     with stop_request() as stopped:
         running = Monitor(parsed_address(listen, "--listen"), parsed_address(http, "--http"))
         try:
-            wanted = shown_address(running.listens_at)
-            line = f"{running.url}: open it in a browser; datagrams wanted at {wanted}; stop with Ctrl-C"
+            address = shown_address(running.listens_at)
+            line = f"{running.url}: open it in a browser; it listens for datagrams at {address}; stop with Ctrl-C"
             console.print(line, highlight=False, markup=False, soft_wrap=True)
             while not stopped():
                 sleep(0.1)

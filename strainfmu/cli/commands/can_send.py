@@ -83,12 +83,12 @@ def send(
     from strainfmu.can.bridge.setup import BridgeOptions, bus_settings, input_layout, map_gauge_names
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
-        raise InputError("--plant, --scenario, --data: one of them wanted")
+        raise InputError("expected one of --plant, --scenario, --data")
     check_dynamic_pressure(dynamic_pressure)
     period = cycle_time_of(cycle_time)
     if not cycle_time <= 1e3 * duration < float("inf"):
         raise InputError(
-            f"--cycle-time {cycle_time:g} ms, --duration {duration:g} s: a cycle in a duration wanted"
+            f"--cycle-time {cycle_time:g} ms, --duration {duration:g} s: the duration must hold a cycle"
         )
     identifiers = identifiers_of(id_base, result_base, extended)
     options = BridgeOptions(

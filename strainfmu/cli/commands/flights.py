@@ -137,12 +137,14 @@ def plant(
     }
     named = [name for name, value in given.items() if value is not None]
     if named and motion == Motion.TRAJECTORY.name.lower():
-        raise InputError(f"{named[0]}: not with --motion trajectory, whose table says it")
+        raise InputError(f"{named[0]}: not with --motion trajectory, whose table states it")
     mach, km, incidence, slip = (
         default if value is None else value
         for value, default in zip(given.values(), (6.0, 20.0, 0.0, 0.0), strict=True)
     )
-    start = FlightStart(mach, 1e3 * km, radians(incidence), radians(slip))
+    start = FlightStart(
+        mach_number=mach, altitude=1e3 * km, angle_of_attack=radians(incidence), sideslip_angle=radians(slip)
+    )
     export_native_plant(flight_model, output, Motion[motion.upper()], start, trajectory)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
@@ -162,10 +164,10 @@ def _print_results(console: Console, scenario: Scenario, results: dict[str, Flig
         "inferred angle, rms error": [f"{degrees(r.angle_error):.3f} deg" for r in shown],
         "C_N, rms error": [f"{r.coefficient_error[0]:.2e}" for r in shown],
         "M_P, rms error": [f"{r.coefficient_error[1]:.2e}" for r in shown],
-        "health": [", ".join(f"{name} {share:.2%}" for name, share in r.health.items()) for r in shown],
+        "health": [", ".join(f"{name} {fraction:.2%}" for name, fraction in r.health.items()) for r in shown],
     }
-    for place, event in enumerate(scenario.faults):
-        reports = [r.faults[place] for r in shown]
+    for index, event in enumerate(scenario.faults):
+        reports = [r.faults[index] for r in shown]
         rows[escape(fault_text(event))] = [
             f"{_after(report.reported_after, 'reported')}, {_after(report.isolated_after, 'isolated')}"
             for report in reports

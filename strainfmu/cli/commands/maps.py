@@ -17,10 +17,10 @@ def build(
     vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for what is made.")] = Path("map"),
 ) -> None:
-    """Build the inverse map of a vehicle: snapshots.h5, map.h5, and report.html on what the gauges can tell.
+    """Build the inverse map of a vehicle: snapshots.h5, map.h5, and report.html on what the gauges can measure.
 
-    The report says what the layout sees, what it is blind to, how sure each coefficient is, which gauge matters
-    most and what a lost one costs. Its numbers are in report.json and, as CSV, in report_tables.
+    The report states what the layout observes, what it cannot observe, the uncertainty of each coefficient, what
+    each gauge contributes and what its loss costs. Its numbers are in report.json and, as CSV, in report_tables.
 
     Example:
 
@@ -56,8 +56,8 @@ def export(
     """
     from strainfmu.fmu.export import ExportOptions, export_estimator
 
-    wanted = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
-    export_estimator(inverse_map, output, ExportOptions(kind, fmi.removesuffix(".0"), wanted))
+    chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
+    export_estimator(inverse_map, output, ExportOptions(kind, fmi.removesuffix(".0"), chosen))
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 
@@ -144,8 +144,9 @@ def bench(
 ) -> None:
     """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
 
-    Or say what the mesh of the structure costs: gauge strains of the snapshots against the Fourier model, in units
-    of the gauges' noise, and the errors of a map built on each mesh and fed with the Fourier model's strains.
+    Or measure the errors due to the mesh of the structure: gauge strains of the snapshots against the Fourier
+    model, in units of the gauges' noise, and the errors of a map built on each mesh and fed with the Fourier
+    model's strains.
 
     Examples:
 

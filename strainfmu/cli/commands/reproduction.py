@@ -21,7 +21,7 @@ def reproduce(
 ) -> None:
     """Do the source paper again, always on the shipped vehicle: every table and figure, published beside ours.
 
-    Three set-ups: linear tetrahedra as the paper's, a converged mesh, and data that the map's mesh has not seen.
+    Three set-ups: linear tetrahedra as the paper's, a converged mesh, and data of another mesh than the map's.
     Writes report.html, numbers.json, tables/*.csv and figures/*.png. A second run reuses what is up to date.
 
     Examples:

@@ -70,7 +70,7 @@ def structure(
     ] = False,
     mesh_unit: Annotated[float, typer.Option(metavar="METRES", help="Length of FILE's unit; 0.001 for mm.")] = 1.0,
     by_position: Annotated[
-        bool, typer.Option("--surfaces-by-position", help="Find FILE's surfaces by place, not by name.")
+        bool, typer.Option("--surfaces-by-position", help="Find FILE's surfaces by position, not by name.")
     ] = False,
 ) -> None:
     """Compute the strain of gauges per surface pressure by three-dimensional elasticity.
@@ -99,7 +99,12 @@ def structure(
     Workspace(output.parent)  # refuses a folder that cannot be written, before the long work
     with log.stage("Vehicle"):
         loaded = load_vehicle(vehicle)
-        choice = MeshChoice(model, resolution or loaded.structure.resolution, mesh_unit, by_position)
+        choice = MeshChoice(
+            source=model,
+            resolution=resolution or loaded.structure.resolution,
+            unit=mesh_unit,
+            by_position=by_position,
+        )
         case = solid_case(loaded, layouts or used_layouts(loaded), choice, solver, allow_locking)
     made, up_to_date = update_structure(output, case, log)
     for line in _report(made, loaded):

@@ -62,7 +62,7 @@ def demo(
 
 
 def _fly_over_bus(console: Console, folder: Path, duration: float) -> None:
-    """Fly plant and estimator as sender and bridge, and show what both of them say."""
+    """Fly plant and estimator as sender and bridge, and show the results of both."""
     from strainfmu.can.tools.two_processes import CYCLE_TIME, fly_over_bus
     from strainfmu.cli.commands.can_send import score_table
 

@@ -24,7 +24,7 @@ from strainfmu.estimator.inverse_map import (
     InverseMap,
     load_inverse_map,
 )
-from strainfmu.estimator.masks import LEAST_INFORMATION
+from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.validity import valid_ranges
 from strainfmu.files import content_hash_of
 
@@ -76,16 +76,16 @@ def hessian_eigenvalues(inverse_map: InverseMap) -> FloatArray:
 
 
 def detectable_bias(inverse_map: InverseMap) -> FloatArray:
-    """Return (n_d,) the least bias of each gauge [m/m] that its z-score shows in 99 % of the cases.
+    """Return (n_d,) the smallest bias of each gauge [m/m] that its z-score detects in 99 % of the cases.
 
     At the estimator's rate of false alarms, shared among the gauges; infinite where no other gauge checks one.
     """
     whitening = inverse_map.residual_whitening
     precision = np.diag(np.sum(whitening**2, axis=0))
-    least = LEAST_INFORMATION * np.sum(inverse_cholesky(inverse_map.noise_covariance) ** 2, axis=0)
-    precision[precision < least] = 0.0
-    share = FALSE_ALARM_PROBABILITY / inverse_map.n_gauges
-    return minimal_detectable_bias(precision, detectable_noncentrality(1, share, MISS_PROBABILITY))
+    floor = MIN_INFORMATION * np.sum(inverse_cholesky(inverse_map.noise_covariance) ** 2, axis=0)
+    precision[precision < floor] = 0.0
+    level = FALSE_ALARM_PROBABILITY / inverse_map.n_gauges
+    return minimal_detectable_bias(precision, detectable_noncentrality(1, level, MISS_PROBABILITY))
 
 
 def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
@@ -129,7 +129,7 @@ def _validity(loaded: InverseMap) -> Table:
 
 def _noise(loaded: InverseMap) -> Table:
     """Return the noise terms; of a map that does not name them, the gauges' own noise."""
-    table = _table("Noise, terms of its covariance", ("term",), "share [%]", "rms [um/m]")
+    table = _table("Noise, terms of its covariance", ("term",), "fraction [%]", "rms [um/m]")
     rms = MICRO * float(np.sqrt(np.mean(loaded.noise_std**2)))
     known = loaded.provenance.get("noise_terms") or [{"name": "gauge noise", "rms_strain": rms / MICRO}]
     for term in known:
@@ -158,13 +158,13 @@ def _coefficients(loaded: InverseMap) -> Table:
     per_force = q * loaded.reference_area
     scale = per_force * np.array([1.0, 1.0, 1.0, loaded.reference_length, loaded.reference_length])
     std = np.sqrt(np.diag(loaded.load_covariance))
-    numbers = ("least [1]", "greatest [1]", "sigma [1]", "of range [%]", "sigma of load")
+    numbers = ("minimum [1]", "maximum [1]", "sigma [1]", "of range [%]", "sigma of load")
     title = f"Coefficients over the snapshots, and sigma at q_inf = {1e-3 * q:.4g} kPa"
     table = _table(title, ("coefficient",), *numbers, last=("load",))
     rows = zip(COEFFICIENT_NAMES, loaded.coefficient_range, std, std / scale, LOAD_NAMES, LOAD_UNITS, strict=True)
     for name, (low, high), of_load, sigma, load, unit in rows:
-        share = f"{100.0 * sigma / (high - low):.2f}" if high - low > 1e-6 * sigma else "-"
-        values = *(_rounded(one) for one in (low, high, sigma)), share, f"{of_load:.4g} {unit}"
+        of_range = f"{100.0 * sigma / (high - low):.2f}" if high - low > 1e-6 * sigma else "-"
+        values = *(_rounded(one) for one in (low, high, sigma)), of_range, f"{of_load:.4g} {unit}"
         table.add_row(name, *values, load.replace("_", " "))
     return table
 
@@ -176,7 +176,9 @@ def _rounded(value: float) -> str:
 
 def _gauges(loaded: InverseMap) -> Table:
     numbers = ("x [m]", "y [m]", "z [m]", "roll [deg]", "sigma [um/m]", "noticed bias [um/m]", "|strain| [um/m]")
-    title = "Gauges: place, noise, least bias noticed in 99 % of the cases, greatest |strain| of the snapshots"
+    title = (
+        "Gauges: position, noise, smallest bias detected in 99 % of the cases, largest |strain| of the snapshots"
+    )
     table = _table(title, ("gauge",), *numbers)
     bias = MICRO * detectable_bias(loaded)
     for i, name in enumerate(loaded.gauge_names):

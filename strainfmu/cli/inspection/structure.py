@@ -23,7 +23,7 @@ MICROSTRAIN_PER_KPA = 1e9
 """From strain per pressure [1/Pa] to um/m per kPa."""
 
 APART = ("mesh_report", "locking", "made_from")
-"""Settings that are shown in tables of their own, or tell a reader nothing."""
+"""Settings that are shown in tables of their own, or of no use to a reader."""
 
 
 def inspect_structure(path: Path, folder: Path, console: Console) -> None:
@@ -150,10 +150,10 @@ def _symmetries(structure: Structure, response: SmoothResponse) -> Table:
     from builder.structure.observability import CLASS_DEGREE, THRESHOLD, symmetry_responses
 
     title = (
-        f"Pressure by its symmetry, degree {CLASS_DEGREE} in x: greatest singular value [um/m per kPa rms], and "
-        f"rank above {100.0 * THRESHOLD:g} % of the layout's greatest"
+        f"Pressure by its symmetry, degree {CLASS_DEGREE} in x: largest singular value [um/m per kPa rms], and "
+        f"rank above {100.0 * THRESHOLD:g} % of the layout's largest"
     )
-    table = _with_columns(title, ("layout", "pressure", "greatest", "rank", ""), "greatest", "rank")
+    table = _with_columns(title, ("layout", "pressure", "largest", "rank", ""), "largest", "rank")
     for layout in structure.layouts:
         for one in symmetry_responses(response.of(structure.gauges_of(layout))):
             norm = MICROSTRAIN_PER_KPA * one.norm
