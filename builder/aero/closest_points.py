@@ -33,7 +33,7 @@ _BLOCK = 2048
 _FIRST_GUESSES = 4
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ClosestPoints:
     """Where target points lie on a source surface.
 
@@ -66,7 +66,8 @@ def closest_points(source: SurfaceMesh, point: FloatArray, normal: FloatArray) -
     """
     search = _Search(source)
     found = [search.find(point[block], normal[block]) for block in _blocks(len(point))]
-    return ClosestPoints(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    triangle, weight, gap, fits = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return ClosestPoints(triangle=triangle, weight=weight, gap=gap, fits=fits)
 
 
 def closest_on_triangles(point: FloatArray, corner: FloatArray) -> tuple[FloatArray, FloatArray]:

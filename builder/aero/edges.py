@@ -19,7 +19,7 @@ BASE_DEPTH = 1e-3
 """Share of the length, at the aft end, within which the rim of an open base must lie."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Edges:
     """Edges between triangles of a surface without doubled nodes.
 

@@ -20,7 +20,7 @@ FlowKey = tuple[float, ...]
 """What tells one flow from another: conditions with equal keys share one solution."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Flow:
     """One solved flow, as it is kept on disk.
 

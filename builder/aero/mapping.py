@@ -108,7 +108,7 @@ def _cross_matrix(vector: FloatArray) -> FloatArray:
     return matrix
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PressureMap:
     """Transfer of nodal pressure from a source surface to a target surface, made once for many fields.
 
@@ -179,7 +179,13 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
     gram = (scale[:, None] * loads) @ (scale[:, None] * per_area).T
     inverse = np.linalg.pinv(gram, rcond=_RANK_CUT, hermitian=True)
     correction = per_area.T @ (scale[:, None] * inverse * scale)
-    return PressureMap(found, interpolation_at(source, found), own_loads, loads, correction)
+    return PressureMap(
+        found=found,
+        interpolation=interpolation_at(source, found),
+        source_loads=own_loads,
+        target_loads=loads,
+        correction=correction,
+    )
 
 
 def conservative_pressure(source: SurfaceMesh, target: SurfaceMesh, pressure: FloatArray) -> FloatArray:

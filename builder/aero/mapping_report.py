@@ -17,7 +17,7 @@ OPEN_SURFACE = 1e-6
 """A surface is open if its vector areas sum to more than this share of its area."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MappingReport:
     """What the consistent transfer of a pressure loses, and how the surfaces lie to each other.
 
@@ -61,7 +61,7 @@ class MappingReport:
         return self.largest_gap / self.length
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MappingTolerances:
     """What :func:`check_mapping` lets pass.
 

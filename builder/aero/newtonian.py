@@ -99,7 +99,7 @@ class NewtonianEngine:
             _check_blunt(mach_number, float(sine.max()))
         ratio = inclination_pressure_ratio(mach_number, sine, self.stagnation, self.leeward)
         base = self.surface.node_normal[:, 0] >= cos(BASE_ANGLE)
-        return Flow(key, {"pressure_ratio": np.where(base & (sine < 0.0), 1.0, ratio)})
+        return Flow(key=key, arrays={"pressure_ratio": np.where(base & (sine < 0.0), 1.0, ratio)})
 
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
         return flow.arrays["pressure_ratio"]

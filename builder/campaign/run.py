@@ -36,7 +36,7 @@ class CampaignInterrupted(StrainfmuError):
     exit_code = 130
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
     """What is wanted.
 
@@ -60,7 +60,7 @@ class Campaign:
     settings: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tally:
     """How the flows came about.
 
@@ -106,7 +106,15 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
     with Journal(path) as journal:
         known = _flows_of_file(path, fingerprint(engine.inputs()))
         keys = map(engine.flow_key, campaign.conditions)
-        flows, tally = complete_flows(engine, keys, journal, known, scheduling, reporter, "Flow: snapshots")
+        flows, tally = complete_flows(
+            engine=engine,
+            keys=keys,
+            journal=journal,
+            known=known,
+            scheduling=scheduling,
+            reporter=reporter,
+            title="Flow: snapshots",
+        )
         snapshots = snapshots_of_flows(campaign, flows)
         kept = KeptFlows(fingerprint(engine.inputs()), tuple(flows[key] for key in sorted(flows)))
         up_to_date = _holds(path, snapshots, kept)
@@ -162,7 +170,7 @@ def complete_flows(
             where = f"are kept in {journal.path}" if kept else "are finished"
             raise CampaignInterrupted(f"interrupted; {len(kept)} of {len(wanted)} flows {where}") from error
     mean = float(np.mean(times)) if times else float("nan")
-    return flows, Tally(len(times), reused, perf_counter() - start, mean)
+    return flows, Tally(solved=len(times), reused=reused, seconds=perf_counter() - start, seconds_per_flow=mean)
 
 
 def snapshots_of_flows(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Snapshots:

@@ -36,7 +36,7 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Snapshots:
     """Surface pressure at N flight conditions.
 
@@ -120,7 +120,7 @@ class Snapshots:
         if self.station is None or self.radius is None or self.meridian_angle is None:
             return None
         n_roll = self.pressure.shape[1] // len(self.station)
-        return SurfaceGrid(self.station, self.radius, self.meridian_angle, n_roll)
+        return SurfaceGrid(x=self.station, radius=self.radius, angle=self.meridian_angle, n_roll=n_roll)
 
     @property
     def reference_quantities(self) -> ReferenceQuantities:

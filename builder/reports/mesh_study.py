@@ -27,7 +27,8 @@ from builder.structure.mapped_structure import MappedStructure, mapped_operator
 from builder.structure.solid.case import solid_case
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
+from builder.structure.solid.gmsh_session import load_gmsh
+from builder.structure.solid.gmsh_wall import graded_wall_mesh
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
 from builder.structure.solid.model import SolidCase
 from builder.structure.solid.reference_loads import ELEMENT_SHARE

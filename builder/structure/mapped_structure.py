@@ -20,7 +20,7 @@ ROLL_REFINEMENT = 4
 CUT_FRONT = 1e-4  # of the length: how far from the foremost node the front of a cut tip may reach
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MappedStructure:
     """Strain of a three-dimensional structure per pressure at the nodes of snapshots.
 

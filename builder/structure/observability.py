@@ -33,7 +33,7 @@ MOST_CONDITION = 1e8
 """Of the Gram matrix of the smooth pressures, above which the mesh does not tell them apart."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SmoothResponse:
     """Strain of gauges under smooth pressures on one surface.
 

@@ -26,7 +26,7 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Structure:
     """Z_p of a vehicle's gauges, with the surface it takes pressure on.
 

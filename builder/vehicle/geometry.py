@@ -19,7 +19,7 @@ from strainfmu.errors import InputError
 SMALLEST_SLOPE_BREAK = np.deg2rad(0.01)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Segment:
     """One piece of the meridian: a straight line or a circular arc.
 
@@ -140,7 +140,9 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
     for number, (end_x, start_angle, end_angle) in enumerate(pieces, start=1):
         if end_x <= x:
             raise InputError(f"profile segment {number}: end_x_m {end_x:g} must lie aft of {x:g}")
-        segment = Segment(x, end_x, radius, start_angle, end_angle)
+        segment = Segment(
+            start_x=x, end_x=end_x, start_radius=radius, start_angle=start_angle, end_angle=end_angle
+        )
         if segment.least_radius <= 0.0:
             raise InputError(f"profile segment {number}: the radius falls to zero before x = {end_x:g} m")
         segments.append(segment)
@@ -150,7 +152,7 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
     return BodyOfRevolution(tuple(segments))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceGrid:
     """Pressure nodes on a body of revolution: a product of stations and roll angles.
 
@@ -201,4 +203,6 @@ def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
         angle = body.angle(x, side="upstream")
         angle[0] = body.angle(x[0], side="downstream")
         angles.append(angle)
-    return SurfaceGrid(np.concatenate(stations), np.concatenate(radii), np.concatenate(angles), n_roll)
+    return SurfaceGrid(
+        x=np.concatenate(stations), radius=np.concatenate(radii), angle=np.concatenate(angles), n_roll=n_roll
+    )

@@ -17,10 +17,10 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 
 BodyMaker = Callable[..., BodyOfRevolution]
-GRID = MarchingGrid(12, 18)
+GRID = MarchingGrid(n_radial=12, n_circumferential=18)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EllipticCone:
     """Cone of 1 m with semi-axes ``y_slope`` x and ``z_slope`` x."""
 
@@ -37,7 +37,7 @@ class EllipticCone:
         return x / np.hypot(np.sin(roll_angle) / self.y_slope, np.cos(roll_angle) / self.z_slope)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CamberedCone:
     """Circular sections of radius ``slope`` x about a curved axis z = ``camber`` x^2, 1 m long."""
 
@@ -79,7 +79,7 @@ def assert_balanced(flow: FullFlowSolution, tolerance: float) -> None:
 
 def test_full_body_of_revolution_is_two_half_bodies(vehicle_body: BodyOfRevolution) -> None:
     """The same cells without the plane of symmetry, settled to 1e-6: forces to 1e-5, pressures to 1e-4."""
-    grid = MarchingGrid(12, 18, conical_tolerance=1e-6)
+    grid = MarchingGrid(n_radial=12, n_circumferential=18, conical_tolerance=1e-6)
     half = solve_flow(vehicle_body, 6.0, radians(6.0), grid)
     full = solve_full_flow(vehicle_body, 6.0, radians(6.0), 0.0, grid)
     np.testing.assert_allclose(full.force[[0, 2]], half.force, rtol=1e-5)
@@ -113,7 +113,7 @@ def test_surface_function_of_a_body_of_revolution_is_that_body(make_body: BodyMa
 
 def test_elliptic_cone_without_incidence_is_symmetric() -> None:
     """Equal pressure in the four quadrants to 1e-6, no lateral force; edges have more pressure than flats."""
-    flow = solve_full_flow(EllipticCone(0.15, 0.075), 6.0, 0.0, 0.0, GRID)
+    flow = solve_full_flow(EllipticCone(y_slope=0.15, z_slope=0.075), 6.0, 0.0, 0.0, GRID)
     assert_balanced(flow, 1e-3)
     pressure = flow.pieces[-1][1][-1]
     np.testing.assert_allclose(pressure, pressure[::-1], rtol=1e-6)
@@ -128,7 +128,7 @@ def test_elliptic_cone_lifts_as_slender_bodies_do_not_quite() -> None:
     At M 6 shock layers are thin and each C_Na lies between slender theory and Newton's 2 cos^2: for the ellipse of
     2 to 1, in 4 .. 2 and 1 .. 2 with 2 % on the inner side.
     """
-    flat, a = EllipticCone(0.15, 0.075), radians(1.0)
+    flat, a = EllipticCone(y_slope=0.15, z_slope=0.075), radians(1.0)
     dynamic = 0.7 * 36.0 * flat.base_area * a
     across_wide = solve_full_flow(flat, 6.0, a, 0.0, GRID)
     across_narrow = solve_full_flow(flat, 6.0, 0.0, a, GRID)
@@ -141,15 +141,15 @@ def test_elliptic_cone_lifts_as_slender_bodies_do_not_quite() -> None:
 def test_turning_an_elliptic_cone_a_quarter_swaps_the_axes() -> None:
     """Forces to 1e-5: angle of attack on one is sideslip on the other."""
     a = radians(3.0)
-    flat = solve_full_flow(EllipticCone(0.15, 0.075), 6.0, a, 0.0, GRID).force
-    upright = solve_full_flow(EllipticCone(0.075, 0.15), 6.0, 0.0, a, GRID).force
+    flat = solve_full_flow(EllipticCone(y_slope=0.15, z_slope=0.075), 6.0, a, 0.0, GRID).force
+    upright = solve_full_flow(EllipticCone(y_slope=0.075, z_slope=0.15), 6.0, 0.0, a, GRID).force
     np.testing.assert_allclose(upright[[0, 1]], [flat[0], -flat[2]], rtol=1e-5)
     assert abs(upright[2]) < 1e-6 * flat[2]
 
 
 def test_sideslip_from_the_other_side_mirrors_the_flow() -> None:
     """A cambered cone at (a, b) and (a, -b): C_Y changes sign, all else stays, to 1e-5."""
-    body = CamberedCone(0.12, 0.03)
+    body = CamberedCone(slope=0.12, camber=0.03)
     starboard, port = (solve_full_flow(body, 6.0, radians(2.0), radians(b), GRID) for b in (4.0, -4.0))
     np.testing.assert_allclose(port.force, starboard.force * [1.0, -1.0, 1.0], rtol=1e-5)
     np.testing.assert_allclose(port.pieces[0][1][-1], starboard.pieces[0][1][-1][::-1], rtol=1e-5)
@@ -158,7 +158,7 @@ def test_sideslip_from_the_other_side_mirrors_the_flow() -> None:
 
 def test_camber_lifts_without_incidence() -> None:
     """An axis bent up shows its back to the stream: C_N < 0, odd in the camber, momentum within 0.5 %."""
-    up, down = (solve_full_flow(CamberedCone(0.12, k), 6.0, 0.0, 0.0, GRID) for k in (0.03, -0.03))
+    up, down = (solve_full_flow(CamberedCone(slope=0.12, camber=k), 6.0, 0.0, 0.0, GRID) for k in (0.03, -0.03))
     assert_balanced(up, 5e-3)
     assert up.force[2] < -0.5 * up.force[0]
     np.testing.assert_allclose(down.force[[0, 2]], up.force[[0, 2]] * [1.0, -1.0], rtol=1e-5)
@@ -169,7 +169,7 @@ def test_camber_against_incidence() -> None:
 
     A nose-up incidence of 4 k L/3 against the camber leaves less than a quarter of either lift.
     """
-    bent = CamberedCone(0.12, 0.03)
+    bent = CamberedCone(slope=0.12, camber=0.03)
     level = solve_full_flow(bent, 6.0, 0.0, 0.0, GRID).force[2]
     against = solve_full_flow(bent, 6.0, 4.0 * 0.03 / 3.0, 0.0, GRID).force[2]
     assert abs(against) < 0.25 * abs(level)
@@ -177,9 +177,9 @@ def test_camber_against_incidence() -> None:
 
 def test_surface_without_radius_is_refused() -> None:
     with pytest.raises(InputError, match="radius must be positive and finite"):
-        solve_full_flow(CamberedCone(0.12, 0.5), 6.0, 0.0, 0.0, GRID)
+        solve_full_flow(CamberedCone(slope=0.12, camber=0.5), 6.0, 0.0, 0.0, GRID)
 
 
 def test_full_flow_out_of_reach_is_named() -> None:
     with pytest.raises(FlowReachError, match=r"\(tip\) for M 6, angle of attack 40 deg, sideslip 5 deg"):
-        solve_full_flow(EllipticCone(0.15, 0.15), 6.0, radians(40.0), radians(5.0), GRID)
+        solve_full_flow(EllipticCone(y_slope=0.15, z_slope=0.15), 6.0, radians(40.0), radians(5.0), GRID)

@@ -116,7 +116,13 @@ def test_missing_base_is_named() -> None:
 def test_each_tolerance_refuses(name: str, text: str) -> None:
     """Nothing that differs passes a tolerance of 0; the message says what is allowed."""
     report = report_of(body(), body(45, 44))
-    loose = MappingTolerances(1.0, 1.0, 1.0, 1.0, 1.0)
+    loose = MappingTolerances(
+        gap_relative=1.0,
+        area_mismatch=1.0,
+        unfitted_share=1.0,
+        force_residual_relative=1.0,
+        moment_residual_relative=1.0,
+    )
     check_mapping(report, loose)
     with pytest.raises(InputError, match=f"{text}.*at most 0 % is allowed"):
         check_mapping(report, replace(loose, **{name: 0.0}))

@@ -99,7 +99,7 @@ def test_no_variation_round_the_body_without_incidence(mach_number: float, vehic
 
 
 def test_incidence_from_below_mirrors_the_flow(make_body: BodyMaker) -> None:
-    body, grid = make_body((1.0, 10.0, 10.0)), MarchingGrid(12, 16)
+    body, grid = make_body((1.0, 10.0, 10.0)), MarchingGrid(n_radial=12, n_circumferential=16)
     up, down = (solve_flow(body, 6.0, radians(angle), grid) for angle in (3.0, -3.0))
     np.testing.assert_allclose(down.force, up.force * [1.0, -1.0], rtol=1e-4)
     np.testing.assert_allclose(down.pieces[0][1][-1], up.pieces[0][1][-1][::-1], rtol=1e-3)
@@ -110,7 +110,9 @@ def test_more_cells_change_the_forces_little(
     mach_number: float, incidence: float, vehicle_body: BodyOfRevolution, vehicle_flow: VehicleFlow
 ) -> None:
     """The default 24 x 36 against 36 x 48 cells: C_A and C_N within 1 %."""
-    fine = solve_flow(vehicle_body, mach_number, radians(incidence), MarchingGrid(36, 48))
+    fine = solve_flow(
+        vehicle_body, mach_number, radians(incidence), MarchingGrid(n_radial=36, n_circumferential=48)
+    )
     np.testing.assert_allclose(vehicle_flow(mach_number, incidence).force, fine.force, rtol=0.01)
 
 
@@ -120,7 +122,9 @@ def test_twice_the_cells_change_the_forces_little(
     mach_number: float, incidence: float, vehicle_body: BodyOfRevolution, vehicle_flow: VehicleFlow
 ) -> None:
     """The default 24 x 36 against 48 x 72 cells: C_A and C_N within 1 %."""
-    fine = solve_flow(vehicle_body, mach_number, radians(incidence), MarchingGrid(48, 72))
+    fine = solve_flow(
+        vehicle_body, mach_number, radians(incidence), MarchingGrid(n_radial=48, n_circumferential=72)
+    )
     np.testing.assert_allclose(vehicle_flow(mach_number, incidence).force, fine.force, rtol=0.01)
 
 

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.fast
 
 BodyMaker = Callable[..., BodyOfRevolution]
 VehicleFlow = Callable[[float, float], FlowSolution]
-COARSE = MarchingGrid(12, 16)
+COARSE = MarchingGrid(n_radial=12, n_circumferential=16)
 
 
 @pytest.fixture(scope="module")

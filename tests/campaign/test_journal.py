@@ -21,7 +21,7 @@ PRINT = "0123456789abcdef"
 
 def flow(number: int) -> Flow:
     arrays = {"roll_angle": np.arange(3.0), "ratio_0": np.full((2, 3), 1.0 / (number + 1))}
-    return Flow((5.0, 0.1 * number), arrays, 1e-3 * number, number)
+    return Flow(key=(5.0, 0.1 * number), arrays=arrays, momentum_error=1e-3 * number, repairs=number)
 
 
 RECORDS = [encode_record(PRINT, flow(number)) for number in range(4)]
@@ -85,7 +85,7 @@ def test_appending_goes_on_behind_the_last_whole_record(
 def test_no_name_is_executed(tmp_path: Path) -> None:
     """A journal holds numbers: an array of Python objects, which only pickle could hold, is refused."""
     with pytest.raises(ValueError, match="Object arrays cannot be"):
-        encode_record(PRINT, Flow((5.0, 0.0), {"ratio": np.array([print], dtype=object)}))
+        encode_record(PRINT, Flow(key=(5.0, 0.0), arrays={"ratio": np.array([print], dtype=object)}))
 
 
 def test_a_second_writer_is_refused(tmp_path: Path) -> None:

@@ -93,7 +93,10 @@ def test_coefficients_are_those_of_the_net_pressure(snapshots: Snapshots) -> Non
 
 def test_flows_come_back_in_the_order_of_their_keys(snapshots: Snapshots, tmp_path: Path) -> None:
     path = tmp_path / "snapshots.h5"
-    flows = [Flow((6.0, 0.1 * i), {"ratio": np.full((2, 2), float(i))}, 0.01 * i, i) for i in range(3)]
+    flows = [
+        Flow(key=(6.0, 0.1 * i), arrays={"ratio": np.full((2, 2), float(i))}, momentum_error=0.01 * i, repairs=i)
+        for i in range(3)
+    ]
     save_snapshots(snapshots, path, KeptFlows("0123456789abcdef", tuple(reversed(flows))))
     kept = load_flows(path)
     assert kept.fingerprint == "0123456789abcdef"

@@ -57,15 +57,30 @@ def build(folder: Path) -> dict[str, object]:
     pressure = 1e4 + random.normal(size=(n, 60)) @ waves + random.normal(size=(n, n_p))
     mesh = mesh_of_grid(grid)
     snapshots = Snapshots(
-        vehicle.name, "table", {}, condition, pressure, np.full(n, 5474.9), np.array([0.1, 0.4, 2.0]),
-        mesh.point, mesh.triangle, grid.x, grid.radius, grid.angle, np.ones(n, dtype=bool), np.arange(n),
-        np.full(n, np.nan), np.zeros(n, dtype=np.int64),
-    )  # fmt: skip
+        vehicle=vehicle.name,
+        engine="table",
+        settings={},
+        condition=condition,
+        pressure=pressure,
+        internal_pressure=np.full(n, 5474.9),
+        reference=np.array([0.1, 0.4, 2.0]),
+        point=mesh.point,
+        triangle=mesh.triangle,
+        station=grid.x,
+        radius=grid.radius,
+        meridian_angle=grid.angle,
+        solved=np.ones(n, dtype=bool),
+        flow=np.arange(n),
+        momentum_error=np.full(n, np.nan),
+        repairs=np.zeros(n, dtype=np.int64),
+    )
     names = tuple(f"G{i}" for i in range(n_d))
     layout = GaugeLayout(names, random.normal(size=(n_d, 3)), random.normal(size=(n_d, 3)))
     name = vehicle.gauges.layout
     operator = 1e-12 * random.normal(size=(n_d, n_p))
-    structure = MappedStructure(grid, "random", {name: layout}, {name: operator})
+    structure = MappedStructure(
+        surface=grid, description="random", layouts={name: layout}, operators={name: operator}
+    )
     allow(GIB)
     found: dict[str, object] = {"nodes": n_p}
     for case in (1, 2):

@@ -58,7 +58,9 @@ class Maps:
         layouts = {"configuration_2": self.whole, "rest": rest}
         operators = {"configuration_2": self.operator, "rest": self.operator[keep]}
         return build_inverse_map(
-            self.vehicle, self.snapshots, MappedStructure(self.surface, "part", layouts, operators)
+            self.vehicle,
+            self.snapshots,
+            MappedStructure(surface=self.surface, description="part", layouts=layouts, operators=operators),
         )
 
 

@@ -127,7 +127,9 @@ def test_a_structure_without_moved_gauges_says_so(
     uncertain: Vehicle, snapshots: Snapshots, structure: StructuralModel, case: Case
 ) -> None:
     operators = {LAYOUT: structure.strain_operator(LAYOUT)}
-    alone = MappedStructure(structure.surface, "solid", structure.layouts, operators)
+    alone = MappedStructure(
+        surface=structure.surface, description="solid", layouts=structure.layouts, operators=operators
+    )
     with pytest.raises(InputError, match=r"structure: layout 'configuration_1 \(moved aft\)' is missing"):
         noise_terms(uncertain, snapshots, alone, operators[LAYOUT])
 

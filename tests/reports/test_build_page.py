@@ -129,7 +129,10 @@ def test_a_structure_on_a_free_mesh(parts: Parts) -> None:
     grid = case.structure.surface
     mesh = mesh_of_grid(grid)
     structure = MappedStructure(
-        mesh, "solid", case.structure.layouts, {layout: case.structure.strain_operator(layout)}
+        surface=mesh,
+        description="solid",
+        layouts=case.structure.layouts,
+        operators={layout: case.structure.strain_operator(layout)},
     )
     snapshots = replace(
         case.snapshots,

@@ -23,7 +23,9 @@ from builder.vehicle.map_options import MapEntry
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
 N_ROLL, STATIONS = 24, 21
-GRID = SurfaceGrid(np.linspace(0.0, 2.0, STATIONS), np.full(STATIONS, 0.1), np.zeros(STATIONS), N_ROLL)
+GRID = SurfaceGrid(
+    x=np.linspace(0.0, 2.0, STATIONS), radius=np.full(STATIONS, 0.1), angle=np.zeros(STATIONS), n_roll=N_ROLL
+)
 ODD_GRID = replace(GRID, n_roll=25)
 ODD_ODD = [str(one) for one in SYMMETRIES].index("odd in y, odd in z")
 EVEN_ODD = [str(one) for one in SYMMETRIES].index("even in y, odd in z")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.solid.gmsh_mesh import gmsh_model
+from builder.structure.solid.gmsh_session import ORIGIN, X_AXIS, gmsh_model
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import BodyOfRevolution
 
@@ -30,7 +30,7 @@ def write_stl(body: BodyOfRevolution, wall: Wall, path: Path, chord: float) -> N
         face = _meridian(session, body, wall)
         for quarter in range(4):
             turned = occ.copy([(2, face)])
-            occ.rotate(turned, 0, 0, 0, 1, 0, 0, 0.5 * np.pi * quarter)
+            occ.rotate(turned, *ORIGIN, *X_AXIS, 0.5 * np.pi * quarter)
             _revolve(session, turned[0][1], 0.5 * np.pi)
         occ.remove([(2, face)], recursive=True)
         occ.removeAllDuplicates()
@@ -64,6 +64,6 @@ def _meridian(session: Any, body: BodyOfRevolution, wall: Wall) -> int:
 
 
 def _revolve(session: Any, face: int, angle: float) -> None:
-    session.model.occ.revolve([(2, face)], 0, 0, 0, 1, 0, 0, angle)
+    session.model.occ.revolve([(2, face)], *ORIGIN, *X_AXIS, angle)
     session.model.occ.remove([(2, face)], recursive=True)
     session.model.occ.synchronize()

@@ -45,7 +45,7 @@ LAYOUTS = ["configuration_1", "configuration_2", "configuration_45"]
 def cylinder(n_x: int = 61, n_roll: int = 48) -> SurfaceMesh:
     """A cylinder from x = 0.5 m on; its triangles are flat, so its area is short by 0.07 % with 48 roll angles."""
     x = 0.5 + LENGTH * (0.5 - 0.5 * np.cos(pi * np.linspace(0.0, 1.0, n_x)))  # uneven on purpose
-    return mesh_of_grid(SurfaceGrid(x, np.full(n_x, RADIUS), np.zeros(n_x), n_roll))
+    return mesh_of_grid(SurfaceGrid(x=x, radius=np.full(n_x, RADIUS), angle=np.zeros(n_x), n_roll=n_roll))
 
 
 def roll_of(mesh: SurfaceMesh) -> FloatArray:

@@ -17,7 +17,7 @@ from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import solid_case
-from builder.structure.solid.gmsh_mesh import load_gmsh
+from builder.structure.solid.gmsh_session import load_gmsh
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.mesh_export import write_mesh
 from builder.structure.solid.mesh_report import exact_wall

@@ -25,7 +25,9 @@ def small_structure() -> Structure:
     Gauges at 0, 90 and 180 deg are blind to sin(2 phi); the one at 45 deg and the slanted one are not.
     """
     x = np.linspace(0.0, LENGTH, STATIONS)
-    mesh = mesh_of_grid(SurfaceGrid(x, np.full(STATIONS, RADIUS), np.zeros(STATIONS), ROLL_ANGLES))
+    mesh = mesh_of_grid(
+        SurfaceGrid(x=x, radius=np.full(STATIONS, RADIUS), angle=np.zeros(STATIONS), n_roll=ROLL_ANGLES)
+    )
     roll, angle = np.radians(ROLL_DEG), np.radians(ANGLE_DEG)
     away = np.arctan2(mesh.point[:, 1], mesh.point[:, 2]) - roll[:, None]
     across = np.stack([np.zeros(7), np.cos(roll), -np.sin(roll)], axis=1)

@@ -17,7 +17,7 @@ _AXES = ("x", "y", "z")
 NORMALS = ("normal_x", "normal_y", "normal_z")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PointTable:
     """Points and one quantity.
 
@@ -61,7 +61,9 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
     table = _numbers(path, rows, start, header, wanted)
     if not len(table):
         raise InputError(f"{path}: no line of numbers behind the column names")
-    return PointTable(table[:, :3], table[:, 3], named, table[:, 4:7] if len(normals) == 3 else None)
+    return PointTable(
+        point=table[:, :3], values=table[:, 3], column=named, normal=table[:, 4:7] if len(normals) == 3 else None
+    )
 
 
 def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float) -> int:

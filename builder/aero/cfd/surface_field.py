@@ -22,7 +22,7 @@ Location = Literal["node", "cell"]
 FIELD_FORMATS = (*VTK_FORMATS, ".triq", ".csv")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceField:
     """Values at points or in cells of a surface.
 
@@ -70,12 +70,23 @@ def read_field(path: Path, array: str | None, location: Location | None, metres_
         name = _choose(path, array or "Cp", list(triangulation.scalars), "scalars")
         _only_at_nodes(path, location)
         field = SurfaceField(
-            triangulation.point, triangulation.triangle, triangulation.scalars[name], "node", name
+            point=triangulation.point,
+            triangle=triangulation.triangle,
+            values=triangulation.scalars[name],
+            location="node",
+            array=name,
         )
     elif suffix == ".csv":
         _only_at_nodes(path, location)
         table = read_point_table(path, array, metres_per_unit)
-        field = SurfaceField(table.point, None, table.values, "node", table.column, normal=table.normal)
+        field = SurfaceField(
+            point=table.point,
+            triangle=None,
+            values=table.values,
+            location="node",
+            array=table.column,
+            normal=table.normal,
+        )
     else:
         raise InputError(f"{path}: '{path.suffix}' found, CFD results must be {', '.join(FIELD_FORMATS)}")
     return _checked(path, field, metres_per_unit)
@@ -102,7 +113,14 @@ def _vtk_field(path: Path, array: str | None, location: Location | None) -> Surf
     place, name = fitting[0]
     at_nodes = place == "node"
     face = None if at_nodes else surface.face
-    return SurfaceField(surface.point, surface.triangle, places[place][name], place, name, face)
+    return SurfaceField(
+        point=surface.point,
+        triangle=surface.triangle,
+        values=places[place][name],
+        location=place,
+        array=name,
+        face=face,
+    )
 
 
 def _choose(path: Path, wanted: str, names: list[str], kind: str) -> str:
@@ -144,7 +162,15 @@ def _checked(path: Path, field: SurfaceField, metres_per_unit: float) -> Surface
             f"{path}: array '{field.array}': {int(bad.sum())} of {len(values)} values are not finite, the first "
             f"at {what} {_first(bad)} of the surface"
         )
-    return SurfaceField(metres_per_unit * point, triangle, values, field.location, field.array, face, field.normal)
+    return SurfaceField(
+        point=metres_per_unit * point,
+        triangle=triangle,
+        values=values,
+        location=field.location,
+        array=field.array,
+        face=face,
+        normal=field.normal,
+    )
 
 
 def _first(mask: NDArray[np.bool_]) -> int:

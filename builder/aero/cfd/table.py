@@ -107,7 +107,7 @@ class TableEngine:
         placed = place(field, *entries.to_body_axes())
         if entries.mirrored:
             placed, ratio = mirror(case.file, placed, ratio)
-        return Flow(key, {"ratio": _on_surface(case.file, placed, ratio, self.surface)})
+        return Flow(key=key, arrays={"ratio": _on_surface(case.file, placed, ratio, self.surface)})
 
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
         return flow.arrays["ratio"]

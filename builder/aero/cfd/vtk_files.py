@@ -26,7 +26,7 @@ _LONGEST = 600.0
 _WRITTEN_TYPE = {".vtu": "UnstructuredGrid", ".vtp": "PolyData"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class VtkSurface:
     """The surface cells of a VTK file.
 
@@ -88,12 +88,12 @@ def read_vtk(path: Path) -> VtkSurface:
         raise InputError(f"{path}: damaged: VTK's reader broke down on it (exit code {done.returncode})")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
         return VtkSurface(
-            archive["point"],
-            archive["triangle"],
-            archive["face"],
-            {str(name): archive[f"node_{i}"] for i, name in enumerate(archive["node_names"])},
-            {str(name): archive[f"cell_{i}"] for i, name in enumerate(archive["cell_names"])},
-            tuple(map(str, archive["others"])),
+            point=archive["point"],
+            triangle=archive["triangle"],
+            face=archive["face"],
+            node_arrays={str(name): archive[f"node_{i}"] for i, name in enumerate(archive["node_names"])},
+            cell_arrays={str(name): archive[f"cell_{i}"] for i, name in enumerate(archive["cell_names"])},
+            other_arrays=tuple(map(str, archive["others"])),
         )
 
 

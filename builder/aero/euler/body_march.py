@@ -47,7 +47,7 @@ OGIVE_START = 0.01
 """Share of the first piece's length that is taken as a cone where that piece is curved."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Marched:
     """What a march over a body gives; see :class:`~builder.aero.euler.solver.FlowSolution`.
 
@@ -132,7 +132,12 @@ def _conical_start(
     mach_angle = np.arcsin(1.0 / flow.mach_number)
     reach = 1.3 * np.tan(min(mach_angle + max(atan(float(slope.max())), lean), 1.3))
     n_phi = coarse_rays.cell_sine.size
-    plane = Plane(1.0, coarse_rays, free_stream(flow.stream, n_phi, coarse_r), np.full(n_phi + 1, reach))
+    plane = Plane(
+        x=1.0,
+        rays=coarse_rays,
+        conserved=free_stream(flow.stream, n_phi, coarse_r),
+        outer=np.full(n_phi + 1, reach),
+    )
     for enough in (ROUGH_TOLERANCE, COARSE_TOLERANCE):
         if relax_cone(plane, coarse_slope, flow.stream, grid, max(COARSE_TOLERANCE, grid.conical_tolerance)):
             break

@@ -16,7 +16,7 @@ from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FullFlowSolution:
     """Wall pressure of one flow all round a body, and how well it was computed.
 

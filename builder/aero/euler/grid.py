@@ -53,7 +53,9 @@ def _rays(n_cells: int, step: float, closed: bool) -> Rays:
     sine, cosine = np.sin(angle), np.cos(angle)
     sine[0] = sine[-1] = 0.0  # exactly on the symmetry plane, or on each other
     cosine[-1] = 1.0 if closed else -1.0
-    return Rays(sine, cosine, np.sin(middle), np.cos(middle), step, closed)
+    return Rays(
+        sine=sine, cosine=cosine, cell_sine=np.sin(middle), cell_cosine=np.cos(middle), step=step, closed=closed
+    )
 
 
 class Wall(NamedTuple):

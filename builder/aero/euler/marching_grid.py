@@ -10,7 +10,7 @@ from builder.vehicle.sections import Resolution
 from strainfmu.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MarchingGrid:
     """Resolution of the cross-plane.
 
@@ -41,9 +41,9 @@ def marching_grid_of(resolution: Resolution) -> MarchingGrid:
 
 
 GRID_LEVELS = {
-    "coarse": MarchingGrid(16, 24),
-    "medium": MarchingGrid(24, 36),
-    "fine": MarchingGrid(36, 54),
+    "coarse": MarchingGrid(n_radial=16, n_circumferential=24),
+    "medium": MarchingGrid(n_radial=24, n_circumferential=36),
+    "fine": MarchingGrid(n_radial=36, n_circumferential=54),
 }
 """Grids by name, each 1.5 times finer than the one before; ``medium`` is the default.
 

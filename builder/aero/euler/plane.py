@@ -17,7 +17,7 @@ MASS_WEIGHT = 10.0
 """How much more an imbalance of mass counts than one of force: 1e-5 of it is as bad as 1e-4 of the force."""
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, kw_only=True)
 class Plane:
     """State of the march at one station, and what has been summed so far.
 
@@ -60,7 +60,7 @@ def refine(plane: Plane, rays: Rays, n_r: int) -> Plane:
     conserved = np.ascontiguousarray(np.einsum("jb,kbc,ic->kji", around, plane.conserved, outward))
     known_angle = np.linspace(0.0, 1.0, plane.outer.size)
     outer = np.interp(np.linspace(0.0, 1.0, rays.sine.size), known_angle, plane.outer)
-    return Plane(plane.x, rays, conserved, outer)
+    return Plane(x=plane.x, rays=rays, conserved=conserved, outer=outer)
 
 
 def momentum_balance(

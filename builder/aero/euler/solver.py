@@ -18,7 +18,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FlowSolution:
     """Wall pressure of one flow, and how well it was computed.
 
@@ -61,10 +61,10 @@ def free_stream_of(mach_number: float, angle_of_attack: float, sideslip_angle: f
     if not mach_number > 1.0:
         raise FlowReachError(f"euler: Mach number {mach_number:g} found, must be greater than 1")
     return Stream(
-        mach_number * cos(a) * cos(b),
-        -mach_number * sin(b),
-        mach_number * sin(a) * cos(b),
-        float(total_enthalpy(mach_number)),
+        u=mach_number * cos(a) * cos(b),
+        v=-mach_number * sin(b),
+        w=mach_number * sin(a) * cos(b),
+        enthalpy=float(total_enthalpy(mach_number)),
     )
 
 

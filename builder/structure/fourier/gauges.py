@@ -16,7 +16,7 @@ LARGEST_DISTANCE = 0.5e-3  # m, normal to the inner surface
 LARGEST_TILT = np.deg2rad(5.0)  # out of the tangent plane
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedGauges:
     """Gauges on the inner surface, in the surface's own directions.
 
@@ -73,7 +73,12 @@ def place_gauges(
     meridional = unit[:, 0] * c + radial * s
     circumferential = unit[:, 1] * np.cos(roll_angle) - unit[:, 2] * np.sin(roll_angle)
     in_plane = np.hypot(meridional, circumferential)
-    return PlacedGauges(x.copy(), roll_angle, meridional / in_plane, circumferential / in_plane)
+    return PlacedGauges(
+        x=x.copy(),
+        roll_angle=roll_angle,
+        meridional=meridional / in_plane,
+        circumferential=circumferential / in_plane,
+    )
 
 
 def _refuse_outside(mesh: MeridianMesh, x: FloatArray, names: list[str]) -> None:

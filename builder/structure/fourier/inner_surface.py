@@ -14,7 +14,7 @@ from strainfmu.errors import InputError
 STENCIL = 5  # nodes of two edges
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SurfacePoints:
     """Points on the inner surface, each with the nodes whose values give a field there.
 
@@ -67,7 +67,13 @@ def inner_surface_points(mesh: MeridianMesh, x: FloatArray) -> SurfacePoints:
     radius = np.einsum("ga,ga->g", value, mesh.node[node, 1])
     rise = np.einsum("ga,ga->g", by_x, mesh.node[node, 1])
     length = np.hypot(1.0, rise)[:, None]
-    return SurfacePoints(node, value, by_x / length, radius, np.column_stack([np.ones(len(x)), rise]) / length)
+    return SurfacePoints(
+        node=node,
+        value=value,
+        slope=by_x / length,
+        radius=radius,
+        tangent=np.column_stack([np.ones(len(x)), rise]) / length,
+    )
 
 
 def _smooth_part(mesh: MeridianMesh) -> tuple[IntArray, IntArray]:

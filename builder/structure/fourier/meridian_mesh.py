@@ -20,7 +20,7 @@ End = Literal["free", "guided", "clamped"]
 NO_NODES: IntArray = np.zeros(0, dtype=np.intp)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class MeridianMesh:
     """Mesh of the meridian plane.
 

@@ -21,7 +21,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StructuralModel:
     """Strain per pressure of every gauge of the layouts asked for.
 
@@ -63,7 +63,7 @@ def structural_model(
     found, placed = place_layouts(vehicle, mesh, layouts)
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     response = harmonic_response(mesh, wall.material, stations, surface.x, resolution.harmonics, progress)
-    return StructuralModel(surface, response, found, placed)
+    return StructuralModel(surface=surface, response=response, layouts=found, placed=placed)
 
 
 def place_layouts(

@@ -44,7 +44,7 @@ class Resolution:
     max_harmonic: int = 16
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class HarmonicResponse:
     """Strain on the inner surface per pressure 1 Pa * (hat function of station k) * cos(m phi).
 
@@ -133,7 +133,8 @@ def harmonic_response(
         strain[:, :, m] = (load.T @ adjoint).T.reshape(len(distinct), 3, -1).transpose(1, 0, 2)
         if progress is not None:
             progress(m + 1, max_harmonic + 1)
-    return HarmonicResponse(distinct, *strain)
+    meridional, hoop, shear = strain
+    return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
 
 
 def _distinct(x: FloatArray) -> FloatArray:

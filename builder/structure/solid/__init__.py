@@ -5,9 +5,9 @@ the stages. The data go one way:
 
 - Mesh: :mod:`~builder.structure.solid.mesh_choice` picks one, a
   :class:`~builder.structure.solid.solid_mesh.SolidMesh`: swept round the axis
-  (:mod:`~builder.structure.solid.swept_mesh`), made by Gmsh (:mod:`~builder.structure.solid.gmsh_mesh`) or read
-  (:mod:`~builder.structure.solid.mesh_import`). It is checked (``mesh_checks``, ``locking``) and described
-  (``mesh_report``).
+  (:mod:`~builder.structure.solid.swept_mesh`), made by Gmsh (:mod:`~builder.structure.solid.gmsh_wall`,
+  ``gmsh_files``) or read (:mod:`~builder.structure.solid.mesh_import`). It is checked (``mesh_checks``,
+  ``locking``) and described (``mesh_report``).
 - Operators: :mod:`~builder.structure.solid.stiffness` (A), :mod:`~builder.structure.solid.surface_load` (C_map:
   pressure at the nodes of a surface to nodal forces), :mod:`~builder.structure.solid.gauge_rows` (B: gauge strain
   per displacement), on :mod:`~builder.structure.solid.elements`. The gauges of a vehicle file: ``gauge_layouts``,

@@ -52,7 +52,7 @@ class CurvedFacets:
         return chosen
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FootPoint:
     """The point of a surface closest to a given one.
 
@@ -117,7 +117,14 @@ def feet_on(facets: CurvedFacets, candidate: IntArray, point: FloatArray) -> lis
     normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return [
-        FootPoint(int(facet), reference[i], place[i], tangent[i], normal[i], point - place[i])
+        FootPoint(
+            facet=int(facet),
+            reference=reference[i],
+            point=place[i],
+            tangent=tangent[i],
+            normal=normal[i],
+            offset=point - place[i],
+        )
         for i, facet in enumerate(candidate)
     ]
 

@@ -25,7 +25,7 @@ from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CircularOperator:
     """A block-circulant operator.
 
@@ -111,7 +111,9 @@ def cyclic_problem(
     added_own, added_after = sector_blocks(sector, restrain(two_sector_mesh(sector), supports).added)
     free = _free_motions_of_sector(sector, supports)
     own, after = free.T @ (own + added_own) @ free, free.T @ (after + added_after) @ free
-    stiffness = CircularOperator(sector.n_sectors, csr_array(own), csr_array(after), csr_array(after.T))
+    stiffness = CircularOperator(
+        n_sectors=sector.n_sectors, here=csr_array(own), after=csr_array(after), before=csr_array(after.T)
+    )
     return CyclicProblem(sector, stiffness, free)
 
 

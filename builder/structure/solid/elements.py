@@ -77,7 +77,7 @@ functions are of degree 4 (2); on the quadratic triangle 2 and 4 in all.
 """
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ReferenceElement:
     """Shape functions and their gradients at the quadrature points of a reference element or facet.
 
@@ -167,7 +167,8 @@ def reference_element(element_type: str, quadrature: Quadrature = "full") -> Ref
         degree = STIFFNESS_DEGREE[element_type] if quadrature == "full" else quadrature
         rule = get_quadrature(_VOLUME[element_type], degree)
         point, weight = rule[0].T, rule[1]
-    return ReferenceElement(point, weight, *shape_functions(element_type, point))
+    shape, gradient = shape_functions(element_type, point)
+    return ReferenceElement(point=point, weight=weight, shape=shape, gradient=gradient)
 
 
 def _thin_wall_points(element_type: str) -> tuple[FloatArray, FloatArray]:
@@ -189,4 +190,5 @@ def reference_facet(element_type: str, degree: int | None = None) -> ReferenceEl
     degree : polynomial degree integrated exactly; :data:`FACET_DEGREE` by default.
     """
     point, weight = get_quadrature(_FACET[element_type], degree or FACET_DEGREE[element_type])
-    return ReferenceElement(point.T, weight, *facet_shape_functions(element_type, point.T))
+    shape, gradient = facet_shape_functions(element_type, point.T)
+    return ReferenceElement(point=point.T, weight=weight, shape=shape, gradient=gradient)

@@ -23,7 +23,7 @@ from strainfmu.errors import InputError
 SMALLEST_TRIANGLE = 1e-6  # height of the three held nodes over the body's size
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FreeFlight:
     """Rigid motions of a body and its inertia against them.
 

@@ -45,11 +45,11 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
         if name.count(one) > 1:
             raise InputError(f"gauges.layouts.{layout}: gauge name '{one}' is there twice")
     return Gauges(
-        name,
-        np.concatenate([part.position for part in parts]),
-        np.concatenate([part.direction for part in parts]),
-        np.concatenate([part.length for part in parts]),
-        tuple(one for part in parts for one in part.surface),
+        name=name,
+        position=np.concatenate([part.position for part in parts]),
+        direction=np.concatenate([part.direction for part in parts]),
+        length=np.concatenate([part.length for part in parts]),
+        surface=tuple(one for part in parts for one in part.surface),
     )
 
 

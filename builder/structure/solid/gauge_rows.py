@@ -27,7 +27,7 @@ POINTS_ALONG_GAUGE = 5
 ROSETTE_ANGLES = (0, 45, 90)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Gauges:
     """Strain gauges in body axes.
 
@@ -76,7 +76,13 @@ def gauges_at(
     """Return gauges of one length on one surface; names are ``"gauge 1"`` onwards by default."""
     position, direction = np.asarray(position, dtype=float), np.asarray(direction, dtype=float)
     names = tuple(name) if name is not None else tuple(f"gauge {i + 1}" for i in range(len(position)))
-    return Gauges(names, position, direction, np.full(len(names), length), (surface,) * len(names))
+    return Gauges(
+        name=names,
+        position=position,
+        direction=direction,
+        length=np.full(len(names), length),
+        surface=(surface,) * len(names),
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,7 +49,7 @@ ROUND_UP = 4  # sectors come in fours, so that gauges a quarter turn apart are a
 FINER = 1.02  # step of resolution until a size is reached
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GrowthRow:
     """One line of the table.
 

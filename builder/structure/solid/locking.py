@@ -34,7 +34,7 @@ class LockingWarning(UserWarning):
     """The elements lose a part of the bending strain that is small enough to go on with."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WallElements:
     """How the wall is meshed.
 

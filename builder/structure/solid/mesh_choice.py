@@ -38,7 +38,7 @@ COARSEST = SweptResolution(0.060, 1, 16)
 """What ``coarse`` is compared with."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeshChoice:
     """A mesh and how finely it is made.
 
@@ -111,18 +111,20 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
     """
     if choice.source == SWEPT:
         return swept_wall(body, wall, choice.resolution)
-    from builder.structure.solid import gmsh_mesh, mesh_import
+    from builder.structure.solid.gmsh_files import step_mesh, stl_mesh
+    from builder.structure.solid.gmsh_wall import graded_wall_mesh
+    from builder.structure.solid.mesh_import import read_mesh
 
     relative = TETRAHEDRON_LENGTH[choice.resolution]
     if choice.file is None:
-        return gmsh_mesh.graded_wall_mesh(body, wall, relative)
+        return graded_wall_mesh(body, wall, relative)
     length = relative * float(np.sqrt(body.base_radius * wall.thickness))
     ending = choice.file.suffix.lower()
     if ending in CAD_FORMATS:
-        return gmsh_mesh.step_mesh(choice.file, length, body.base_radius)
+        return step_mesh(choice.file, length, body.base_radius)
     if ending == TRIANGLE_FORMAT:
-        return gmsh_mesh.stl_mesh(choice.file, length, choice.unit, graded_from=body.base_radius)
-    return mesh_import.read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
+        return stl_mesh(choice.file, length, choice.unit, graded_from=body.base_radius)
+    return read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
 
 
 def whole_mesh(mesh: SweptSector | SolidMesh) -> SolidMesh:
@@ -159,9 +161,14 @@ def wall_elements(
     if isinstance(mesh, SweptSector):
         round_base = 2.0 * np.pi * body.base_radius / mesh.n_sectors
         # A support facet spans one element through the wall.
-        return WallElements(HEXAHEDRON, round_base, len(mesh.surface["support"]), SweptMesh.quadrature)
+        return WallElements(
+            element_type=HEXAHEDRON,
+            size=round_base,
+            layers=len(mesh.surface["support"]),
+            quadrature=SweptMesh.quadrature,
+        )
     if choice.model == "imported":
         size = facet_size(mesh, INTERNAL)
     else:
         size = facet_size_round_axis(mesh, INTERNAL, body.base_radius)
-    return WallElements(mesh.element_type, size, max(1, round(wall.thickness / size)))
+    return WallElements(element_type=mesh.element_type, size=size, layers=max(1, round(wall.thickness / size)))

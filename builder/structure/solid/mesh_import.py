@@ -93,7 +93,14 @@ def read_mesh(
             surface = surfaces_of_hollow_body(element_type, node, volume.cell)
         else:
             surface = _surfaces(element_type, volume.cell, blocks, _node_sets(raw))
-        mesh = SolidMesh(element_type, node, volume.cell, region, region_names, surface)
+        mesh = SolidMesh(
+            element_type=element_type,
+            node=node,
+            element=volume.cell,
+            region=region,
+            region_names=region_names,
+            surface=surface,
+        )
         check_mesh(mesh, length)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

@@ -51,7 +51,7 @@ from strainfmu.version import __version__
 FOURIER_REFERENCE = "the Fourier model"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SolidCase:
     """All that Z_p depends on.
 
@@ -150,7 +150,15 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     with reporter.stage("Gauges"):
         rows = _rows_of_layouts(mesh, case.layouts)
     with reporter.stage("Strain per pressure") as progress:
-        solved = solve_strain(mesh, case.wall.material, case.density, case.support, rows, case.solver, progress)
+        solved = solve_strain(
+            mesh=mesh,
+            material=case.wall.material,
+            density=case.density,
+            support=case.support,
+            rows=rows,
+            wanted=case.solver,
+            progress=progress,
+        )
     with reporter.stage("Mesh error") as progress:
         error, compared_with = _mesh_error(case, surface.point, solved.strain_operator, progress)
     gauges = case.layouts.values()
@@ -227,7 +235,15 @@ def _mesh_error(
         return largest_amplitude(strain - np.concatenate(parts)), FOURIER_REFERENCE
     sector = coarser_sector(case.body, case.wall, case.mesh)
     rows = _rows_of_layouts(sector, case.layouts)
-    other = solve_strain(sector, case.wall.material, case.density, case.support, rows, None, progress)
+    other = solve_strain(
+        mesh=sector,
+        material=case.wall.material,
+        density=case.density,
+        support=case.support,
+        rows=rows,
+        wanted=None,
+        progress=progress,
+    )
     pressure = reference_pressures(surface_points(whole_mesh(sector), EXTERNAL), length)
     n_dof = sector.n_sectors * sector.n_dof
     return largest_amplitude(strain - other.strain_operator @ pressure), f"swept hexahedra of {n_dof} dofs"

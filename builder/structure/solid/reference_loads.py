@@ -59,7 +59,7 @@ def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, gauges: Gauges)
     mesh = shell_mesh(body, wall, ELEMENT_SHARE * body.length, 2)
     placed = place_gauges(mesh, gauges.position, gauges.direction, gauges.name)
     ends = np.array([0.0, body.length])  # pressure is linear in x between stations
-    grid = SurfaceGrid(ends, np.ones(2), np.zeros(2), ROLL_ANGLES)
+    grid = SurfaceGrid(x=ends, radius=np.ones(2), angle=np.zeros(2), n_roll=ROLL_ANGLES)
     response = harmonic_response(mesh, wall.material, placed.x, ends, HARMONICS - 1)
     roll = np.tile(grid.roll_angle, 2)
     on_unit_radius = np.column_stack([np.repeat(ends, ROLL_ANGLES), np.sin(roll), np.cos(roll)])

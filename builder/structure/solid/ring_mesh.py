@@ -73,7 +73,14 @@ def ring_mesh(
         SUPPORT: (corner[..., 0] == 2 * counts[0]).all(axis=1),
     }
     surface = {name: facet[here] for name, here in sides.items()}
-    return SolidMesh(element_type, position, element, np.zeros(len(element), dtype=np.int64), (REGION,), surface)
+    return SolidMesh(
+        element_type=element_type,
+        node=position,
+        element=element,
+        region=np.zeros(len(element), dtype=np.int64),
+        region_names=(REGION,),
+        surface=surface,
+    )
 
 
 def _lattice(element_type: str, counts: tuple[int, int, int]) -> tuple[IntArray, IntArray]:

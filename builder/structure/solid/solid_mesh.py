@@ -19,7 +19,7 @@ EXTERNAL, INTERNAL, SUPPORT = "external", "internal", "support"
 """Names of the surfaces that carry the air load, the gauges, and the support."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SolidMesh:
     """Nodes, elements of one kind, and what their faces are called.
 

@@ -35,7 +35,7 @@ BORE_SHARE = 0.1  # radius of the bore through the solid tip over the inner radi
 CUT_SHARE = 0.02  # length cut off at the apex over the tip's length
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SweptSector:
     """One of ``n_sectors`` equal sectors round the x axis.
 
@@ -74,7 +74,7 @@ class SweptSector:
         return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SweptMesh(SolidMesh):
     """A mesh whose elements' reference axes run along, round and through the wall.
 
@@ -148,7 +148,12 @@ def sweep(
     roll = np.pi / n_sectors * np.repeat([0.0, 1.0], [len(used), len(corner)])
     x, r = meridian_node[np.concatenate([used, corner])].T
     surface = {name: _facets(element, meridian_element, edge) for name, edge in meridian_edge.items() if len(edge)}
-    return SweptSector(n_sectors, np.column_stack([x, r * np.sin(roll), r * np.cos(roll)]), element, surface)
+    return SweptSector(
+        n_sectors=n_sectors,
+        node=np.column_stack([x, r * np.sin(roll), r * np.cos(roll)]),
+        element=element,
+        surface=surface,
+    )
 
 
 def _facets(element: IntArray, meridian_element: IntArray, edge: IntArray) -> IntArray:

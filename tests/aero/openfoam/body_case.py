@@ -32,7 +32,7 @@ OVERLAP = 2
 """Planes at a window's end that the next one does again, for the outlet's sake."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BodyCase:
     """One flow and its mesh.
 
@@ -101,7 +101,7 @@ class State:
     velocity: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Solution:
     """Wall pressure of a case, and what it took.
 
@@ -164,7 +164,9 @@ def solve_case(case: BodyCase, directory: Path, window: int = 10, iterations: in
         unrest = max(unrest, float(np.abs(change).max()))
         entering = _between(state, end - start - OVERLAP)
         start = end - OVERLAP
-    return Solution(0.5 * (case.stations[1:] + case.stations[:-1]), pressure, unrest, cpu_seconds)
+    return Solution(
+        x=0.5 * (case.stations[1:] + case.stations[:-1]), pressure=pressure, unrest=unrest, cpu_seconds=cpu_seconds
+    )
 
 
 def _wall_pressure(state: State, vertices: FloatArray) -> FloatArray:
@@ -211,9 +213,33 @@ def write_case(case: BodyCase, plane: State, start: int, end: int, iterations: i
     """Write planes ``start`` to ``end`` as a case; ``plane`` (n_phi, n_r) enters it and fills it at first."""
     write_mesh(case.vertices[start : end + 1], directory / "constant" / "polyMesh")
     n_planes, u = end - start, case.velocity
-    _write_field(directory, "p", "[1 -1 -2 0 0 0 0]", plane.pressure, (1.0,), n_planes, "zeroGradient")
-    _write_field(directory, "T", "[0 0 0 1 0 0 0]", plane.temperature, (1.0,), n_planes, "zeroGradient")
-    _write_field(directory, "U", "[0 1 -1 0 0 0 0]", plane.velocity, u, n_planes, "slip")
+    _write_field(
+        directory=directory,
+        name="p",
+        dimensions="[1 -1 -2 0 0 0 0]",
+        plane=plane.pressure,
+        free_stream=(1.0,),
+        n_planes=n_planes,
+        wall="zeroGradient",
+    )
+    _write_field(
+        directory=directory,
+        name="T",
+        dimensions="[0 0 0 1 0 0 0]",
+        plane=plane.temperature,
+        free_stream=(1.0,),
+        n_planes=n_planes,
+        wall="zeroGradient",
+    )
+    _write_field(
+        directory=directory,
+        name="U",
+        dimensions="[0 1 -1 0 0 0 0]",
+        plane=plane.velocity,
+        free_stream=u,
+        n_planes=n_planes,
+        wall="slip",
+    )
     for name, text in (DICTIONARIES | {"system/controlDict": _control(iterations)}).items():
         _write(directory / name, "dictionary", text)
 

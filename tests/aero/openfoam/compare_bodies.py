@@ -20,7 +20,7 @@ from openfoam.body_case import BodyCase, Solution, loads_ahead, solve_case, spre
 from strainfmu.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
     """One body, its flow, the mesh and what is printed.
 

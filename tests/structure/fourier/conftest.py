@@ -46,4 +46,4 @@ def ring_of_gauges() -> PlacedGauges:
     x = np.broadcast_to(GAUGE_X[:, None, None], shape).ravel()
     roll = np.broadcast_to(0.5 * np.pi * np.arange(4)[:, None], shape).ravel()
     axial = np.broadcast_to(np.array([1.0, 0.0]), shape).ravel()
-    return PlacedGauges(x, roll, axial, 1.0 - axial)
+    return PlacedGauges(x=x, roll_angle=roll, meridional=axial, circumferential=1.0 - axial)

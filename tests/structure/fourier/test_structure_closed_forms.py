@@ -27,7 +27,15 @@ def strain(mesh: MeridianMesh, x: np.ndarray, harmonic: int) -> np.ndarray:
 
 
 def cylinder(length: float, a: float, b: float, h: float, layers: int, front: End, aft: End) -> MeridianMesh:
-    return tube_mesh(np.array([0.0, length]), np.array([a, a]), np.array([b, b]), h, layers, front, aft)
+    return tube_mesh(
+        x=np.array([0.0, length]),
+        inner_radius=np.array([a, a]),
+        outer_radius=np.array([b, b]),
+        element_length=h,
+        n_layers=layers,
+        front=front,
+        aft=aft,
+    )
 
 
 @pytest.mark.parametrize("thickness", [0.004, 0.05])
@@ -36,7 +44,7 @@ def test_lame_cylinder(thickness: float) -> None:
     b = 0.13
     a = b - thickness
     x = np.array([0.11, 0.237])
-    axial, hoop, shear = strain(cylinder(0.5, a, b, 0.05, 2, "guided", "free"), x, 0)
+    axial, hoop, shear = strain(cylinder(length=0.5, a=a, b=b, h=0.05, layers=2, front="guided", aft="free"), x, 0)
     scale = 2.0 * PRESSURE * b**2 / (E * (b**2 - a**2))
     np.testing.assert_allclose(hoop, -scale, rtol=1e-3)
     np.testing.assert_allclose(axial, NU * scale, rtol=1e-3)
@@ -48,7 +56,9 @@ def test_cantilever_tube() -> None:
     length, b, thickness = 4.0, 0.10, 0.004
     a = b - thickness
     x = np.linspace(1.0, 3.0, 5)
-    axial, hoop, shear = strain(cylinder(length, a, b, 0.04, 1, "free", "clamped"), x, 1)
+    axial, hoop, shear = strain(
+        cylinder(length=length, a=a, b=b, h=0.04, layers=1, front="free", aft="clamped"), x, 1
+    )
     inertia = np.pi * (b**4 - a**4) / 4.0
     expected = 0.5 * np.pi * b * PRESSURE * x**2 * a / (E * inertia)
     np.testing.assert_allclose(axial, expected, rtol=0.01)
@@ -62,7 +72,7 @@ def test_cantilever_tube() -> None:
 def test_solid_cantilever() -> None:
     """The same beam without a bore: the axis conditions carry bending; deflection p pi b L^4 / (8 E I)."""
     length, b = 4.0, 0.10
-    mesh = cylinder(length, 0.0, b, 0.1, 2, "free", "clamped")
+    mesh = cylinder(length=length, a=0.0, b=b, h=0.1, layers=2, front="free", aft="clamped")
     solver = factor_harmonic(mesh, assemble_stiffness(mesh, MATERIAL), 1)
     load = PRESSURE * pressure_load(mesh, np.array([0.0, length])).toarray().sum(axis=1)
     displacement = solver.solve(load[:, None]).reshape(-1, 3)
@@ -78,7 +88,7 @@ def test_clamped_edge_of_long_cylinder() -> None:
     a, b = radius - 0.5 * thickness, radius + 0.5 * thickness
     beta = (3.0 * (1.0 - NU**2)) ** 0.25 / np.sqrt(radius * thickness)
     from_clamp = np.linspace(2.0 * thickness, 5.0 / beta, 60)
-    mesh = cylinder(length, a, b, thickness, 1, "free", "clamped")
+    mesh = cylinder(length=length, a=a, b=b, h=thickness, layers=1, front="free", aft="clamped")
     axial, hoop, _ = strain(mesh, length - from_clamp, 0)
     s = beta * from_clamp
     w_far = PRESSURE * b * radius / (E * thickness)
@@ -115,7 +125,9 @@ def test_ring_in_plane_strain(harmonic: int, thickness: float, layers: int, rtol
     b = 0.13
     a = b - thickness
     axial, hoop, shear = strain(
-        cylinder(0.1, a, b, 0.05, layers, "guided", "guided"), np.array([0.03, 0.071]), harmonic
+        cylinder(length=0.1, a=a, b=b, h=0.05, layers=layers, front="guided", aft="guided"),
+        np.array([0.03, 0.071]),
+        harmonic,
     )
     np.testing.assert_allclose(hoop, michell_ring(a, b, harmonic), rtol=rtol)
     np.testing.assert_allclose(axial, 0.0, atol=1e-9 * np.abs(hoop[0]))
@@ -127,7 +139,11 @@ def test_thin_ring(harmonic: int) -> None:
     """Inextensional bending p R^2 t / [2 D (n^2 - 1)], membrane strain left out."""
     radius, thickness = 0.5, 0.001
     a, b = radius - 0.5 * thickness, radius + 0.5 * thickness
-    _, hoop, _ = strain(cylinder(0.05, a, b, 0.025, 1, "guided", "guided"), np.array([0.02]), harmonic)
+    _, hoop, _ = strain(
+        cylinder(length=0.05, a=a, b=b, h=0.025, layers=1, front="guided", aft="guided"),
+        np.array([0.02]),
+        harmonic,
+    )
     rigidity = E * thickness**3 / (12.0 * (1.0 - NU**2))
     expected = PRESSURE * radius**2 * thickness / (2.0 * rigidity * (harmonic**2 - 1.0))
     np.testing.assert_allclose(hoop, expected, rtol=0.01)

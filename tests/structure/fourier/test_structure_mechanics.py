@@ -70,7 +70,12 @@ def test_quadrature_leaves_no_motion_without_strain(harmonic: int) -> None:
     for length, thickness in [(0.02, 0.02), (0.1, 0.002)]:
         x = np.array([0.0, 2.0 * length])
         tube = tube_mesh(x, np.full(2, 0.1), np.full(2, 0.1 + thickness), length)
-        single = MeridianMesh(tube.node[:9], tube.element[:1], tube.outer_edge[:1], tube.inner_edge[:1])
+        single = MeridianMesh(
+            node=tube.node[:9],
+            element=tube.element[:1],
+            outer_edge=tube.outer_edge[:1],
+            inner_edge=tube.inner_edge[:1],
+        )
         stiffness = assemble_stiffness(single, Material(1.0, 0.3)).matrix(harmonic)
         energy = np.linalg.eigvalsh(stiffness.toarray())
         rigid = {0: 2, 1: 2}.get(harmonic, 0)
@@ -184,7 +189,9 @@ def test_loose_body_is_refused(aft: End, harmonic: int) -> None:
 
 def test_wall_folded_by_curvature_is_refused() -> None:
     tube = tube_mesh(np.array([0.0, 0.4]), np.full(2, 0.1), np.full(2, 0.12), 0.05)
-    folded = MeridianMesh(tube.node * [-1.0, 1.0], tube.element, tube.outer_edge, tube.inner_edge)
+    folded = MeridianMesh(
+        node=tube.node * [-1.0, 1.0], element=tube.element, outer_edge=tube.outer_edge, inner_edge=tube.inner_edge
+    )
     with pytest.raises(InputError, match="folds over itself"):
         assemble_stiffness(folded, Material(110e9, 0.31))
 

@@ -49,7 +49,10 @@ def test_gauge_at_45_degrees_reads_the_rotated_tensor(response: HarmonicResponse
     """The three strains of a rosette (0, 90, 45, -45 deg): e45 + e-45 = e0 + e90; e45 - e-45 = 2 e_s_phi."""
     x, half = response.gauge_x[4], np.sqrt(0.5)
     rosette = PlacedGauges(
-        np.full(4, x), np.full(4, 0.7), np.array([1.0, 0.0, half, half]), np.array([0.0, 1.0, half, -half])
+        x=np.full(4, x),
+        roll_angle=np.full(4, 0.7),
+        meridional=np.array([1.0, 0.0, half, half]),
+        circumferential=np.array([0.0, 1.0, half, -half]),
     )
     z = strain_operator(response, rosette, grid)
     axial, hoop, plus, minus = z @ field(grid, np.exp(np.sin(grid.roll_angle + 0.3)))
@@ -177,7 +180,9 @@ def test_response_of_another_grid_is_refused(
 
 
 def test_gauge_at_another_station_is_refused(response: HarmonicResponse, grid: SurfaceGrid) -> None:
-    stray = PlacedGauges(np.array([0.36]), np.zeros(1), np.ones(1), np.zeros(1))
+    stray = PlacedGauges(
+        x=np.array([0.36]), roll_angle=np.zeros(1), meridional=np.ones(1), circumferential=np.zeros(1)
+    )
     with pytest.raises(InputError, match=r"gauge 1: the response holds no station at x = 0.36 m"):
         strain_operator(response, stray, grid)
 

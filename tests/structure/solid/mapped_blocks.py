@@ -36,7 +36,14 @@ def mapped_mesh(blocks: list[tuple[Mapping3, tuple[int, int, int]]], sides: Mapp
     element = number.reshape(-1, 20).astype(np.int64)
     facet, _ = boundary_facets(HEXAHEDRON, element)
     surface = {name: facet[here(node[facet])] for name, here in sides.items()}
-    return SolidMesh(HEXAHEDRON, node, element, np.zeros(len(element), dtype=np.int64), ("body",), surface)
+    return SolidMesh(
+        element_type=HEXAHEDRON,
+        node=node,
+        element=element,
+        region=np.zeros(len(element), dtype=np.int64),
+        region_names=("body",),
+        surface=surface,
+    )
 
 
 def _block_places(mapping: Mapping3, counts: tuple[int, int, int]) -> FloatArray:

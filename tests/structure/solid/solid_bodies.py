@@ -50,7 +50,14 @@ def cube(element_type: str, n: int, shake: float = 0.0, bend: float = 0.0) -> So
             on = (np.abs(place[facet][..., axis] - side) < 1e-9).all(axis=1)
             surface[f"{'xyz'[axis]}{side}"] = facet[on]
     place = place + bend * np.prod(np.sin(np.pi * place), axis=1, keepdims=True) * [1.0, -0.7, 0.5]
-    return SolidMesh(element_type, place, element, np.zeros(len(element), dtype=np.int64), (REGION,), surface)
+    return SolidMesh(
+        element_type=element_type,
+        node=place,
+        element=element,
+        region=np.zeros(len(element), dtype=np.int64),
+        region_names=(REGION,),
+        surface=surface,
+    )
 
 
 def _kuhn() -> list[FloatArray]:

@@ -36,7 +36,7 @@ LENGTH, INSIDE, OUTSIDE = 1.2, 0.138, 0.15
 STATIONS, ROLLS = np.linspace(0.2, 1.0, 9), np.deg2rad([0.0, 90.0, 225.0])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Case:
     """A clamped mesh, prepared: its solver, its load C_map, its gauges and the nodes they sit on."""
 
@@ -75,7 +75,15 @@ def prepare(mesh: SolidMesh, quadrature: Quadrature = "full") -> Case:
     assert isinstance(solver, SparseSolver)
     load = pressure_load(mesh, EXTERNAL)
     strain_operator(rows, solver, load)
-    return Case(mesh, solver, load, rows, node, direction, time.perf_counter() - start)
+    return Case(
+        mesh=mesh,
+        solver=solver,
+        load=load,
+        rows=rows,
+        gauge_node=node,
+        direction=direction,
+        seconds=time.perf_counter() - start,
+    )
 
 
 @pytest.fixture(scope="module")

@@ -48,7 +48,16 @@ def test_lame_cylinder(thickness: float, layers: int) -> None:
     """Open cylinder under external pressure, hoop and axial (Timoshenko and Goodier, section 28)."""
     b = 0.13
     a = b - thickness
-    sector = tube(0.3, a, b, 0.06, 24, layers, "guided", "free")
+    sector = tube(
+        length=0.3,
+        inner_radius=a,
+        outer_radius=b,
+        element_length=0.06,
+        n_sectors=24,
+        n_layers=layers,
+        front="guided",
+        aft="free",
+    )
     axial, hoop = inner_strain(sector, 0, np.array([0.11, 0.157]), a, roll=0.37)
     scale = 2.0 * PRESSURE * b**2 / (E * (b**2 - a**2))
     np.testing.assert_allclose(hoop, -scale, rtol=0.01)
@@ -73,7 +82,16 @@ def test_ring_in_plane_strain(harmonic: int, thickness: float, layers: int) -> N
     """Ovalisation, both ends guided, against Michell's stress function (Timoshenko and Goodier, section 43)."""
     b = 0.13
     a = b - thickness
-    sector = tube(0.04, a, b, 0.02, 32, layers, "guided", "guided")
+    sector = tube(
+        length=0.04,
+        inner_radius=a,
+        outer_radius=b,
+        element_length=0.02,
+        n_sectors=32,
+        n_layers=layers,
+        front="guided",
+        aft="guided",
+    )
     roll = 0.2
     _, hoop = inner_strain(sector, harmonic, np.array([0.013, 0.029]), a, roll=roll)
     expected = PRESSURE * inner_hoop_strain(a, b, harmonic, METAL) * np.cos(harmonic * roll)
@@ -85,7 +103,16 @@ def test_thin_ring(harmonic: int) -> None:
     """Inextensional bending p R^2 t/(2 D (n^2 - 1)), D = E t^3/(12 (1 - nu^2)); membrane strain left out."""
     radius, thickness = 0.5, 0.001
     a, b = radius - 0.5 * thickness, radius + 0.5 * thickness
-    sector = tube(0.05, a, b, 0.025, 48, 1, "guided", "guided")
+    sector = tube(
+        length=0.05,
+        inner_radius=a,
+        outer_radius=b,
+        element_length=0.025,
+        n_sectors=48,
+        n_layers=1,
+        front="guided",
+        aft="guided",
+    )
     _, hoop = inner_strain(sector, harmonic, np.array([0.02]), a)
     rigidity = E * thickness**3 / (12.0 * (1.0 - NU**2))
     expected = PRESSURE * radius**2 * thickness / (2.0 * rigidity * (harmonic**2 - 1.0))
@@ -125,7 +152,16 @@ def test_cone_as_membrane() -> None:
 def test_quadrature_of_thin_walls_does_not_lock() -> None:
     """Ring under cos(2 phi), 16 elements round it: three points round lose half of the strain, two 2 %."""
     b, a = 0.13, 0.126
-    sector = tube(0.04, a, b, 0.02, 16, 1, "guided", "guided")
+    sector = tube(
+        length=0.04,
+        inner_radius=a,
+        outer_radius=b,
+        element_length=0.02,
+        n_sectors=16,
+        n_layers=1,
+        front="guided",
+        aft="guided",
+    )
     exact = inner_hoop_strain(a, b, 2, METAL)
     gauge = gauges_at(np.array([[0.02, 0.0, a]]), np.array([[0.0, 1.0, 0.0]]))
     rows = gauge_rows(full_mesh(sector), gauge)

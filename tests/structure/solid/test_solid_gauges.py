@@ -145,12 +145,12 @@ def test_patch_ends_at_a_sharp_edge() -> None:
     mesh = cube("hexahedron20", 4)
     x, y, z = mesh.node.T
     roof = SolidMesh(
-        mesh.element_type,
-        np.column_stack([x, y, z - 0.2 * np.abs(x - 0.5)]),
-        mesh.element,
-        mesh.region,
-        mesh.region_names,
-        mesh.surface,
+        element_type=mesh.element_type,
+        node=np.column_stack([x, y, z - 0.2 * np.abs(x - 0.5)]),
+        element=mesh.element,
+        region=mesh.region,
+        region_names=mesh.region_names,
+        surface=mesh.surface,
     )
     field = np.zeros((mesh.n_nodes, 3))
     field[:, 1] = np.where(x > 0.5, 2.0, 1.0) * y

@@ -9,15 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.structure.solid.gmsh_mesh import (
-    STRETCH,
-    gmsh_model,
-    graded_wall_mesh,
-    load_gmsh,
-    step_mesh,
-    stl_mesh,
-    wall_mesh,
-)
+from builder.structure.solid.gmsh_files import step_mesh, stl_mesh
+from builder.structure.solid.gmsh_session import ORIGIN, X_AXIS, gmsh_model, load_gmsh
+from builder.structure.solid.gmsh_wall import STRETCH, graded_wall_mesh, wall_mesh
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_import import read_mesh
 from builder.structure.solid.mesh_report import element_volumes, exact_wall, surface_area
@@ -123,8 +117,8 @@ def test_session_of_the_caller_is_left_alone(gmsh: Any) -> None:
 def cup(gmsh: Any) -> Iterator[Any]:
     """Cylinder of 1 m length and 0.2 m radius, bored 0.15 m wide from x = 0.3 aft, drawn in Gmsh in metres."""
     with gmsh_model("cup") as session:
-        outside = session.model.occ.addCylinder(0, 0, 0, 1, 0, 0, 0.2)
-        inside = session.model.occ.addCylinder(0.3, 0, 0, 1, 0, 0, 0.15)
+        outside = session.model.occ.addCylinder(*ORIGIN, *X_AXIS, 0.2)
+        inside = session.model.occ.addCylinder(*(0.3, 0, 0), *X_AXIS, 0.15)
         session.model.occ.cut([(3, outside)], [(3, inside)])
         session.model.occ.synchronize()
         yield session
@@ -153,8 +147,8 @@ def test_step_file(cup: Any, tmp_path: Path) -> None:
 def test_step_file_of_a_full_turn_that_ends_in_a_point(gmsh: Any, tmp_path: Path) -> None:
     """Hollow cone of 1 m, drawn in one turn, which Gmsh alone fails to mesh; graded towards the axis."""
     with gmsh_model("cone") as session:
-        outside = session.model.occ.addCone(0, 0, 0, 1, 0, 0, 0.0, 0.2)
-        inside = session.model.occ.addCone(0.3, 0, 0, 0.7, 0, 0, 0.04, 0.18)
+        outside = session.model.occ.addCone(*ORIGIN, *X_AXIS, 0.0, 0.2)
+        inside = session.model.occ.addCone(*(0.3, 0, 0), *(0.7, 0, 0), 0.04, 0.18)
         session.model.occ.cut([(3, outside)], [(3, inside)])
         session.model.occ.synchronize()
         session.option.setString("Geometry.OCCTargetUnit", "M")
@@ -238,7 +232,7 @@ def test_file_of_gmsh_with_physical_groups(gmsh: Any, tmp_path: Path, version: f
     with gmsh_model("tube") as session:
         occ = session.model.occ
         ring = occ.cut([(2, occ.addDisk(0, 0, 0, 120, 120))], [(2, occ.addDisk(0, 0, 0, 100, 100))])[0]
-        occ.rotate(ring, 0, 0, 0, 0, 1, 0, 0.5 * np.pi)
+        occ.rotate(ring, *ORIGIN, *(0, 1, 0), 0.5 * np.pi)
         layers = {"numElements": [2], "recombine": True} if hexahedra else {}
         tube = occ.extrude(ring, 300, 0, 0, **layers)
         occ.synchronize()

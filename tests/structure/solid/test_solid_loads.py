@@ -31,12 +31,12 @@ def curved_cube(element_type: str) -> SolidMesh:
     x, y, z = mesh.node.T
     bulge = 0.2 * x**2 * np.sin(np.pi * y) * np.sin(np.pi * z)
     return SolidMesh(
-        element_type,
-        np.column_stack([x + bulge, y, z]),
-        mesh.element,
-        mesh.region,
-        mesh.region_names,
-        mesh.surface,
+        element_type=element_type,
+        node=np.column_stack([x + bulge, y, z]),
+        element=mesh.element,
+        region=mesh.region,
+        region_names=mesh.region_names,
+        surface=mesh.surface,
     )
 
 

@@ -28,7 +28,15 @@ RADIUS, SIZE = 0.13, 0.0065
 def test_closed_form_agrees_with_the_fourier_model(harmonic: int, thickness: float) -> None:
     """Semi-analytic elements of another discretisation, six layers; 1e-4."""
     a = RADIUS - thickness
-    mesh = tube_mesh(np.array([0.0, 0.04]), np.array([a, a]), np.array([RADIUS] * 2), 0.02, 6, "guided", "guided")
+    mesh = tube_mesh(
+        x=np.array([0.0, 0.04]),
+        inner_radius=np.array([a, a]),
+        outer_radius=np.array([RADIUS] * 2),
+        element_length=0.02,
+        n_layers=6,
+        front="guided",
+        aft="guided",
+    )
     load = pressure_load(mesh, np.array([0.0, 0.04])).toarray().sum(axis=1, keepdims=True)
     displacement = factor_harmonic(mesh, assemble_stiffness(mesh, METAL), harmonic).solve(load)
     hoop = (strain_rows(mesh, np.array([0.02]), harmonic) @ displacement)[0, 1, 0]
@@ -50,7 +58,9 @@ def test_quadratic_elements_pass(element_type: str, thickness: float) -> None:
     """One layer, 6.5 mm round the axis: within 0.5 %, n = 4 on the thick wall 1.1 %."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        ratios = check_locking(WallElements(element_type, SIZE, 1), RADIUS, thickness, METAL)
+        ratios = check_locking(
+            WallElements(element_type=element_type, size=SIZE, layers=1), RADIUS, thickness, METAL
+        )
     assert ratios[0] == pytest.approx(1.0, abs=5e-4)
     assert ratios[2] == pytest.approx(1.0, abs=5e-3)
     assert ratios[4] == pytest.approx(1.0, abs=1.1e-2)
@@ -72,7 +82,9 @@ def test_linear_elements_lose_the_bending(
     element_type: str, thickness: float, layers: int, measured: float
 ) -> None:
     """Ratios at n = 2 against those of another program of the same elements (its mesh and patch differ): 5 %."""
-    ratios = locking_ratios(WallElements(element_type, SIZE, layers), RADIUS, thickness, METAL)
+    ratios = locking_ratios(
+        WallElements(element_type=element_type, size=SIZE, layers=layers), RADIUS, thickness, METAL
+    )
     assert ratios[0] == pytest.approx(1.0, abs=0.01)
     assert ratios[2] == pytest.approx(measured, rel=0.05)
     assert ratios[4] == pytest.approx(ratios[2], rel=0.05)
@@ -81,8 +93,13 @@ def test_linear_elements_lose_the_bending(
 def test_long_elements_lock_unless_integrated_for_a_thin_wall() -> None:
     """Elements longer than sqrt(R t) = 26 mm: full quadrature locks, that of swept meshes does not."""
     metal, size, radius, thickness = Material(110e9, 0.31), 0.03, 0.165, 0.004
-    full = locking_ratios(WallElements("hexahedron20", size, 1), radius, thickness, metal)
-    swept = locking_ratios(WallElements("hexahedron20", size, 1, "thin_wall"), radius, thickness, metal)
+    full = locking_ratios(WallElements(element_type="hexahedron20", size=size, layers=1), radius, thickness, metal)
+    swept = locking_ratios(
+        WallElements(element_type="hexahedron20", size=size, layers=1, quadrature="thin_wall"),
+        radius,
+        thickness,
+        metal,
+    )
     assert full[0] == pytest.approx(1.0, abs=1e-4)
     assert full[2] < 0.93
     assert swept[2] == pytest.approx(1.0, abs=1e-3)
@@ -90,7 +107,7 @@ def test_long_elements_lock_unless_integrated_for_a_thin_wall() -> None:
 
 
 def test_linear_tetrahedra_are_refused_unless_allowed() -> None:
-    elements = WallElements("tetrahedron4", SIZE, 1)
+    elements = WallElements(element_type="tetrahedron4", size=SIZE, layers=1)
     with pytest.raises(
         InputError,
         match=r"tetrahedron4 \(full quadrature\), 6.5 mm round the axis.*% of the hoop strain under cos\(",
@@ -104,16 +121,18 @@ def test_linear_tetrahedra_are_refused_unless_allowed() -> None:
 def test_coarse_quadratic_elements_give_a_warning() -> None:
     """Seven elements per wave of n = 4."""
     with pytest.warns(LockingWarning, match=r"under cos\(4 phi\)"):
-        ratios = check_locking(WallElements("hexahedron20", 0.029, 1), RADIUS, 0.012, METAL)
+        ratios = check_locking(
+            WallElements(element_type="hexahedron20", size=0.029, layers=1), RADIUS, 0.012, METAL
+        )
     assert 0.9 < ratios[4] < 0.98
 
 
 def test_impossible_rings_are_refused() -> None:
     for elements, thickness in (
-        (WallElements("hexahedron20", 0.0, 1), 0.006),
-        (WallElements("hexahedron20", SIZE, 0), 0.006),
-        (WallElements("hexahedron20", SIZE, 1), 0.13),
-        (WallElements("hexahedron20", float("nan"), 1), 0.006),
+        (WallElements(element_type="hexahedron20", size=0.0, layers=1), 0.006),
+        (WallElements(element_type="hexahedron20", size=SIZE, layers=0), 0.006),
+        (WallElements(element_type="hexahedron20", size=SIZE, layers=1), 0.13),
+        (WallElements(element_type="hexahedron20", size=float("nan"), layers=1), 0.006),
     ):
         with pytest.raises(InputError, match="locking check: element size"):
             locking_ratios(elements, RADIUS, thickness, METAL)

@@ -126,7 +126,9 @@ def joined(sector: SweptSector, k: int) -> SweptSector:
 
     node = np.concatenate([sector.node @ turn.T for turn in turns])
     surface = {name: repeated(facet) for name, facet in sector.surface.items()}
-    return SweptSector(sector.n_sectors // k, node, repeated(sector.element), surface)
+    return SweptSector(
+        n_sectors=sector.n_sectors // k, node=node, element=repeated(sector.element), surface=surface
+    )
 
 
 def with_windows(sector: SweptSector, cut: Sequence[int]) -> SweptSector:
@@ -141,7 +143,9 @@ def with_windows(sector: SweptSector, cut: Sequence[int]) -> SweptSector:
         name: number[[facet for facet in facets.tolist() if tuple(sorted(facet)) in corners]]
         for name, facets in sector.surface.items()
     }
-    return SweptSector(sector.n_sectors, sector.node[kept], number[element], surface)
+    return SweptSector(
+        n_sectors=sector.n_sectors, node=sector.node[kept], element=number[element], surface=surface
+    )
 
 
 def test_four_equal_windows_in_a_tube() -> None:
@@ -238,7 +242,9 @@ def free_problem(shift: float = 0.0) -> CyclicProblem:
     here, after = sector_stiffness(sector, MATERIALS)
     unit = eye_array(sector.n_dof, format="csr")
     here = here + shift * here.diagonal().max() * unit
-    return CyclicProblem(sector, CircularOperator(12, here, after, after.T.tocsr()), unit)
+    return CyclicProblem(
+        sector, CircularOperator(n_sectors=12, here=here, after=after, before=after.T.tocsr()), unit
+    )
 
 
 @pytest.mark.parametrize("shift", [0.0, -1e-6, -1e-2])

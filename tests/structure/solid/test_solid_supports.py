@@ -60,7 +60,12 @@ def test_plane_of_symmetry_may_be_inclined() -> None:
     turn *= np.sign(np.linalg.det(turn))
     mesh = cube("hexahedron20", 2)
     turned = SolidMesh(
-        mesh.element_type, mesh.node @ turn.T, mesh.element, mesh.region, mesh.region_names, mesh.surface
+        element_type=mesh.element_type,
+        node=mesh.node @ turn.T,
+        element=mesh.element,
+        region=mesh.region,
+        region_names=mesh.region_names,
+        surface=mesh.surface,
     )
     u = solve(turned, restrain(turned, THREE_PLANES), pressed(turned, "x1"))
     np.testing.assert_allclose(u, (1e6 / E * mesh.node * [-1.0, NU, NU]) @ turn.T, atol=1e-12)
@@ -71,12 +76,12 @@ def test_one_surface_round_a_corner_holds_each_of_its_normals() -> None:
     mesh = cube("hexahedron20", 2)
     corner = np.concatenate([mesh.surface[side] for side in ("x0", "y0", "z0")])
     named = SolidMesh(
-        mesh.element_type,
-        mesh.node,
-        mesh.element,
-        mesh.region,
-        mesh.region_names,
-        {**mesh.surface, "corner": corner},
+        element_type=mesh.element_type,
+        node=mesh.node,
+        element=mesh.element,
+        region=mesh.region,
+        region_names=mesh.region_names,
+        surface={**mesh.surface, "corner": corner},
     )
     u = solve(named, restrain(named, [Symmetric("corner")]), pressed(named, "x1"))
     np.testing.assert_allclose(u, 1e6 / E * mesh.node * [-1.0, NU, NU], atol=1e-12)

@@ -9,7 +9,8 @@ from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
+from builder.structure.solid.gmsh_session import load_gmsh
+from builder.structure.solid.gmsh_wall import graded_wall_mesh
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh, linear_tetrahedra
 from builder.structure.solid.solvers.solver import choose_solver, named_back_end

@@ -14,7 +14,7 @@ Factor = Callable[[FloatArray], FloatArray]
 """(n_free, k) loads [N] to displacements [m]; the prepared matrix is kept inside."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BackEnd:
     """One way to solve a sparse problem.
 

@@ -47,16 +47,16 @@ def _factor_cvxopt(problem: SparseProblem) -> Factor:
 
 
 CHOLMOD = BackEnd(
-    "cholmod",
-    "BSD-2-Clause over CHOLMOD, LGPL-2.1 and (supernodal) GPL-2.0",
-    "apt-get install libsuitesparse-dev libopenblas0-pthread, then pip install 'strainfmu[cholmod]'",
-    lambda: importable("sksparse.cholmod"),
-    _factor_scikit_sparse,
+    name="cholmod",
+    licence="BSD-2-Clause over CHOLMOD, LGPL-2.1 and (supernodal) GPL-2.0",
+    install="apt-get install libsuitesparse-dev libopenblas0-pthread, then pip install 'strainfmu[cholmod]'",
+    installed=lambda: importable("sksparse.cholmod"),
+    factor=_factor_scikit_sparse,
 )
 CVXOPT = BackEnd(
-    "cvxopt",
-    "GPL-3.0 over CHOLMOD",
-    "pip install 'strainfmu[cvxopt]'",
-    lambda: any(importable(name) for name in CVXOPT_PACKAGES),
-    _factor_cvxopt,
+    name="cvxopt",
+    licence="GPL-3.0 over CHOLMOD",
+    install="pip install 'strainfmu[cvxopt]'",
+    installed=lambda: any(importable(name) for name in CVXOPT_PACKAGES),
+    factor=_factor_cvxopt,
 )

@@ -65,7 +65,15 @@ class CyclicSolver:
         self._probe = probe_loads(problem.free)
         blocks = (problem.stiffness.here, problem.stiffness.after, problem.stiffness.before)
         entries = problem.n_sectors * sum(block.nnz for block in blocks)
-        self._statistics = SolveStatistics(problem.n_dof, entries, 0.0, 0.0, peak_memory(), 0.0, 0.0)
+        self._statistics = SolveStatistics(
+            n_dof=problem.n_dof,
+            n_entries=entries,
+            factor_seconds=0.0,
+            solve_seconds=0.0,
+            peak_memory=peak_memory(),
+            relative_residual=0.0,
+            probe_residual=0.0,
+        )
 
     @property
     def statistics(self) -> SolveStatistics:
@@ -134,7 +142,10 @@ class CyclicSolver:
             raise InputError(f"gauge rows {rows.shape}: some rows of {problem.n_dof} finite columns are wanted")
         shifted = shifted_rows(problem.sector, rows)
         reduced = CircularOperator(
-            problem.n_sectors, *(csr_array(problem.free.T @ part) for part in (load.here, load.after, load.before))
+            n_sectors=problem.n_sectors,
+            here=csr_array(problem.free.T @ load.here),
+            after=csr_array(problem.free.T @ load.after),
+            before=csr_array(problem.free.T @ load.before),
         )
         shape = (n_harmonics(problem.n_sectors), load.here.shape[1], shifted.n_patterns)
         spectrum = np.empty(shape, dtype=np.complex128)
@@ -216,7 +227,8 @@ def pressure_operator(problem: CyclicProblem, surface_name: str) -> CircularOper
     InputError
         The sector has no surface of that name.
     """
-    return CircularOperator(problem.n_sectors, *sector_pressure_load(problem.sector, surface_name))
+    here, after, before = sector_pressure_load(problem.sector, surface_name)
+    return CircularOperator(n_sectors=problem.n_sectors, here=here, after=after, before=before)
 
 
 def _on_each_sector(matrix: csr_array, parts: FloatArray) -> FloatArray:

@@ -104,5 +104,9 @@ def _factor(problem: SparseProblem) -> Factor:
 
 
 ITERATIVE = BackEnd(
-    "iterative", "MIT (pyamg)", "pip install 'strainfmu[iterative]'", lambda: importable("pyamg"), _factor
+    name="iterative",
+    licence="MIT (pyamg)",
+    install="pip install 'strainfmu[iterative]'",
+    installed=lambda: importable("pyamg"),
+    factor=_factor,
 )

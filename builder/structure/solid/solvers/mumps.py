@@ -26,9 +26,9 @@ def _factor(problem: SparseProblem) -> Factor:
 
 
 MUMPS = BackEnd(
-    "mumps",
-    "BSD-2-Clause over MUMPS, CeCILL-C",
-    "apt-get install libmumps-seq-dev gfortran libopenblas0-pthread, then pip install 'strainfmu[mumps]'",
-    lambda: importable("mumps"),
-    _factor,
+    name="mumps",
+    licence="BSD-2-Clause over MUMPS, CeCILL-C",
+    install="apt-get install libmumps-seq-dev gfortran libopenblas0-pthread, then pip install 'strainfmu[mumps]'",
+    installed=lambda: importable("mumps"),
+    factor=_factor,
 )

@@ -37,9 +37,9 @@ def _factor(problem: SparseProblem) -> Factor:
 
 
 PARDISO = BackEnd(
-    "pardiso",
-    "BSD-3-Clause over Intel oneMKL, Intel Simplified Software License",
-    "pip install 'strainfmu[pardiso]'",
-    lambda: importable("pypardiso"),
-    _factor,
+    name="pardiso",
+    licence="BSD-3-Clause over Intel oneMKL, Intel Simplified Software License",
+    install="pip install 'strainfmu[pardiso]'",
+    installed=lambda: importable("pypardiso"),
+    factor=_factor,
 )

@@ -135,9 +135,10 @@ def _end(process: subprocess.Popen[str], folder: Path) -> None:
 def petsc_back_end(launch: MpiLaunch | None = None) -> BackEnd:
     """Return the back end that runs on the processes of a launch, by default that of the environment."""
     return BackEnd(
-        "petsc",
-        "BSD-2-Clause (PETSc, petsc4py) over MUMPS, CeCILL-C",
-        f"apt-get install python3-petsc4py python3-mpi4py openmpi-bin, then {PYTHON_VARIABLE}=/usr/bin/python3",
-        lambda: launch is not None or PYTHON_VARIABLE in os.environ or importable("petsc4py"),
-        lambda problem: distributed_factor(problem, launch or launch_of_environment()),
+        name="petsc",
+        licence="BSD-2-Clause (PETSc, petsc4py) over MUMPS, CeCILL-C",
+        install="apt-get install python3-petsc4py python3-mpi4py openmpi-bin, then "
+        f"{PYTHON_VARIABLE}=/usr/bin/python3",
+        installed=lambda: launch is not None or PYTHON_VARIABLE in os.environ or importable("petsc4py"),
+        factor=lambda problem: distributed_factor(problem, launch or launch_of_environment()),
     )

@@ -89,7 +89,7 @@ def checked_loads(loads: FloatArray | csr_array, n_dof: int) -> FloatArray | csc
     return checked
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SolveStatistics:
     """What a solver has used so far.
 

@@ -18,7 +18,7 @@ SAME_ENTRY = 1e-10
 """Difference of two rows, over their largest entry, below which they count as one pattern."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ShiftedRows:
     """Distinct rows in sector frames, and where each given row is one of them.
 

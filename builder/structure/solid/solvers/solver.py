@@ -100,7 +100,15 @@ class SparseSolver:
         seconds = time.perf_counter() - start
         probed = refuse_indefinite(self.name, problem.matrix, self._factor, probe_loads(problem.free))
         entries = int(problem.matrix.nnz)
-        self._statistics = SolveStatistics(problem.n_dof, entries, seconds, 0.0, peak_memory(), 0.0, probed)
+        self._statistics = SolveStatistics(
+            n_dof=problem.n_dof,
+            n_entries=entries,
+            factor_seconds=seconds,
+            solve_seconds=0.0,
+            peak_memory=peak_memory(),
+            relative_residual=0.0,
+            probe_residual=probed,
+        )
 
     @property
     def statistics(self) -> SolveStatistics:

@@ -72,4 +72,10 @@ def _factor(problem: SparseProblem) -> Factor:
     return solve
 
 
-SUPERLU = BackEnd("superlu", "BSD-3-Clause", "pip install 'strainfmu[build]'", lambda: True, _factor)
+SUPERLU = BackEnd(
+    name="superlu",
+    licence="BSD-3-Clause",
+    install="pip install 'strainfmu[build]'",
+    installed=lambda: True,
+    factor=_factor,
+)
