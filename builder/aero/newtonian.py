@@ -4,7 +4,8 @@ Options, as the vehicle file names them:
 
 ``stagnation``
     ``rayleigh_pitot`` (default): C_p,max behind a normal shock, 1.81 at M 5. ``classical``: C_p,max = 2. On
-    slender pointed bodies both are too low at M 5 to 7, ``classical`` by less (``docs/aerodynamics.md``).
+    slender pointed bodies both are too low at M 5 to 7, ``classical`` by less
+    (``docs/explanation/aerodynamics.md``).
 ``leeward``
     ``ambient`` (default), ``prandtl_meyer`` (sharp bodies) or ``matched`` (blunt bodies):
     :mod:`builder.aero.local_inclination`.

@@ -1,4 +1,4 @@
-"""The comparison: every published number beside ours in three set-ups, with the reason for a difference."""
+"""The comparison: every published number beside ours in three set-ups, and what a difference comes from."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from builder.reproduce.studies import Studies
 from strainfmu.arrays import FloatArray
 
 LITERAL_READING = 0
-"""Index of the load reading that follows the source's words."""
+"""Of the loads: that of the source's words comes first."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class ParityRow:
 
     Attributes
     ----------
-    published : the source's number.
+    published : what the source says.
     ours : by set-up.
-    why : reason for a difference, with its measurement; empty where the difference is negligible.
+    why : what a difference comes from, with the measurement behind it; empty where there is none to speak of.
     """
 
     published: Published

@@ -1,4 +1,4 @@
-"""Limits and times of the bridge, all in one place; docs/can.md states them for the people at the other end."""
+"""Limits and times of the bridge, all in one place; docs/reference/can.md states them for its users."""
 
 from __future__ import annotations
 
@@ -92,11 +92,11 @@ class BridgeSettings:
     def __post_init__(self) -> None:
         for name in ("deadline", "max_age", "pressure_max_age", "timeout", "rate_limit", "sensor_range"):
             if not 0.0 < getattr(self, name) < float("inf"):
-                raise InputError(f"{name}: expected a positive number, got {getattr(self, name):g}")
+                raise InputError(f"{name}: {getattr(self, name):g} found, a positive number wanted")
         if self.stuck_cycles < 0:
-            raise InputError(f"stuck_cycles: expected 0 for never or a positive number, got {self.stuck_cycles}")
+            raise InputError(f"stuck_cycles: {self.stuck_cycles} found, 0 for never or a positive number wanted")
         if self.deadline >= 1.0:
-            raise InputError(f"deadline: expected less than 1 cycle, got {self.deadline:g} cycles")
+            raise InputError(f"deadline: {self.deadline:g} cycles found, less than 1 wanted")
 
     @property
     def recovery_cycles(self) -> int:

@@ -1,7 +1,7 @@
 """The native plant in numpy, row by row: strains with noise and faults, true coefficients, motion.
 
-The native FMU computes it in C (``fmus/native/plant/plant.c``); its reference run comes from here. docs/flight.md
-holds the equations.
+The native FMU computes it in C (``fmus/native/plant/plant.c``); its reference run comes from here.
+docs/explanation/flight.md holds the equations.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ CONICAL_FROM = 0.5
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not is_available(), reason=f"{SOLVER} is not installed: see docs/openfoam.md")
+@pytest.mark.skipif(not is_available(), reason=f"{SOLVER} is not installed: see docs/explanation/openfoam.md")
 def test_cone_at_incidence_agrees_with_openfoam(tmp_path: Path) -> None:
     """10 deg cone, M 5, a_T 10 deg: every plane of the conical part within 3 % rms of the marching solver."""
     body = chain_segments([(1.0, radians(10.0), radians(10.0))])

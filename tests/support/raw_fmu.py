@@ -219,7 +219,7 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 21 as docs/native.md lists them."""
+    """One instance of FMI 3.0, with arrays; value references 0 .. 21 as docs/explanation/native.md lists them."""
 
     FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1}
     STRAIN, VALID, FIRST_SCALAR, TIME = 12, 13, 14, 21

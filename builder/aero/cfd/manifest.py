@@ -58,7 +58,7 @@ class CaseEntry(Section):
 
 
 class ManifestEntries(Section):
-    """A manifest as it is written; docs/cfd.md says what the entries mean."""
+    """A manifest as it is written; docs/howto/bring_cfd.md says what the entries mean."""
 
     quantity: str
     unit: str | None = None

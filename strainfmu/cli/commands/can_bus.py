@@ -70,7 +70,7 @@ def bridge(
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
-    Ends on SIGINT or SIGTERM with a summary. What is on the bus: docs/can.md; 'strainfmu dbc' writes it down.
+    Ends on SIGINT or SIGTERM with a summary. What is on the bus: docs/reference/can.md, or 'strainfmu dbc'.
 
     Examples:
 

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 
 def fly(
-    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML); docs/flight.md lists its entries.")],
+    scenario: Annotated[
+        Path, typer.Argument(help="Scenario file (TOML); docs/reference/scenario.md lists its entries.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for FMUs, recordings, figures.")] = Path(
         "flight"
     ),

@@ -1,4 +1,4 @@
-"""Print what rhoCentralFoam and the marching solver say of two bodies: see docs/openfoam.md.
+"""Print what rhoCentralFoam and the marching solver say of two bodies: see docs/explanation/openfoam.md.
 
 From the project's root: ``PYTHONPATH=tests/aero .venv/bin/python -m openfoam.compare_bodies ic3x DIRECTORY``, or
 ``cone_cylinder``, with a total incidence in degrees after it if it is not to be the usual one.

@@ -3,7 +3,7 @@
     strainfmu dbc map.h5 -o strains.dbc
     python can_cantools_example.py strains.dbc udp_multicast 239.74.163.2 43200
 
-Nothing of strainfmu is imported. The frames are those of profile fd64; docs/can.md describes every byte.
+Nothing of strainfmu is imported. The frames are those of profile fd64; docs/reference/can.md describes every byte.
 """
 
 import binascii
