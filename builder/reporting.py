@@ -7,6 +7,10 @@ from contextlib import contextmanager
 from typing import Protocol
 
 Progress = Callable[[int, int], None]
+"""Takes how much of a stage is done, and how much there is."""
+
+Note = Callable[[str], None]
+"""Takes one line of information."""
 
 
 class Reporter(Protocol):

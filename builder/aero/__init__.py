@@ -7,5 +7,5 @@ the surface nodes); :mod:`~builder.aero.newtonian` on :mod:`~builder.aero.local_
 :mod:`~builder.aero.edges` (a surface file made fit for it); :mod:`~builder.aero.cfd` (results of other solvers).
 :mod:`~builder.aero.surface_mesh` is the common form of a surface, :mod:`~builder.aero.loads` integrates pressure
 to forces and moments. Between two surfaces: :mod:`~builder.aero.closest_points`, :mod:`~builder.aero.mapping`,
-:mod:`~builder.aero.mapping_report`.
+:mod:`~builder.aero.mapping_report`. :mod:`~builder.aero.surface_parts` finds connected parts and merges nodes.
 """

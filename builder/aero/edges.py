@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface_parts import connected, merge_nodes
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -56,7 +54,7 @@ def prepare_surface(mesh: SurfaceMesh, feature_angle: float) -> tuple[SurfaceMes
         The surface is open elsewhere (a half model), more than two triangles share an edge, or it has one side
         only (a Moebius strip).
     """
-    whole = merge_nodes(mesh)
+    whole = _merged(mesh)
     edges = _edges(whole)
     _check_closed(whole, edges)
     outward, turned = turn_outward(whole, edges)
@@ -64,15 +62,8 @@ def prepare_surface(mesh: SurfaceMesh, feature_angle: float) -> tuple[SurfaceMes
     return split_at_edges(outward, feature_angle), tuple(notes)
 
 
-def merge_nodes(mesh: SurfaceMesh) -> SurfaceMesh:
-    """Return ``mesh`` with one node at each place; triangles that lose their area are left out."""
-    distance = SAME_PLACE * float(np.ptp(mesh.point, axis=0).max())
-    same = cKDTree(mesh.point).query_pairs(distance, output_type="ndarray")
-    _, place = _components(same[:, 0], same[:, 1], mesh.n_nodes)
-    first = np.unique(place, return_index=True)[1]
-    triangle = place[mesh.triangle]
-    kept = (triangle != np.roll(triangle, 1, axis=1)).all(axis=1)
-    return SurfaceMesh(mesh.point[first], triangle[kept].astype(np.int64))
+def _merged(mesh: SurfaceMesh) -> SurfaceMesh:
+    return merge_nodes(mesh, SAME_PLACE * float(np.ptp(mesh.point, axis=0).max()))
 
 
 def split_at_edges(mesh: SurfaceMesh, angle: float) -> SurfaceMesh:
@@ -81,7 +72,7 @@ def split_at_edges(mesh: SurfaceMesh, angle: float) -> SurfaceMesh:
     So a node's normal and pressure belong to one side of an edge. At a pointed tip, where no single edge is sharp
     but the normals all round differ by more than the angle from their mean, each triangle gets a node of its own.
     """
-    whole = merge_nodes(mesh)
+    whole = _merged(mesh)
     edges = _edges(whole)
     unit = whole.vector_area / np.maximum(whole.area, np.finfo(float).tiny)[:, None]
     flat = np.einsum("ei,ei->e", unit[edges.left], unit[edges.right]) >= np.cos(angle)
@@ -95,7 +86,7 @@ def split_at_edges(mesh: SurfaceMesh, angle: float) -> SurfaceMesh:
             (corner[left][whole.triangle[left] == node], corner[right][whole.triangle[right] == node]),
         )
     here, there = (np.concatenate(side) for side in zip(*ends, strict=True))
-    count, fan = _components(here, there, corner.size)
+    count, fan = connected(here, there, corner.size)
     corners_normal = np.repeat(unit, 3, axis=0)
     mean = np.zeros((count, 3))
     np.add.at(mean, fan, corners_normal)
@@ -126,7 +117,7 @@ def turn_outward(mesh: SurfaceMesh, edges: _Edges | None = None) -> tuple[Surfac
     other = np.where(edges.turned, m, 0)
     here = np.concatenate([edges.left, edges.left + m])
     there = np.concatenate([edges.right + other, edges.right + m - other])
-    count, copy = _components(here, there, 2 * m)
+    count, copy = connected(here, there, 2 * m)
     if (copy[:m] == copy[m:]).any():
         where = mesh.point[mesh.triangle[int(np.flatnonzero(copy[:m] == copy[m:])[0]), 0]]
         raise InputError(f"surface: the part at {_place(where)} has one side only, like a Moebius strip")
@@ -155,12 +146,6 @@ def _edges(mesh: SurfaceMesh) -> _Edges:
         free=node[uses == 1],
         crowded=node[uses > 2],
     )
-
-
-def _components(here: IntArray, there: IntArray, count: int) -> tuple[int, IntArray]:
-    graph = sparse.coo_array((np.ones(len(here), dtype=bool), (here, there)), shape=(count, count))
-    number, label = connected_components(graph, directed=False)
-    return int(number), label.astype(np.int64)
 
 
 def _check_closed(mesh: SurfaceMesh, edges: _Edges) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from builder.reporting import Note
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
     from builder.vehicle.geometry import SurfaceGrid
     from builder.vehicle.sections import Resolution
-
-Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from math import cos, degrees, radians, sin
 from typing import Any
 
@@ -77,7 +76,7 @@ class NewtonianEngine:
         return {
             "engine": self.name,
             "method_version": METHOD_VERSION,
-            "surface": _digest(self.surface),
+            "surface": self.surface.digest(),
             "stagnation": self.stagnation,
             "leeward": self.leeward,
         }
@@ -130,10 +129,3 @@ def _check_blunt(mach_number: float, largest_sine: float) -> None:
             f" {mach_number:g}; the steepest node has {degrees(np.arcsin(max(largest_sine, 0.0))):.3g} deg:"
             " use 'prandtl_meyer'"
         )
-
-
-def _digest(mesh: SurfaceMesh) -> str:
-    """Return what tells one surface from another."""
-    digest = sha256(np.ascontiguousarray(mesh.point, dtype="<f8").tobytes())
-    digest.update(np.ascontiguousarray(mesh.triangle, dtype="<i8").tobytes())
-    return digest.hexdigest()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 
 import numpy as np
 
@@ -49,6 +50,12 @@ class SurfaceMesh:
     @property
     def n_nodes(self) -> int:
         return len(self.point)
+
+    def digest(self) -> str:
+        """Return what tells one surface from another: the SHA-256 of its nodes and triangles."""
+        digest = sha256(np.ascontiguousarray(self.point, dtype="<f8").tobytes())
+        digest.update(np.ascontiguousarray(self.triangle, dtype="<i8").tobytes())
+        return digest.hexdigest()
 
     @cached_property
     def vector_area(self) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from queue import Empty, SimpleQueue
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from builder.aero.engine import Engine, FlowKey
 from builder.campaign.worker import SolvedFlow, solve_one
+from builder.reporting import Note
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ MEMORY_LIMIT = "1.8 GiB"
 
 
 def solve_on_dask(
-    engine: Engine, keys: list[FlowKey], address: str | None, workers: int, note: Callable[[str], None]
+    engine: Engine, keys: list[FlowKey], address: str | None, workers: int, note: Note
 ) -> Generator[SolvedFlow, None, None]:
     """Solve flows on ``workers`` local processes, or on the scheduler at ``address``.
 
@@ -128,7 +129,7 @@ def _remote_client(address: str) -> Iterator[Client]:
         yield client
 
 
-def _next(finished: SimpleQueue[Any], client: Client, where: str, note: Callable[[str], None]) -> Any:
+def _next(finished: SimpleQueue[Any], client: Client, where: str, note: Note) -> Any:
     """Return the next finished future, while the scheduler is there and has workers."""
     without_worker = 0.0
     while True:

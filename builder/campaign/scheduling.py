@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing
 from dataclasses import dataclass
@@ -13,13 +13,12 @@ from builder.aero.engine import Engine, FlowKey
 from builder.aero.engines import ENGINES
 from builder.campaign.dask_workers import solve_on_dask
 from builder.campaign.worker import SolvedFlow, solve_one
+from builder.reporting import Note
 from strainfmu.errors import StrainfmuError
 from strainfmu.files import fingerprint
 
 FEW_FLOWS = 32
 """Fewer flows than this are solved in threads: starting local processes takes longer than they save."""
-
-Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -36,13 +36,18 @@ class Material:
             raise InputError(f"poisson_ratio {self.poisson_ratio:g} must be at least 0 and less than 0.5")
 
     @property
+    def lame_parameters(self) -> tuple[float, float]:
+        """Lamé's lambda and mu [Pa] (Timoshenko and Goodier, Theory of Elasticity, section 7)."""
+        shear_modulus = self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+        return 2.0 * shear_modulus * self.poisson_ratio / (1.0 - 2.0 * self.poisson_ratio), shear_modulus
+
+    @property
     def stiffness(self) -> FloatArray:
         """(6, 6) stress [Pa] per strain [x, r, phi, x-r, x-phi, r-phi], shears as engineering strain.
 
         Hooke's law in three dimensions (Timoshenko and Goodier, Theory of Elasticity, section 6).
         """
-        shear_modulus = self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
-        lame = 2.0 * shear_modulus * self.poisson_ratio / (1.0 - 2.0 * self.poisson_ratio)
+        lame, shear_modulus = self.lame_parameters
         stiffness = np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0]) * shear_modulus
         stiffness[:3, :3] += lame
         return stiffness

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from triangulated_shapes import box, cone, sphere, together
 
-from builder.aero.edges import merge_nodes, prepare_surface, split_at_edges, turn_outward
+from builder.aero.edges import prepare_surface, split_at_edges, turn_outward
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface_parts import merge_nodes
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
@@ -23,7 +24,7 @@ def volume(mesh: SurfaceMesh) -> float:
 
 
 def test_box_gets_three_nodes_at_each_corner() -> None:
-    merged = merge_nodes(box((0, 0, 0), (1, 1, 1), (2, 2, 2)))
+    merged = merge_nodes(box((0, 0, 0), (1, 1, 1), (2, 2, 2)), 1e-7)
     assert merged.n_nodes == 26
     split = split_at_edges(merged, SHARP)
     # Six faces of nine nodes, none shared; every node's normal is its face's.
@@ -55,7 +56,7 @@ def test_base_rim_is_sharp() -> None:
 
 def test_triangles_at_random_are_turned_outward() -> None:
     """Two parts, half of the triangles turned over: volumes come out positive, 4 pi/3 and 1."""
-    mesh = merge_nodes(together(sphere(20), box((2, 0, 0), (3, 1, 1), (3, 3, 3))))
+    mesh = merge_nodes(together(sphere(20), box((2, 0, 0), (3, 1, 1), (3, 3, 3))), 1e-7)
     over = np.random.default_rng(0).random(len(mesh.triangle)) < 0.5
     mixed = SurfaceMesh(mesh.point, np.where(over[:, None], mesh.triangle[:, ::-1], mesh.triangle))
     outward, turned = turn_outward(mixed)
@@ -75,7 +76,7 @@ def test_open_base_counts_as_closed() -> None:
 
 
 def test_hole_is_refused() -> None:
-    mesh = merge_nodes(sphere(4))
+    mesh = merge_nodes(sphere(4), 1e-7)
     with pytest.raises(InputError, match=r"3 edges have one triangle only, the first at \(.*half model") as caught:
         prepare_surface(SurfaceMesh(mesh.point, mesh.triangle[1:]), SHARP)
     assert "\n" not in str(caught.value)
@@ -99,7 +100,7 @@ def test_moebius_strip_is_refused() -> None:
         [np.stack([i, i + 1, n + 1 + i], axis=1), np.stack([i + 1, n + 2 + i, n + 1 + i], axis=1)]
     )
     with pytest.raises(InputError, match="Moebius"):
-        turn_outward(merge_nodes(SurfaceMesh(np.concatenate(rims), triangle)))
+        turn_outward(merge_nodes(SurfaceMesh(np.concatenate(rims), triangle), 1e-7))
 
 
 def test_normals_of_a_fin_stay_on_their_sides() -> None:

@@ -6,12 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from builder.aero.cfd.surface_field import SurfaceField
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface_parts import part_of_node
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -60,10 +59,7 @@ def orient(source: SurfaceMesh, surface: SurfaceMesh) -> SurfaceMesh:
     Solvers write patches with normals out of the flow as often as into it. Each connected part is turned as a
     whole, by what most of its area says.
     """
-    a, b, c = source.triangle.T
-    links = np.ones(2 * len(a)), (np.concatenate([a, b]), np.concatenate([b, c]))
-    graph = coo_array(links, shape=(source.n_nodes, source.n_nodes))
-    part = connected_components(graph, directed=False)[1][a]
+    part = part_of_node(source)[source.triangle[:, 0]]
     middle = source.point[source.triangle].mean(axis=1)
     nearest = cKDTree(surface.point).query(middle)[1]
     agreement = np.einsum("mi,mi->m", source.vector_area, surface.node_normal[nearest])

@@ -17,12 +17,12 @@ from itertools import combinations
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from builder.aero.closest_points import closest_points
 from builder.aero.mapping import interpolation_at
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface_parts import part_of_node
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -71,7 +71,7 @@ def cloud_map(point: FloatArray, normal: FloatArray | None, surface: SurfaceMesh
         A point is off the surface by more than 0.2 % of its extent, or a node has no point within 5 % of it.
     """
     extent = float(np.linalg.norm(np.ptp(surface.point, axis=0)))
-    piece = _smooth_pieces(surface)
+    piece = part_of_node(surface)
     nearest = cKDTree(surface.point).query(point)[1]
     found = closest_points(surface, point, surface.node_normal[nearest] if normal is None else _unit(normal))
     _check_distance(point, found.gap, extent)
@@ -105,14 +105,6 @@ def _check_distance(point: FloatArray, gap: FloatArray, extent: float) -> None:
             f"{gap[worst]:.3g} m; at most {FARTHEST * extent:.3g} m is allowed: wrong length_unit, axes or "
             "vehicle, or points of the base?"
         )
-
-
-def _smooth_pieces(surface: SurfaceMesh) -> IntArray:
-    """Return the piece (n_nodes,) of each node: doubled nodes at an edge part the surface into pieces."""
-    a, b, c = surface.triangle.T
-    links = np.ones(2 * len(a)), (np.concatenate([a, b]), np.concatenate([b, c]))
-    graph = sparse.coo_array(links, shape=(surface.n_nodes, surface.n_nodes))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _shares_place(surface: SurfaceMesh, extent: float) -> FloatArray:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from builder.aero.cfd.cart3d import write_cart3d
 from builder.aero.cfd.stl import write_stl
 from builder.aero.cfd.vtk_files import write_vtk
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface_parts import connected, merge_nodes
 from strainfmu.arrays import IntArray
 from strainfmu.errors import InputError
 
@@ -38,7 +36,7 @@ def write_surface(path: Path, mesh: SurfaceMesh, closed: bool = False) -> None:
     suffix = path.suffix.lower()
     if suffix not in SURFACE_FORMATS:
         raise InputError(f"{path}: '{path.suffix}' found, a surface is written as {', '.join(SURFACE_FORMATS)}")
-    body = merge_nodes(mesh)
+    body = merge_nodes(mesh, _SAME_PLACE * _extent(mesh))
     whole = close_openings(body) if closed else body
     component = np.repeat([1, 2], [len(body.triangle), len(whole.triangle) - len(body.triangle)]).astype(np.int64)
     if suffix == ".stl":
@@ -47,18 +45,6 @@ def write_surface(path: Path, mesh: SurfaceMesh, closed: bool = False) -> None:
         write_cart3d(path, whole.point, whole.triangle, component)
     else:
         write_vtk(path, whole, {})
-
-
-def merge_nodes(mesh: SurfaceMesh) -> SurfaceMesh:
-    """Return the surface with one node per place, without the triangles that lose their area by that."""
-    near = cKDTree(mesh.point).query_pairs(_SAME_PLACE * _extent(mesh), output_type="ndarray")
-    links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(mesh.n_nodes, mesh.n_nodes))
-    count, label = connected_components(links, directed=False)
-    first = np.full(count, mesh.n_nodes)
-    np.minimum.at(first, label, np.arange(mesh.n_nodes))
-    triangle = label[mesh.triangle].astype(np.int64)
-    a, b, c = triangle.T
-    return SurfaceMesh(mesh.point[first], triangle[(a != b) & (b != c) & (c != a)])
 
 
 def open_edges(mesh: SurfaceMesh) -> IntArray:
@@ -80,8 +66,7 @@ def close_openings(mesh: SurfaceMesh) -> SurfaceMesh:
     rim = open_edges(mesh)
     if not len(rim):
         return mesh
-    links = coo_array((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(mesh.n_nodes, mesh.n_nodes))
-    label = connected_components(links, directed=False)[1][rim[:, 0]]
+    label = connected(rim[:, 0], rim[:, 1], mesh.n_nodes)[1][rim[:, 0]]
     points, triangles = [mesh.point], [mesh.triangle]
     for number, opening in enumerate(np.unique(label)):
         edge = rim[label == opening]

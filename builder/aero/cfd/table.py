@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -63,12 +62,11 @@ class TableEngine:
         return [case.condition for case in self.manifest.cases]
 
     def inputs(self) -> Mapping[str, Any]:
-        digest = hashlib.sha256(self.surface.point.tobytes() + self.surface.triangle.tobytes())
         return {
             "engine": self.name,
             "method_version": METHOD_VERSION,
             "manifest": self.manifest.entries.settings(),
-            "surface": digest.hexdigest(),
+            "surface": self.surface.digest(),
         }
 
     def flow_key(self, condition: FlightCondition) -> FlowKey:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 
 from builder.aero.euler.compiled import compiled
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 
-GAMMA = 1.4
+GAMMA = HEAT_CAPACITY_RATIO
 
 LEAST_PRESSURE_RATIO = 1e-3
 SLIGHT_TURN = 3e-4

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.structure.fourier.meridian_mesh import MeridianMesh, locate_on_edge, quadratic_shape
+from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes, locate_on_edge, quadratic_shape
 from builder.vehicle.geometry import SMALLEST_SLOPE_BREAK
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -61,8 +61,7 @@ def inner_surface_points(mesh: MeridianMesh, x: FloatArray) -> SurfacePoints:
     edge, xi = locate_on_edge(mesh, mesh.inner_edge, x)
     first, last = _smooth_part(mesh)
     start = np.clip(np.where(xi > 0.0, 2 * edge, 2 * edge - 2), 2 * first[edge], 2 * last[edge] - 2)
-    line = np.append(mesh.inner_edge[:, :2], mesh.inner_edge[-1, 2])
-    node = line[start[:, None] + np.arange(STENCIL)]
+    node = line_nodes(mesh.inner_edge)[start[:, None] + np.arange(STENCIL)]
     value, by_x = _lagrange(mesh.node[node, 0], x)
     radius = np.einsum("ga,ga->g", value, mesh.node[node, 1])
     rise = np.einsum("ga,ga->g", by_x, mesh.node[node, 1])

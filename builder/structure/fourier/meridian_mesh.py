@@ -100,6 +100,11 @@ def line_edges(line: IntArray) -> IntArray:
     return np.column_stack([line[:-2:2], line[1:-1:2], line[2::2]])
 
 
+def line_nodes(edge: IntArray) -> IntArray:
+    """Return the (2 n + 1,) nodes along a line of edges (n, 3): the inverse of :func:`line_edges`."""
+    return np.append(edge[:, :2], edge[-1, 2])
+
+
 def with_middles(x: FloatArray) -> FloatArray:
     """Insert the middle between consecutive values: (n,) to (2 n - 1,)."""
     both = np.empty(2 * len(x) - 1)

@@ -69,7 +69,7 @@ def shell_mesh(body: BodyOfRevolution, wall: Wall, element_length: float, n_laye
     core = np.linspace(0.0, 1.0, 2 * CORE_ELEMENTS + 1)[:-1, None] * [0.0, inner[0, 1]]
     core[:, 0] = inner[0, 0]
     tip_x = _tip_stations(body, wall, start, element_length)
-    tip_node = _tip_columns(body, tip_x, np.concatenate([core, wall_node[0]]))
+    tip_node = tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
     return _join(tip_node, wall_node)
 
 
@@ -161,21 +161,21 @@ def _inner_radius(body: BodyOfRevolution, wall: Wall, start: float, end: float, 
     return np.asarray(body.radius(foot) - wall.thickness * np.cos(angle) + beyond * np.tan(angle))
 
 
-def _tip_columns(body: BodyOfRevolution, x: FloatArray, last: FloatArray) -> FloatArray:
+def tip_columns(x: FloatArray, radius: FloatArray, last: FloatArray) -> FloatArray:
     """Shrink the tip's last column towards the apex.
 
     Parameters
     ----------
-    x : (n,) stations [m] of the columns on the outer surface, from 0.
+    x, radius : (n,) stations and radii [m] of the columns on the outer surface.
     last : (n_row, 2) nodes [x, r] [m] of the last column, from the axis outwards.
 
     Returns
     -------
-    (n, n_row, 2) nodes [m]; the first column is the apex, n_row times.
+    (n, n_row, 2) nodes [m]; a first column at x = 0 is the apex, n_row times.
     """
     scale = (x / x[-1])[:, None]
     column_x = x[:, None] + scale * (last[:, 0] - last[-1, 0])
-    return np.stack([column_x, body.radius(x)[:, None] * (last[:, 1] / last[-1, 1])], axis=-1)
+    return np.stack([column_x, radius[:, None] * (last[:, 1] / last[-1, 1])], axis=-1)
 
 
 def _join(tip_node: FloatArray, wall_node: FloatArray) -> MeridianMesh:

@@ -6,12 +6,13 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.inner_surface import inner_surface_points
@@ -22,8 +23,6 @@ from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-Progress = Callable[[int, int], None]
 
 SAME_STATION = 1e-9  # m
 

@@ -15,10 +15,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csc_array, csr_array, eye_array, kron
+from scipy.sparse import csc_array, csr_array
 
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.stiffness import sector_stiffness
+from builder.structure.solid.stiffness import sector_blocks, sector_stiffness
 from builder.structure.solid.supports import Support, restrain
 from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
 from builder.structure.wall import Material
@@ -115,14 +115,6 @@ def cyclic_problem(
         n_sectors=sector.n_sectors, here=csr_array(own), after=csr_array(after), before=csr_array(after.T)
     )
     return CyclicProblem(sector, stiffness, free)
-
-
-def sector_blocks(sector: SweptSector, both: csr_array) -> tuple[csr_array, csr_array]:
-    """Return the blocks A_0, A_1 (n_s, n_s) of a symmetric matrix over the nodes of two sectors, body axes."""
-    n = sector.n_dof
-    frame = block_diag([eye_array(n), kron(eye_array(sector.n_nodes), sector.rotation(1))], format="csr")
-    turned = csr_array(frame.T @ both @ frame)
-    return csr_array(turned[:n, :n] + turned[n:, n:]), csr_array(turned[:n, n:])
 
 
 def _free_motions_of_sector(sector: SweptSector, supports: Sequence[Support]) -> csr_array:

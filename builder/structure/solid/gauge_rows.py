@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
+from builder.structure.fourier.gauges import LARGEST_DISTANCE, LARGEST_TILT
 from builder.structure.solid.closest_point import FootPoint, foot_point
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.strain_recovery import SurfacePatches, strain_weights
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-LARGEST_DISTANCE = 0.5e-3  # m, from the surface
-LARGEST_TILT = np.deg2rad(5.0)  # out of the tangent plane
 SAME_PLACE = 1e-6  # m
 SAME_DIRECTION = 1e-6  # rad
 POINTS_ALONG_GAUGE = 5

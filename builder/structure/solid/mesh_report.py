@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from builder.structure.fourier.meridian_mesh import quadratic_shape
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.element_quality import determinant_ratio, jacobians, scaled_jacobian
@@ -96,8 +97,7 @@ def exact_wall(body: BodyOfRevolution, wall: Wall) -> dict[str, float]:
 def _at_points(edge: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return radius, dx and dr (n, 5) of parabolic edges (n, 3, 2) at Gauss points, weights included."""
     xi, weight = np.polynomial.legendre.leggauss(5)
-    shape = np.stack([0.5 * xi * (xi - 1.0), 1.0 - xi**2, 0.5 * xi * (xi + 1.0)], axis=-1)
-    slope = np.stack([xi - 0.5, -2.0 * xi, xi + 0.5], axis=-1)
+    shape, slope = quadratic_shape(xi)
     d_x, d_r = np.moveaxis(slope @ edge * weight[:, None], -1, 0)
     return (shape @ edge)[..., 1], d_x, d_r
 

@@ -6,11 +6,12 @@ pressure nodes there are. Source: the paper's eq. Z_p = B A^-1 C_map.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder.reporting import Progress
 from builder.structure.solid.free_flight import FreeFlight, determinate_support
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.solvers.problem import SparseProblem
@@ -20,8 +21,6 @@ from builder.structure.solid.supports import Restraint, Support, restrain
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-Progress = Callable[[int, int], None]
 
 GAUGES_AT_ONCE = 16
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.structure.fourier.meridian_mesh import MeridianMesh, grid_elements, line_edges
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.meridian_mesh import MeridianMesh, grid_elements, line_edges, line_nodes
+from builder.structure.fourier.shell_mesh import shell_mesh, tip_columns
 from builder.structure.solid.element_faces import element_faces
 from builder.structure.solid.elements import Quadrature, reference_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
@@ -212,15 +212,15 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
     """
     size = _named_resolution(resolution)
     meridian = shell_mesh(body, wall, size.element_length, size.n_layers)
-    inner = meridian.node[_line(meridian.inner_edge)]
-    outer = meridian.node[_line(meridian.outer_edge)]
+    inner = meridian.node[line_nodes(meridian.inner_edge)]
+    outer = meridian.node[line_nodes(meridian.outer_edge)]
     n_tip = len(outer) - len(inner) + 1
     through = np.linspace(0.0, 1.0, 2 * size.n_layers + 1)[:, None]
     wall_node = inner[:, None] + through * (outer[n_tip - 1 :] - inner)[:, None]
     core = np.linspace(BORE_SHARE, 1.0, 2 * CORE_ELEMENTS + 1)[:-1, None] * [0.0, inner[0, 1]]
     core[:, 0] = inner[0, 0]
     tip_x = _blunted(outer[:n_tip, 0])
-    tip_node = _tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
+    tip_node = tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
     n_tip_node = tip_node[..., 0].size
     tip = np.arange(n_tip_node).reshape(tip_node.shape[:2])
     hollow = np.empty(wall_node.shape[:2], dtype=np.int64)
@@ -246,26 +246,12 @@ def _named_resolution(resolution: SweptResolution | str) -> SweptResolution:
     return RESOLUTIONS[resolution]
 
 
-def _line(edge: IntArray) -> IntArray:
-    """Return (2 n + 1,) nodes along a line of edges (n, 3)."""
-    return np.append(edge[:, :2], edge[-1, 2])
-
-
 def _blunted(x: FloatArray) -> FloatArray:
     """Move the first station from the apex to where the tip is cut, and the middle after it along."""
     blunted = x.copy()
     blunted[0] = min(CUT_SHARE * x[-1], 0.5 * x[1])
     blunted[1] = 0.5 * (blunted[0] + x[2])
     return blunted
-
-
-def _tip_columns(x: FloatArray, radius: FloatArray, last: FloatArray) -> FloatArray:
-    """Return (n, n_row, 2) nodes [m] of the tip: its last column (n_row, 2), shrunk towards the apex.
-
-    ``x`` and ``radius`` (n,) [m] are those of the columns on the outer surface.
-    """
-    lean = (x / x[-1])[:, None] * (last[:, 0] - last[-1, 0])
-    return np.stack([x[:, None] + lean, radius[:, None] * (last[:, 1] / last[-1, 1])], axis=-1)
 
 
 def two_sector_mesh(sector: SweptSector) -> SweptMesh:

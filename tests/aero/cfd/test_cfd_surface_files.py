@@ -9,10 +9,11 @@ import meshio
 import numpy as np
 import pytest
 
-from builder.aero.cfd.surface_export import close_openings, merge_nodes, open_edges, write_surface
+from builder.aero.cfd.surface_export import close_openings, open_edges, write_surface
 from builder.aero.cfd.surface_field import read_field
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface_parts import merge_nodes
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.geometry import SurfaceGrid, surface_grid
@@ -67,7 +68,7 @@ def test_cap_is_a_part_of_its_own(body: SurfaceMesh, tmp_path: Path) -> None:
 
 
 def test_an_opening_that_is_not_flat(body: SurfaceMesh) -> None:
-    bent = merge_nodes(body)
+    bent = merge_nodes(body, 1e-9)
     rim = np.unique(open_edges(bent))
     point = bent.point.copy()
     point[rim, 0] += 0.05 * np.sign(point[rim, 1] * point[rim, 2])
@@ -93,7 +94,7 @@ def test_an_opening_that_is_not_flat(body: SurfaceMesh) -> None:
 def test_surfaces_of_another_writer(
     body: SurfaceMesh, tmp_path: Path, name: str, options: dict[str, object]
 ) -> None:
-    mesh = merge_nodes(body)
+    mesh = merge_nodes(body, 1e-9)
     meshio.Mesh(mesh.point, [("triangle", mesh.triangle)]).write(tmp_path / name, **options)
     read = read_surface(tmp_path / name)
     assert read.n_nodes == mesh.n_nodes
@@ -106,7 +107,7 @@ def test_another_reader_reads_ours(body: SurfaceMesh, tmp_path: Path, name: str)
     write_surface(tmp_path / name, body)
     read = meshio.read(tmp_path / name)
     corners = read.points[read.cells_dict["triangle"]]
-    ours = merge_nodes(body)
+    ours = merge_nodes(body, 1e-9)
     np.testing.assert_allclose(corners, ours.point[ours.triangle], atol=1e-6)
 
 

@@ -10,7 +10,7 @@ from builder.structure.solid.element_faces import boundary_facets
 from builder.structure.solid.elements import reference_nodes, shape_functions
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.solvers.superlu import factor_symmetric
-from builder.structure.solid.stiffness import assemble_stiffness, lame_parameters
+from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import free_motions
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
@@ -74,7 +74,7 @@ def solve_held(
 
 def stress_at(mesh: SolidMesh, material: Material, displacement: FloatArray, node: int) -> FloatArray:
     """Return the stress (3, 3) [Pa] at a node, the mean over its elements."""
-    lame, shear = lame_parameters(material)
+    lame, shear = material.lame_parameters
     total = []
     for owner, local in zip(*np.nonzero(mesh.element == node), strict=True):
         _, gradient = shape_functions(mesh.element_type, reference_nodes(mesh.element_type)[[local]])

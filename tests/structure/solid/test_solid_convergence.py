@@ -10,7 +10,7 @@ from solid_bodies import METAL, cube
 
 from builder.structure.solid.elements import reference_element
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.stiffness import assemble_stiffness, lame_parameters, physical_gradients
+from builder.structure.solid.stiffness import assemble_stiffness, physical_gradients
 from builder.structure.solid.supports import free_motions
 from builder.structure.solid.surface_load import surface_nodes
 from builder.structure.solid.swept_mesh import REGION
@@ -29,7 +29,7 @@ def exact(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def body_force(point: np.ndarray) -> np.ndarray:
     """Return -div stress (..., 3) = -(lambda + mu) grad div u - mu laplacian u."""
-    lame, shear = lame_parameters(METAL)
+    lame, shear = METAL.lame_parameters
     sine = np.sin(point @ WAVE.T)
     grad_div = -np.einsum("...i,ii,ij->...j", sine, WAVE, WAVE)
     laplacian = -sine * (WAVE**2).sum(axis=1)

@@ -6,7 +6,7 @@ from mapped_blocks import Mapping3, Side, mapped_mesh, node_at, plane, solve_hel
 
 from builder.structure.solid.elements import reference_element
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.stiffness import lame_parameters, physical_gradients
+from builder.structure.solid.stiffness import physical_gradients
 from builder.structure.solid.surface_load import pressure_load
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
@@ -96,7 +96,7 @@ def test_le11_cylinder_taper_sphere_in_a_temperature_field() -> None:
     The thermal strain enters as the load integral of (3 lambda + 2 mu) alpha T grad N dV.
     """
     mesh = cylinder_taper_sphere((5, 5, 7))
-    lame, shear = lame_parameters(STEEL)
+    lame, shear = STEEL.lame_parameters
     gradient, volume = physical_gradients(mesh.element_type, mesh.node[mesh.element])
     place = np.einsum("qa,eac->eqc", reference_element(mesh.element_type).shape, mesh.node[mesh.element])
     thermal = (3.0 * lame + 2.0 * shear) * 2.3e-4 * (np.hypot(place[..., 0], place[..., 1]) + place[..., 2])

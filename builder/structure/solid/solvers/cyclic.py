@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
+from builder.reporting import Progress
 from builder.structure.solid.cyclic_operator import (
     CircularOperator,
     CyclicProblem,
@@ -42,8 +43,6 @@ BLOCK = 64
 
 BLOCK_NUMBERS = 2**25
 """Numbers in the block of loads on the whole structure that is transformed at once: 256 MB."""
-
-Progress = Callable[[int, int], None]
 
 
 class CyclicSolver:
