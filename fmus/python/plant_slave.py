@@ -1,7 +1,7 @@
 """The vehicle on its trajectory as a PythonFMU slave: true coefficients and noisy strains out.
 
 The export copies this file into the FMU and renames the package ``strainfmu`` in its imports to the copy
-that lies beside it, so that FMUs of different models or versions never share a module in one process.
+that lies beside it, so that FMUs of different models or versions never use the same module in one process.
 An exception that reaches PythonFMU's wrapper kills the FMU, so nothing here raises once the model is loaded.
 """
 

@@ -1,4 +1,4 @@
-"""What an FMU file holds: its description, this project's own entries, its files."""
+"""Content of an FMU file: its description, this project's own entries, its files."""
 
 from __future__ import annotations
 

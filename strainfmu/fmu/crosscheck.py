@@ -28,7 +28,7 @@ RELATIVE_TOLERANCE = 1e-5
 """Of the largest value of a signal: the reference has 6 digits."""
 
 DEFAULT_SOURCE = "the numpy estimator"
-"""What computed the reference of an FMU that does not say it."""
+"""What computed the reference of an FMU that does not state it."""
 
 _FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 _TIME_LIMIT = 300.0
@@ -87,7 +87,7 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
     ]
     tolerance = experiment.tolerance if experiment is not None else None
     source = contents.get("reference", DEFAULT_SOURCE)
-    readme = _readme(model, description, results, tolerance, source)
+    readme = _readme(model=model, description=description, results=results, tolerance=tolerance, source=source)
     write_bytes_atomically(folder / "Readme.txt", readme.encode())
     return results
 
@@ -116,27 +116,27 @@ def _result(name: str, fmi_version: str, fmu: Path, inputs: Path, reference: Tab
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT)
         except subprocess.TimeoutExpired:
             return ImporterResult(importer, "failed", f"not finished after {_TIME_LIMIT:g} s")
-        said = (done.stderr.strip() or "no message").splitlines()[-1]
+        message = (done.stderr.strip() or "no message").splitlines()[-1]
         if not found.exists():
-            lacks_library = "cannot open shared object file" in said
+            lacks_library = "cannot open shared object file" in message
             outcome = "not run" if lacks_library else "failed"
-            return ImporterResult(importer, outcome, f"exit code {done.returncode}: {said}")
+            return ImporterResult(importer, outcome, f"exit code {done.returncode}: {message}")
         deviation, where = largest_deviation(read_table(found), reference)
     outcome = "passed" if deviation <= RELATIVE_TOLERANCE else "failed"
     return ImporterResult(importer, outcome, f"largest deviation {deviation:.1e} of the signal's size ({where})")
 
 
 def largest_deviation(found: Table, reference: Table) -> tuple[float, str]:
-    """Return the largest deviation, of the largest value of its signal, and the signal; infinite where one lacks.
+    """Return the largest deviation, of the largest value of its signal, and the signal; infinite if one lacks.
 
     Signals that an importer does not give at all, as enumerations, are not compared; nor are rows it leaves empty.
     """
     worst, where = 0.0, "none"
-    for name, wanted in reference.items():
+    for name, expected in reference.items():
         if name == "time" or name not in found:
             continue
-        rows = [(a, b) for a, b in zip(found[name], wanted, strict=True) if a]
-        size = max((abs(v) for cell in wanted for v in cell), default=0.0) or 1.0
+        rows = [(a, b) for a, b in zip(found[name], expected, strict=True) if a]
+        size = max((abs(v) for cell in expected for v in cell), default=0.0) or 1.0
         errors = [np.max(np.abs(np.subtract(a, b))) for a, b in rows]
         error = float(np.max(errors)) / size if errors else np.inf  # NaN if one is
         if not error <= worst:

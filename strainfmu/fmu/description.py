@@ -1,4 +1,4 @@
-"""What an FMU says about itself besides its variables, whatever the FMI version."""
+"""Description of an FMU besides its variables, for both FMI versions."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ LOG_CATEGORIES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FmuDescription:
-    """What an FMU says about itself.
+    """Description of an FMU.
 
     Attributes
     ----------
     model_name : free text, shown by tools.
     description : one sentence on what it computes.
-    interface : the variables; their place is their value reference.
+    interface : the variables; their index is their value reference.
     content_hash : hash of everything inside that decides the results.
     stop_time : end of the default experiment [s].
     step_size : communication step size of the default experiment [s].
@@ -105,12 +105,12 @@ def generation_time() -> str:
             raise ValueError("before 1970")
         time = _NO_TIME if seconds is None else datetime.fromtimestamp(seconds, UTC)
     except (ValueError, OverflowError, OSError) as error:
-        raise InputError(f"SOURCE_DATE_EPOCH: '{epoch}' found, whole seconds since 1970 wanted") from error
+        raise InputError(f"SOURCE_DATE_EPOCH: expected whole seconds since 1970, got '{epoch}'") from error
     return time.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def root_attributes(fmu: FmuDescription) -> dict[str, str]:
-    """Return the attributes of ``fmiModelDescription`` that FMI 2.0 and 3.0 share."""
+    """Return the attributes of ``fmiModelDescription`` common to FMI 2.0 and 3.0."""
     return {
         "modelName": fmu.model_name,
         "description": fmu.description,

@@ -23,7 +23,7 @@ _STYLE = (
 HOSTS = {
     "python": (
         "PythonFMU runs it: the host needs a 64-bit Python 3.11 or newer with numpy and h5py, on Linux or "
-        "Windows; externalDependencies.txt says the rest. strainfmu itself need not be installed.",
+        "Windows; externalDependencies.txt lists the rest. strainfmu itself need not be installed.",
         "The folder the host unzips it to may hold plain ASCII letters, digits, blanks and . _ - ~ only: "
         "PythonFMU ends the process where it holds others.",
         "PythonFMU lets no slave refuse a value: what cannot be set is logged as an error and left as it was, "
@@ -38,7 +38,7 @@ HOSTS = {
         "included; <code>-D FMI_HEADERS=folder</code> takes others.",
     ),
 }
-"""What each kind asks of its host, paragraph by paragraph."""
+"""Requirements of each kind on its host, paragraph by paragraph."""
 
 _LICENSES = {"python": ("license", "pythonfmu"), "native": ("license", "zig", "mingw-w64")}
 

@@ -1,4 +1,4 @@
-"""What the page of an estimator FMU says of its map: what it computes, where it holds, and how to cite it."""
+"""Documentation page of an estimator FMU: what the map computes, where it holds, and how to cite it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from strainfmu.version import __version__
 
 _LIMITS = (
     "sigma is one standard deviation: gauge noise and what the map's model leaves out, for conditions like those "
-    "above, and the error of the dynamic pressure as far as dynamic_pressure_std says it. C_A is the fore-body's: "
+    "above, and the error of the dynamic pressure that dynamic_pressure_std states. C_A is the fore-body's: "
     "base pressure is not measured by strain. Pressure patterns that leave the gauges without strain cannot be "
     "seen.",
     "A gauge whose strain is not finite or beyond sensor_range, or whose valid is false, is left out, exactly as "
@@ -23,7 +23,7 @@ _LIMITS = (
     "one. An importer that holds inputs over a step records at its end what belongs to its start: estimates then "
     "lag by one communication step. So does every connection of a master that steps all FMUs at once.",
     "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
-    "any time; a value that cannot be (see min and max) is refused.",
+    "any time; a value outside min and max is refused.",
 )
 
 _CITATION = """@misc{strainload,
@@ -34,14 +34,14 @@ _CITATION = """@misc{strainload,
 
 
 def estimator_sections(inverse_map: InverseMap, content_hash: str, run: ReferenceRun) -> list[Section]:
-    """Return what the estimator's page says before its tables."""
+    """Return the sections of the estimator's page before its tables."""
     return [
         (
             "What it computes",
             [
                 f"From the strains of {inverse_map.n_gauges} gauges it estimates the aerodynamic forces and "
                 "moments by one fixed affine map, and from those and the dynamic pressure the coefficients, each "
-                "with its standard deviation. A state of health says how far to believe them.",
+                "with its standard deviation. A state of health states how far they can be trusted.",
                 f"Vehicle: {escape(inverse_map.vehicle)}. S = {inverse_map.reference_area:.6g} m², "
                 f"L = {inverse_map.reference_length:.6g} m. Map: <code>{content_hash}</code>.",
                 "Body axes: x aft from the nose tip, y starboard, z up. SI units; strain in m/m.",
@@ -71,7 +71,10 @@ def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     """Return what the snapshots cover: flight conditions, strains and coefficients."""
     rounded = inverse_map.coefficient_range.round(6) + 0.0  # + 0.0: no negative zeros
     coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
-    return [*valid_ranges(inverse_map), *(ValidRange(name, low, high, "1") for name, (low, high) in coefficients)]
+    return [
+        *valid_ranges(inverse_map),
+        *(ValidRange(quantity=name, least=low, greatest=high, unit="1") for name, (low, high) in coefficients),
+    ]
 
 
 def _validity(inverse_map: InverseMap) -> list[str]:

@@ -60,7 +60,7 @@ _STEP_SIZE = 1e-2
 _STOP_TIME = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExportOptions:
     """How an estimator FMU is made.
 
@@ -117,21 +117,25 @@ def _native_estimator(
     sources = native_sources("estimator", version)
     interface = estimator_interface(inverse_map)
     description = FmuDescription(
-        options.model_name,
-        f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
-        interface if version == "2" else estimator_arrays(interface),
-        hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
-        _STOP_TIME,
-        _STEP_SIZE,
-        native_package.CAPABILITIES[version],
-        version,
-        compiled_files(sources),
-        native_package.MODEL_EXCHANGE[version],
+        model_name=options.model_name,
+        description=f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
+        interface=interface if version == "2" else estimator_arrays(interface),
+        content_hash=hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
+        stop_time=_STOP_TIME,
+        step_size=_STEP_SIZE,
+        capabilities=native_package.CAPABILITIES[version],
+        fmi_version=version,
+        source_files=compiled_files(sources),
+        model_exchange=native_package.MODEL_EXCHANGE[version],
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid)}
     return {
-        **native_entries(description, libraries, sources, resource_files),
-        **_estimator_extras(description, inverse_map, content_hash, "native"),
+        **native_entries(
+            description=description, libraries=libraries, sources=sources, resource_files=resource_files
+        ),
+        **_estimator_extras(
+            description=description, inverse_map=inverse_map, content_hash=content_hash, kind="native"
+        ),
     }
 
 
@@ -140,17 +144,19 @@ def _python_estimator(
 ) -> dict[str, bytes]:
     code = slave_code("estimator_slave", _ESTIMATOR_SOURCES)
     description = FmuDescription(
-        options.model_name,
-        f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
-        estimator_interface(inverse_map),
-        hashlib.sha256(f"{content_hash}{code.digest}".encode()).hexdigest(),
-        _STOP_TIME,
-        _STEP_SIZE,
-        python_package.CAPABILITIES,
+        model_name=options.model_name,
+        description=f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
+        interface=estimator_interface(inverse_map),
+        content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode()).hexdigest(),
+        stop_time=_STOP_TIME,
+        step_size=_STEP_SIZE,
+        capabilities=python_package.CAPABILITIES,
     )
     return {
         **python_entries(description, code, {"map.h5": map_path.read_bytes()}),
-        **_estimator_extras(description, inverse_map, content_hash, "python"),
+        **_estimator_extras(
+            description=description, inverse_map=inverse_map, content_hash=content_hash, kind="python"
+        ),
     }
 
 
@@ -191,18 +197,23 @@ def export_plant(
     check_fmu_path(fmu_path)
     model = load_flight_model(flight_model_path)
     trajectory = load_trajectory(trajectory_path)
-    check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
+    check_envelope(
+        mach_knots=model.mach_knots,
+        incidence_knots=model.incidence_knots,
+        trajectory=trajectory,
+        path=trajectory_path,
+    )
     content_hash = content_hash_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
     table = trajectory_path.read_bytes()
     code = slave_code("plant_slave", _PLANT_SOURCES)
     description = FmuDescription(
-        model_name,
-        f"A vehicle on its trajectory, with {model.n_gauges} noisy strain gauges: {model.vehicle}",
-        plant_interface(model),
-        hashlib.sha256(f"{content_hash}{code.digest}".encode() + table).hexdigest(),
-        trajectory.stop_time,
-        _STEP_SIZE,
-        python_package.CAPABILITIES,
+        model_name=model_name,
+        description=f"A vehicle on its trajectory, with {model.n_gauges} noisy strain gauges: {model.vehicle}",
+        interface=plant_interface(model),
+        content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode() + table).hexdigest(),
+        stop_time=trajectory.stop_time,
+        step_size=_STEP_SIZE,
+        capabilities=python_package.CAPABILITIES,
     )
     reference = python_plant_reference(model, trajectory)
     sections = [*plant_sections(model, trajectory, content_hash), *reference.sections]

@@ -32,14 +32,20 @@ def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | N
     folder.mkdir(parents=True, exist_ok=True)
     export_estimator(scenario.inverse_map, fmus["estimator"])
     export_native_plant(
-        scenario.flight_model,
-        fmus["plant"],
-        Motion.SHORT_PERIOD,
-        scenario.start,
-        None,
-        platforms,
-        scenario.noise_seed,
+        flight_model_path=scenario.flight_model,
+        fmu_path=fmus["plant"],
+        motion=Motion.SHORT_PERIOD,
+        start=scenario.start,
+        trajectory_path=None,
+        platforms=platforms,
+        seed=scenario.noise_seed,
     )
-    export_autopilot(scenario.flight_model, fmus["autopilot"], scenario.start, scenario.autopilot, platforms)
+    export_autopilot(
+        flight_model_path=scenario.flight_model,
+        fmu_path=fmus["autopilot"],
+        start=scenario.start,
+        settings=scenario.autopilot,
+        platforms=platforms,
+    )
     export_schedule(scheduled_signals(scenario, model), fmus["schedule"], platforms)
     return fmus

@@ -81,7 +81,7 @@ def _add_types(root: Element, interface: Sequence[Variable]) -> None:
         "SimpleType",
         {
             "name": HEALTH_TYPE,
-            "description": "How far an estimate may be believed; the numbers are no ranks",
+            "description": "How far an estimate can be trusted; the numbers are no ranks",
         },
     )
     enumeration = SubElement(simple_type, "Enumeration")
@@ -127,7 +127,7 @@ def _scalar_variable(value_reference: int, variable: Variable) -> Element:
 def _model_structure(interface: Sequence[Variable]) -> Element:
     """Return ModelStructure: what each output depends on, while stepping and at the start (2.2.8)."""
     # Indices count from 1 there, unlike value references.
-    index = {variable.name: place for place, variable in enumerate(interface, start=1)}
+    index = {variable.name: k for k, variable in enumerate(interface, start=1)}
     structure = Element("ModelStructure")
     outputs = SubElement(structure, "Outputs")
     unknowns = SubElement(structure, "InitialUnknowns")
@@ -143,7 +143,7 @@ def _model_structure(interface: Sequence[Variable]) -> Element:
 
 
 def _unknown(index: Mapping[str, int], name: str, depends_on: Sequence[str], kinds: Sequence[str]) -> Element:
-    """Return one Unknown; an empty list of dependencies says that there are none."""
+    """Return one Unknown; an empty list of dependencies states that there are none."""
     attributes = {
         "index": str(index[name]),
         "dependencies": " ".join(str(index[known]) for known in depends_on),

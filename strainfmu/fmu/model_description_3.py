@@ -40,7 +40,7 @@ def model_description_3(fmu: FmuDescription) -> Element:
     variables = SubElement(root, "ModelVariables")
     for value_reference, variable in enumerate(fmu.interface):
         variables.append(_variable(value_reference, variable))
-    # FMI 3.0 wants time among the variables; it comes last, so that no other reference depends on it.
+    # FMI 3.0 requires time among the variables; it comes last, so that no other reference depends on it.
     time = {"name": "time", "valueReference": str(len(fmu.interface)), "description": "Simulation time"}
     SubElement(
         variables, "Float64", {**time, "causality": "independent", "variability": "continuous", "unit": "s"}
@@ -67,7 +67,7 @@ def _add_units_and_types(root: Element, interface: Sequence[Variable]) -> None:
     enumeration = SubElement(
         SubElement(root, "TypeDefinitions"),
         "EnumerationType",
-        {"name": HEALTH_TYPE, "description": "How far an estimate may be believed"},
+        {"name": HEALTH_TYPE, "description": "How far an estimate can be trusted"},
     )
     for state, text in HEALTH_ITEMS:
         SubElement(enumeration, "Item", {"name": state.name, "value": str(int(state)), "description": text})
@@ -106,7 +106,7 @@ def _variable(value_reference: int, variable: Variable) -> Element:
 
 def _model_structure(interface: Sequence[Variable]) -> Element:
     """Return ModelStructure: what each output depends on, while stepping and at the start (section 2.4.8)."""
-    references = {variable.name: place for place, variable in enumerate(interface)}
+    references = {variable.name: k for k, variable in enumerate(interface)}
     structure = Element("ModelStructure")
     outputs = [variable for variable in interface if variable.causality == "output"]
     for variable in outputs:
@@ -123,7 +123,7 @@ def _model_structure(interface: Sequence[Variable]) -> Element:
 def _unknown(
     tag: str, references: Mapping[str, int], name: str, depends_on: Sequence[str], kinds: Sequence[str]
 ) -> Element:
-    """Return one unknown; an empty list of dependencies says that there are none."""
+    """Return one unknown; an empty list of dependencies states that there are none."""
     attributes = {
         "valueReference": str(references[name]),
         "dependencies": " ".join(str(references[known]) for known in depends_on),

@@ -4,7 +4,7 @@ Little endian. A header of 128 bytes: magic, format version, byte order mark, le
 that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
 is known; the guid, ended by a zero. Then float64 values: ten scalars, and the arrays in the order of
 :func:`_arrays`.
-``fmus/native/map_resource.h`` tells the same to the C code.
+``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
 (:mod:`strainfmu.estimator.fixed_order`). Of the whitening matrices the
@@ -33,7 +33,7 @@ from strainfmu.estimator.step import MIN_DYNAMIC_PRESSURE
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 1
 CHECKED_FROM = 32
-"""Place of the first byte that the checksum covers."""
+"""Position of the first byte that the checksum covers."""
 
 _BYTE_ORDER_MARK = 0x01020304
 _GUID_SIZE = 80

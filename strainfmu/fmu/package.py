@@ -11,7 +11,7 @@ CONTENTS = "extra/strainfmu/contents.json"
 
 
 def check_fmu_path(path: Path) -> None:
-    """Refuse to write an FMU under a name that no tool would open.
+    """Refuse to write an FMU under a name that no tool opens.
 
     Raises
     ------

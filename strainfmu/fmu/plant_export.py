@@ -78,19 +78,26 @@ def export_native_plant(
         check_start(model, start)
     trajectory = None if trajectory_path is None else load_trajectory(trajectory_path)
     if trajectory is not None and trajectory_path is not None:
-        check_envelope(model.mach_knots, model.incidence_knots, trajectory, trajectory_path)
+        check_envelope(
+            mach_knots=model.mach_knots,
+            incidence_knots=model.incidence_knots,
+            trajectory=trajectory,
+            path=trajectory_path,
+        )
     content_hash = content_hash_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
     entries = _native_fmu(
-        "StrainedVehicle",
-        f"A vehicle with {model.n_gauges} noisy strain gauges that can fail: {model.vehicle}",
-        ModelKind.PLANT,
-        native_plant_interface(model, motion, start, seed),
-        plant_data(model, motion, trajectory),
-        native_plant_sections(model, motion, content_hash),
-        plant_reference(Plant(model, motion, start, trajectory, seed)),
-        platforms,
-        {"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
-        trajectory.stop_time if trajectory is not None else STOP_TIME,
+        model_name="StrainedVehicle",
+        text=f"A vehicle with {model.n_gauges} noisy strain gauges that can fail: {model.vehicle}",
+        kind=ModelKind.PLANT,
+        interface=native_plant_interface(vehicle=model, motion=motion, start=start, seed=seed),
+        data=plant_data(model, motion, trajectory),
+        sections=native_plant_sections(model, motion, content_hash),
+        reference=plant_reference(
+            Plant(model=model, motion=motion, start=start, trajectory=trajectory, seed=seed)
+        ),
+        platforms=platforms,
+        contents={"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
+        stop_time=trajectory.stop_time if trajectory is not None else STOP_TIME,
     )
     write_archive(fmu_path, entries)
 
@@ -109,7 +116,12 @@ def check_start(model: FlightModel, start: FlightStart) -> None:
     try:
         evaluate(
             model,
-            FlightCondition(start.mach_number, start.angle_of_attack, start.sideslip_angle, start.altitude),
+            FlightCondition(
+                mach_number=start.mach_number,
+                angle_of_attack=start.angle_of_attack,
+                sideslip_angle=start.sideslip_angle,
+                altitude=start.altitude,
+            ),
         )
     except InputError as error:
         raise InputError(f"start: {error}") from error
@@ -149,15 +161,15 @@ def export_autopilot(
         )
     ]
     entries = _native_fmu(
-        "AngleOfAttackAutopilot",
-        f"Holds an angle of attack through estimated coefficients: {model.vehicle}",
-        ModelKind.AUTOPILOT,
-        autopilot_interface(model, start, settings),
-        autopilot_data(model, start),
-        sections,
-        autopilot_reference(model, start, settings),
-        platforms,
-        {"vehicle": model.vehicle, "design": asdict(start)},
+        model_name="AngleOfAttackAutopilot",
+        text=f"Holds an angle of attack through estimated coefficients: {model.vehicle}",
+        kind=ModelKind.AUTOPILOT,
+        interface=autopilot_interface(model, start, settings),
+        data=autopilot_data(model, start),
+        sections=sections,
+        reference=autopilot_reference(model, start, settings),
+        platforms=platforms,
+        contents={"vehicle": model.vehicle, "design": asdict(start)},
     )
     write_archive(fmu_path, entries)
 
@@ -175,15 +187,15 @@ def export_schedule(
     check_fmu_path(fmu_path)
     sections = [("What it computes", ["Its outputs jump to the values of a table at the times of that table."])]
     entries = _native_fmu(
-        "FlightSchedule",
-        "Commands and gauge faults over time",
-        ModelKind.SCHEDULE,
-        schedule_interface(signals),
-        schedule_data(signals),
-        sections,
-        schedule_reference(signals),
-        platforms,
-        {},
+        model_name="FlightSchedule",
+        text="Commands and gauge faults over time",
+        kind=ModelKind.SCHEDULE,
+        interface=schedule_interface(signals),
+        data=schedule_data(signals),
+        sections=sections,
+        reference=schedule_reference(signals),
+        platforms=platforms,
+        contents={},
     )
     write_archive(fmu_path, entries)
 
@@ -207,13 +219,13 @@ def _native_fmu(
         name: value for name, value in CAPABILITIES["2"].items() if name != "providesDirectionalDerivative"
     }
     description = FmuDescription(
-        model_name,
-        text,
-        interface,
-        digest,
-        stop_time,
-        STEP_SIZE,
-        capabilities,
+        model_name=model_name,
+        description=text,
+        interface=interface,
+        content_hash=digest,
+        stop_time=stop_time,
+        step_size=STEP_SIZE,
+        capabilities=capabilities,
         source_files=compiled_files(sources),
     )
     pages = documentation_files(description, [*sections, *reference.sections], "native")
@@ -223,7 +235,12 @@ def _native_fmu(
     icon = "plant" if kind is ModelKind.PLANT else None
     return {
         **native_entries(
-            description, libraries, sources, {"model.bin": model_resource(kind, interface, data, description.guid)}
+            description=description,
+            libraries=libraries,
+            sources=sources,
+            resource_files={
+                "model.bin": model_resource(kind=kind, interface=interface, data=data, guid=description.guid)
+            },
         ),
         CONTENTS: json.dumps(known | reference.contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},

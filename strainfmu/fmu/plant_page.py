@@ -1,4 +1,4 @@
-"""What the page of a plant FMU says of its flight model and trajectory."""
+"""Documentation page of a plant FMU: its flight model and trajectory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from strainfmu.interface.plant_variables import GaugeFault, Motion
 
 
 def plant_sections(model: FlightModel, trajectory: Trajectory, content_hash: str) -> list[Section]:
-    """Return what the plant's page says before its table."""
+    """Return the sections of the plant's page before its table."""
     return [
         (
             "What it computes",
@@ -20,7 +20,7 @@ def plant_sections(model: FlightModel, trajectory: Trajectory, content_hash: str
                 f"It flies a stored trajectory of {trajectory.stop_time:g} s and gives the strains that "
                 f"{model.n_gauges} gauges would measure, with noise, and the true coefficients to compare "
                 "with. After its end the last flight condition stays.",
-                "The noise is drawn anew at every communication point; equal seed and steps give the same noise.",
+                "The noise is drawn at every communication point; equal seed and steps give the same noise.",
                 f"Vehicle: {escape(model.vehicle)}. Flight model: <code>{content_hash}</code>.",
             ],
         ),
@@ -29,7 +29,7 @@ def plant_sections(model: FlightModel, trajectory: Trajectory, content_hash: str
 
 
 def native_plant_sections(model: FlightModel, motion: Motion, content_hash: str) -> list[Section]:
-    """Return what the native plant's page says before its table."""
+    """Return the sections of the native plant's page before its table."""
     flight = {
         Motion.INPUTS: "The flight condition is its input.",
         Motion.TRAJECTORY: "It flies a stored trajectory; after its end the last flight condition stays.",
@@ -46,20 +46,20 @@ def native_plant_sections(model: FlightModel, motion: Motion, content_hash: str)
                 f"to compare with. {flight}",
                 "The noise is drawn for every communication point; equal seed and steps give the same noise, to "
                 "the last bit on every platform.",
-                f"Gauges fail as <code>fault_kind</code> says: {faults}.",
+                f"Gauges fail by their <code>fault_kind</code>: {faults}.",
                 f"Vehicle: {escape(model.vehicle)}. Flight model: <code>{content_hash}</code>.",
             ],
         ),
         _limits(
             model,
             "Outside, outputs are NaN and <code>fmi2DoStep</code> returns <code>fmi2Discard</code>; the importer "
-            "is told to end the simulation (<code>fmi2Terminated</code>), and the condition is logged once.",
+            "is requested to end the simulation (<code>fmi2Terminated</code>), and the condition is logged once.",
         ),
     ]
 
 
 def _limits(model: FlightModel, *outside: str) -> Section:
-    """Say where the flight model ends, and what happens ``outside``."""
+    """Return where the flight model ends, and what happens ``outside``."""
     return (
         "Limits",
         [

@@ -1,7 +1,7 @@
 """Reference runs of the FMUs round the estimator: plant, autopilot and schedule, computed in numpy.
 
 The native ones are C; what they are held against are the flight model, noise, law and schedule of
-:mod:`strainfmu.cosim`, which share no code with it.
+:mod:`strainfmu.cosim`, which have no code in common with it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _SWING = 0.5
 """Amplitude of the pitch acceleration that the control moment would give [rad/s2]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reference:
     """A reference run as an FMU holds it.
 
@@ -57,7 +57,7 @@ class Reference:
 
     @property
     def sections(self) -> list[Section]:
-        """What the FMU's page says of it."""
+        """The section of the FMU's page on it."""
         text = "Input and output of a short run, 6 digits, lie in extra/org.fmi-standard.fmi-ls-ref. Computed with"
         return [] if self.run is None else [("Reference run", [f"{text} {escape(self.source)}."])]
 
@@ -90,7 +90,9 @@ def _plant_run(plant: Plant) -> ReferenceRun | None:
     except InputError:
         if len(rows) < FEWEST_ROWS:
             return None
-    interface = native_plant_interface(plant.model, plant.motion, plant.start, plant.seed)
+    interface = native_plant_interface(
+        vehicle=plant.model, motion=plant.motion, start=plant.start, seed=plant.seed
+    )
     outputs = [variable.name for variable in interface if variable.causality == "output"]
     n = len(rows)
     return ReferenceRun(
@@ -183,12 +185,12 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
         "pitch_rate": 0.01 * np.sin(0.5 * row),
     }
     inputs = {name: _rounded(values) for name, values in inputs.items()}
-    state, rows = AutopilotState((True,) * model.n_gauges), []
+    state, rows = AutopilotState(valid=(True,) * model.n_gauges), []
     for k, now in enumerate(time):
         given = {name: float(values[max(k - 1, 0)]) for name, values in inputs.items()}
         suspect = int(given.pop("suspect_gauge"))
         sample = AutopilotSample(chi_square_limit=1.0, suspect_gauge=suspect, **given)
-        state = next_state(design, settings, state, sample, now)
+        state = next_state(design=design, settings=settings, state=state, sample=sample, time=now)
         rows.append([state.control_moment, state.angle, state.trusted, state.valid.count(False), *state.valid])
     found = np.array(rows, dtype=float).T
     names = ("control_moment", "estimated_angle_of_attack", "trusted", "isolated_gauges")
@@ -210,10 +212,10 @@ def schedule_reference(signals: Sequence[ScheduledSignal]) -> Reference:
 
 
 def covering_step(span: float, n_steps: int) -> float:
-    """Return the least of 1, 2, 5 times a power of ten [s] of which ``n_steps`` cover ``span`` [s]."""
-    least = span / n_steps * (1.0 - 1e-12)
-    power = 10.0 ** floor(log10(least))
-    return float(f"{next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= least):.3g}")
+    """Return the minimum of 1, 2, 5 times a power of ten [s] of which ``n_steps`` cover ``span`` [s]."""
+    minimum = span / n_steps * (1.0 - 1e-12)
+    power = 10.0 ** floor(log10(minimum))
+    return float(f"{next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= minimum):.3g}")
 
 
 def _times(step: float, n: int) -> list[float]:

@@ -1,4 +1,4 @@
-"""``resources/model.bin`` of the native FMUs round the estimator; fmus/native/plant/model.c reads it.
+"""``resources/model.bin`` of the native FMUs round the estimator; fmus/native/system/system_model.c reads it.
 
 Little endian: a header of 128 bytes, then float64: type, causality, start, minimum and maximum of all variables,
 then the data of the model.
@@ -30,7 +30,7 @@ _LARGEST_INTEGER = 2**31 - 1
 
 
 class ModelKind(IntEnum):
-    """Which model an FMU is; the order is that of model.c."""
+    """Which model an FMU is; the order is that of system_model.c."""
 
     PLANT = 0
     AUTOPILOT = 1

@@ -1,7 +1,7 @@
 """The Python kind of FMU: run-time sources under a name of their own, PythonFMU around them, one zip.
 
-Python keeps one module per name in a process, so two FMUs whose modules share a name would share their
-code, of whichever was loaded first. Hence the slave's file and the copied package carry a hash of the
+Python keeps one module per name in a process, so two FMUs with modules of the same name would both run the
+code that was loaded first. Hence the slave's file and the copied package carry a hash of the
 content in their names.
 """
 
@@ -99,11 +99,13 @@ def python_entries(description: FmuDescription, code: SlaveCode, payload: Mappin
     try:
         with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder:
             stage = Path(folder)
-            script, project_files = _stage(stage / "resources", description, code, payload)
+            script, project_files = _stage(
+                folder=stage / "resources", description=description, code=code, payload=payload
+            )
             entries = _run_builder(script, project_files, stage)
     except OSError as error:
         raise StrainfmuError(f"the FMU could not be packed: {error.strerror or error}") from error
-    # As generated, not as PythonFMU laid it out anew.
+    # As generated, not as PythonFMU formatted it.
     entries["modelDescription.xml"] = entries.pop(f"resources/{_DESCRIPTION_FILE}")
     return entries
 

@@ -33,7 +33,7 @@ _LS_REF = "org.fmi-standard.fmi-ls-ref"
 _COLOURS = ("#1b6ca8", "#c0392b", "#2e8b57", "#8e44ad", "#b8860b")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReferenceRun:
     """Input and expected output of the scalar interface.
 
@@ -70,12 +70,12 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
 
 
 def _strain(inverse_map: InverseMap, time: float) -> NDArray[np.float64]:
-    """Return (n_d,) strain [m/m] of states that share the range of the snapshots evenly."""
+    """Return (n_d,) strain [m/m] of states that divide the range of the snapshots evenly."""
     operator = inverse_map.state_operator
     largest = np.max(np.abs(operator), axis=0)
-    share = float(np.max(inverse_map.strain_range)) / operator.shape[1]
+    part = float(np.max(inverse_map.strain_range)) / operator.shape[1]
     swing = [sin(2.0 * pi * (0.5 + 0.25 * k) * time) for k in range(operator.shape[1])]
-    amplitude = share / np.where(largest > 0.0, largest, np.inf) * np.array(swing)
+    amplitude = part / np.where(largest > 0.0, largest, np.inf) * np.array(swing)
     return np.asarray(inverse_map.mean_strain + np.sum(operator * amplitude, axis=1))
 
 
@@ -85,7 +85,7 @@ def signal_table(
     interface: Sequence[Variable],
     digits: int = 17,
 ) -> bytes:
-    """Return CSV of ``signals`` as the rules for compatibility information of FMI want it.
+    """Return CSV of ``signals`` as the rules for compatibility information of FMI require it.
 
     Comma, names in quotes, "time" first, no units, elements of an array separated by blanks.
     """

@@ -1,4 +1,4 @@
-"""What one step of each kind of estimator FMU costs, through FMPy and in a C host."""
+"""Cost of one step of each kind of estimator FMU, through FMPy and in a C host."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from strainfmu.fmu.export import ExportOptions, export_estimator
 KINDS = {
     "native FMI 2.0": ExportOptions(),
     "native FMI 3.0": ExportOptions(fmi_version="3"),
-    "python FMI 2.0": ExportOptions("python"),
+    "python FMI 2.0": ExportOptions(kind="python"),
 }
 
 _FIRST_STRAIN = 26
@@ -146,8 +146,8 @@ def host_costs(fmu: Path, unzipped: Path, strain: FloatArray) -> dict[str, float
         command = [*compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"]
         _run(command)
     resources = (unzipped / "resources").as_uri()
-    said = _run([str(program), str(libraries[0]), description.guid, resources, *map(repr, strain.tolist())])
-    product, step, faulty, instantiation = np.array(said.split(), dtype=float).tolist()
+    times = _run([str(program), str(libraries[0]), description.guid, resources, *map(repr, strain.tolist())])
+    product, step, faulty, instantiation = np.array(times.split(), dtype=float).tolist()
     return {
         f"C host: bare product 5 x {len(strain)}": product,
         f"C host, native FMI 2.0: set {len(strain)}, step, get 5 and health ({step / product:.1f} x in C)": step,

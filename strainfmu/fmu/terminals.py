@@ -16,7 +16,7 @@ ICON_EXTENT = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
 
 
 def terminal_files(fmu: FmuDescription, terminals: Mapping[str, tuple[str, str]], icon: str) -> dict[str, bytes]:
-    """Return content by name: the terminals, the icon and, where FMI 2.0 wants it, the icon once more.
+    """Return content by name: the terminals, the icon and, where FMI 2.0 requires it, the icon once more.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from strainfmu.fmu.export import ExportOptions
 OPTIONS = {
     "native": ExportOptions(),
     "native_3": ExportOptions(fmi_version="3"),
-    "python": ExportOptions("python"),
+    "python": ExportOptions(kind="python"),
 }
 
 STRAINS = [f"strain[{i + 1}]" for i in range(N_GAUGES)]

@@ -27,7 +27,7 @@ static void silent(fmi2ComponentEnvironment environment, fmi2String name, fmi2St
 int main(int n_arguments, char **arguments) {
     library = n_arguments > 3 ? dlopen(arguments[1], RTLD_NOW) : NULL;
     if (library == NULL) {
-        fprintf(stderr, "%s\n", n_arguments > 3 ? dlerror() : "three arguments wanted");
+        fprintf(stderr, "%s\n", n_arguments > 3 ? dlerror() : "three arguments expected");
         return 2;
     }
     const fmi2CallbackFunctions callbacks = {silent, calloc, free, NULL, NULL};

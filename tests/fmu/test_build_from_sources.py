@@ -40,8 +40,14 @@ def native_fmus(
 ) -> dict[str, Path]:
     """One FMU of each of :data:`KINDS`."""
     plant = tmp_path_factory.mktemp("plant") / "plant.fmu"
-    start = FlightStart(6.0, 20e3)
-    export_native_plant(synthetic.flight_model, plant, Motion.TRAJECTORY, start, synthetic.trajectory)
+    start = FlightStart(mach_number=6.0, altitude=20e3)
+    export_native_plant(
+        flight_model_path=synthetic.flight_model,
+        fmu_path=plant,
+        motion=Motion.TRAJECTORY,
+        start=start,
+        trajectory_path=synthetic.trajectory,
+    )
     return {"native": fmus["native"], "native_3": fmus["native_3"], "native_plant": plant}
 
 

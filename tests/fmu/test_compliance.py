@@ -27,11 +27,11 @@ def test_fmpy_finds_no_fault(fmus: dict[str, Path], kind: str) -> None:
 def test_fmutool_finds_no_fault(fmus: dict[str, Path], kind: str) -> None:
     command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(fmus[kind]), "-check"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    said = done.stdout + done.stderr
+    output = done.stdout + done.stderr
     assert done.returncode == 0
-    assert "seems to be compliant with FMI-" in said
-    assert "No semantic error" in said
-    assert not re.search(r"^(WARNING|ERROR|CRITICAL)", said, re.MULTILINE)
+    assert "seems to be compliant with FMI-" in output
+    assert "No semantic error" in output
+    assert not re.search(r"^(WARNING|ERROR|CRITICAL)", output, re.MULTILINE)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -53,7 +53,7 @@ def test_every_xml_follows_its_schema(fmus: dict[str, Path], kind: str) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_entries_are_portable(fmus: dict[str, Path], kind: str) -> None:
-    """Deflated or stored, no links, forward slashes, none above the root, times fixed."""
+    """Deflated or stored, no symbolic links, forward slashes, none above the root, times fixed."""
     with zipfile.ZipFile(fmus[kind]) as archive:
         for entry in archive.infolist():
             assert entry.compress_type in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED)

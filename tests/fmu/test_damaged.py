@@ -1,4 +1,4 @@
-"""FMUs that were damaged or altered, or lie in odd places: one clear message of the FMU, never a crash."""
+"""FMUs that were damaged or altered, or lie in odd folders: one clear message of the FMU, never a crash."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def rewritten(source: Path, target: Path, name: str, change: Change) -> Path:
     return target
 
 
-def flipped(place: int) -> Change:
-    """Return a change of one bit at ``place``."""
-    return lambda content: content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+def flipped(position: int) -> Change:
+    """Return a change of one bit at ``position``."""
+    return lambda content: content[:position] + bytes([content[position] ^ 1]) + content[position + 1 :]
 
 
 MAP_CHANGES: dict[str, tuple[Change, str, str]] = {
@@ -57,7 +57,7 @@ def test_a_damaged_map_is_refused_with_a_reason(
 
 
 def refused(fmu: Path, folder: Path, reason: str) -> None:
-    """Assert that the FMU cannot be instantiated, and says why."""
+    """Assert that the FMU cannot be instantiated, and reports why."""
     unzip(fmu, folder / "unzipped")
     with pytest.raises(StrainfmuError, match=reason) as caught:
         Instance("x", fmu, read_description(fmu), folder / "unzipped")

@@ -85,8 +85,8 @@ def test_native_and_python_kind_equal_the_estimator(hosts: Hosts, step: tuple) -
     strain, valid, q, q_std, values = step
     inverse_map = hosts.estimator.inverse_map
     chosen = replace(default_settings(inverse_map), **dict(zip(PARAMETERS, values, strict=True)))
-    wanted = hosts.estimator.with_settings(chosen).estimate(strain, q, np.array(valid), q_std)
-    expected = np.array(output_values(wanted))
+    reference = hosts.estimator.with_settings(chosen).estimate(strain, q, np.array(valid), q_std)
+    expected = np.array(output_values(reference))
     for host in (hosts.native, hosts.python):
         host.set(PARAMETERS, values)
         host.set([*STRAINS, "dynamic_pressure", "dynamic_pressure_std"], [*strain, q, q_std])
@@ -98,7 +98,7 @@ def test_native_and_python_kind_equal_the_estimator(hosts: Hosts, step: tuple) -
     # Round-off of chi-square is that of its root, relative to the whitened strain before its projection.
     found[CHI_SQUARE], expected[CHI_SQUARE] = np.sqrt(found[CHI_SQUARE]), np.sqrt(expected[CHI_SQUARE])
     error = np.abs(np.subtract(found, expected, where=finite, out=np.zeros(26)))
-    assert np.all(error <= 1e-12 * sizes(inverse_map, expected, strain, wanted.valid, q, chosen) + 1e-300)
+    assert np.all(error <= 1e-12 * sizes(inverse_map, expected, strain, reference.valid, q, chosen) + 1e-300)
 
 
 def sizes(

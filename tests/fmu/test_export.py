@@ -59,13 +59,13 @@ def test_exports_do_not_follow_the_machine(synthetic: SyntheticFiles, tmp_path: 
 
 
 def test_platforms_are_chosen_by_either_name(synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    for fmi, wanted in (("2", "linux64"), ("3", "x86_64-linux")):
+    for fmi, expected in (("2", "linux64"), ("3", "x86_64-linux")):
         for name in ("linux64", "x86_64-linux"):
             options = ExportOptions(fmi_version=fmi, platforms=[name])
             export_estimator(synthetic.map_1, tmp_path / "a.fmu", options)
             with zipfile.ZipFile(tmp_path / "a.fmu") as archive:
                 found = {entry.split("/")[1] for entry in archive.namelist() if entry.startswith("binaries/")}
-            assert found == {wanted}
+            assert found == {expected}
 
 
 @pytest.mark.fast

@@ -1,4 +1,4 @@
-"""What the FMUs say about themselves."""
+"""Model descriptions of the FMUs."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_units_are_declared_in_si(synthetic: SyntheticFiles) -> None:
     assert float(radian.displayUnits[0].factor) == pytest.approx(57.29577951308232)
 
 
-def test_dependencies_tell_what_feeds_what(synthetic: SyntheticFiles) -> None:
+def test_dependencies_state_what_feeds_what(synthetic: SyntheticFiles) -> None:
     description = read_model_description(str(synthetic.estimator_1))
     known = {u.variable.name: ({v.name for v in u.dependencies}, u.dependenciesKind) for u in description.outputs}
     gauges = {f"{name}[{i + 1}]" for name in ("strain", "valid") for i in range(N_GAUGES)}
@@ -138,7 +138,14 @@ def test_the_interface_uses_declared_units_only(interface: Any) -> None:
 
 
 def test_the_guid_follows_the_content() -> None:
-    base = FmuDescription("M", "d", estimator_interface(synthetic_inverse_map()), "hash", 1.0, 0.1)
+    base = FmuDescription(
+        model_name="M",
+        description="d",
+        interface=estimator_interface(synthetic_inverse_map()),
+        content_hash="hash",
+        stop_time=1.0,
+        step_size=0.1,
+    )
     assert base.guid == replace(base).guid
     changed = [
         replace(base, content_hash="other"),
@@ -164,12 +171,16 @@ def test_model_identifiers_are_c_names() -> None:
 def test_the_time_stamp_ends_in_z_and_honours_the_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     for describe in (model_description, model_description_3):
-        root = describe(FmuDescription("M", "d", (), "hash", 1.0, 0.1))
+        root = describe(
+            FmuDescription(
+                model_name="M", description="d", interface=(), content_hash="hash", stop_time=1.0, step_size=0.1
+            )
+        )
         assert root.get("generationDateAndTime") == "2023-11-14T22:13:20Z"
         assert root.get("variableNamingConvention") == "structured"
     for wrong in ("today", "-5"):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", wrong)
-        with pytest.raises(InputError, match=f"SOURCE_DATE_EPOCH: '{wrong}' found"):
+        with pytest.raises(InputError, match=f"SOURCE_DATE_EPOCH: expected .* got '{wrong}'"):
             generation_time()
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
     assert generation_time() == "1980-01-01T00:00:00Z"

@@ -26,7 +26,7 @@ struct Instance {
     char *own_name;
     LogWriter *write;
     void (*logger)(void); /* of the importer, NULL for none */
-    void *environment;    /* that it wants back */
+    void *environment;    /* that is passed back to it */
     int events_logged;
 };
 
@@ -44,13 +44,13 @@ void instance_reset(Instance *instance);
 int instance_refuse_mode(const Instance *instance, const char *function);
 int instance_refuse_null(const Instance *instance, const char *function);
 
-/* Whether the instance is in one of the modes (a sum); if not, a message tells it. 0 for no instance. */
+/* Whether the instance is in one of the modes (a sum); if not, a message reports it. 0 for no instance. */
 static inline int instance_allows(const Instance *instance, const char *function, int modes) {
     return instance != NULL
         && (((int)instance->model->mode & modes) != 0 || instance_refuse_mode(instance, function));
 }
 
-/* Whether an argument is there; if not, a message tells it. */
+/* Whether an argument is there; if not, a message reports it. */
 static inline int instance_given(const Instance *instance, const char *function, const void *argument) {
     return argument != NULL || instance_refuse_null(instance, function);
 }
@@ -77,7 +77,7 @@ int instance_error(const Instance *instance, const char *format, ...);
 /* Log that a function is not offered; STATUS_ERROR, also for no instance. */
 int instance_not_offered(const Instance *instance, const char *function);
 
-/* Log an event of the model, if the importer wants to hear of events. */
+/* Log an event of the model, if the importer requests events. */
 void instance_log_event(Instance *instance);
 
 #endif

@@ -70,7 +70,7 @@ typedef struct {
 typedef struct {
     const char *resource;           /* name of its file in resources/ */
     const char *content;            /* what messages call the content of that file */
-    const char *foreign_state;      /* what a message tells of the state of another resource */
+    const char *foreign_state;      /* what a message reports of the state of another resource */
     int model_exchange;             /* whether it serves model exchange, without continuous states and events */
     const Derivatives *derivatives; /* NULL for none */
 } ModelFacts;
@@ -116,7 +116,7 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
 size_t model_state_size(const Model *model);
 void model_write_state(const Model *model, unsigned char *bytes);
 
-/* Whether bytes [model_state_size] may be read; if not, text tells what is wrong. */
+/* Whether bytes [model_state_size] may be read; if not, text states what is wrong. */
 int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]);
 void model_read_state(Model *model, const unsigned char *bytes);
 

@@ -16,11 +16,11 @@
 #define HEADER_SIZE 128
 #define CHECKSUM_AT 24 /* position of the checksum in the header */
 
-/* Read a whole file. Return its bytes, to be freed with free(), or NULL with a text that says what is wrong. */
+/* Read a whole file. Return its bytes, to be freed with free(), or NULL with a text that states what is wrong. */
 unsigned char *resource_read(const char *path, size_t *length, char text[MODEL_TEXT_SIZE]);
 
 /* Whether the first 32 bytes are those of a file of `length` bytes that starts with the 8 bytes of magic; if not, text
-   says what is wrong with it. content is what the text calls it. */
+   states what is wrong with it. content is what the text calls it. */
 int resource_check(const unsigned char *bytes, size_t length, const char *magic, int version, const char *content,
                    char text[MODEL_TEXT_SIZE]);
 

@@ -62,7 +62,7 @@ typedef struct {
 } Estimator;
 
 /* Make an estimator of the map in bytes [length], and own them: they are freed here if that fails. Return NULL with a
-   text that says why. */
+   text that states why. */
 Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
 
 void estimator_free(Estimator *estimator);
@@ -70,8 +70,8 @@ void estimator_free(Estimator *estimator);
 /* Give inputs and settings their start values. */
 void estimator_reset(Estimator *estimator);
 
-/* Whether value may be given to input `index` (numbered as estimator->input); if not, text says what is allowed.
-   Strains and pressures may be anything: health tells of those that make no sense. */
+/* Whether value may be given to input `index` (numbered as estimator->input); if not, text states what is allowed.
+   Strains and pressures may have any value: health reports those that make no sense. */
 int estimator_accepts(const Estimator *estimator, size_t index, double value, char text[MODEL_TEXT_SIZE]);
 
 /* The N_OUTPUTS outputs for the present inputs. */

@@ -23,7 +23,7 @@ typedef struct {
     double reference_area, reference_length, moment_station; /* [m2], [m], [m]: what the map was built with */
     double sensor_range, dynamic_pressure;                   /* start values [1], [Pa] */
     double min_information;                                /* below which gauges do not identify the state */
-    double ambiguous_correlation;                            /* above which gauges cannot be told apart */
+    double ambiguous_correlation;                            /* above which gauges cannot be distinguished */
     double min_dynamic_pressure;                           /* [Pa], below which there are no coefficients */
     double largest_sensor_range, largest_setting;            /* bounds on what may be set */
     const double *mean_strain;       /* (n_gauges) m */
@@ -44,7 +44,7 @@ typedef struct {
 } Map;
 
 /* Read the header and arrays of bytes [length], which must be aligned as double and outlive map. Return 1, or 0 with
-   a text that says what is wrong. */
+   a text that states what is wrong. */
 int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MODEL_TEXT_SIZE]);
 
 #endif

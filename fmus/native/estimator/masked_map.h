@@ -21,7 +21,7 @@ typedef struct {
     double *z_scale;         /* (n_used) 1 / sqrt(P_ii), 0 where no other gauge checks this one */
     float *screen;           /* columns of the triangle times z_scale, in panels */
     int screened;            /* whether screen is set */
-    size_t *group;           /* (n_used) the first of the gauges that each cannot be told from */
+    size_t *group;           /* (n_used) the first of the gauges from which each cannot be distinguished */
     double load_covariance[N_LOADS * N_LOADS];
     double load_std[N_LOADS], load_std_shift; /* about the moment point shifted so [m]; NaN before any is known */
     double chi_square_limit, outlier_threshold;

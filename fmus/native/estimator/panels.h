@@ -30,7 +30,7 @@ void panels_of_rows(size_t n, const double *upper, double *panels);
 void panels_of_columns(size_t n, const double *upper, double *panels);
 
 /* y = R x of panels of rows, and y = R' x of panels of columns, for finite x; y has panel_length(n) elements. The
-   columns of R are gathered from left to right, its rows from top to bottom. */
+   columns of R are added from left to right, its rows from top to bottom. */
 void panels_times(int wide, size_t n, const double *panels, const double *x, double *y);
 void panels_transposed_times(int wide, size_t n, const double *panels, const double *x, double *y);
 

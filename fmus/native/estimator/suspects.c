@@ -27,7 +27,7 @@ static int scale_and_compare(size_t n, double *restrict z, const double *restric
    panels_of_screen allows, and all rounding in double, which is 2^-29 of it. Elements too small for float, even on a
    host that sets them to zero, lose less than n 2^-126 (1 + |w|) < 2^-90.
 
-   Where chi-square tells of a fault, some |z_k| is above as a rule: nothing would be gained. */
+   Where chi-square shows a fault, some |z_k| is above as a rule: nothing would be gained. */
 static int may_exceed(Estimator *e, double threshold) {
     const MaskedMap *m = e->masked;
     const double chi_square = e->output[CHI_SQUARE];

@@ -9,7 +9,7 @@ fmi3Status fmi3_wrong_type(const Instance *instance, const char *function, fmi3V
 }
 
 /* Whether the lists are there, and nValues is the number of values that the variables have; if not, or if the instance
-   is in none of the modes, a message says so. */
+   is in none of the modes, a message reports it. */
 static int lists_fit(Instance *instance, const char *function, int modes, const fmi3ValueReference references[],
                      size_t nReferences, const void *values, size_t nValues) {
     if (!instance_allows(instance, function, modes)

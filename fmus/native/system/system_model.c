@@ -17,7 +17,7 @@ static const Behaviour *behaviour_of(uint32_t kind) {
     return kind < sizeof KINDS / sizeof *KINDS ? KINDS[kind] : NULL;
 }
 
-/* Compare the header with the bytes that are there; the text tells what is wrong. */
+/* Compare the header with the bytes that are there; the text states what is wrong. */
 static int check_header(const unsigned char *bytes, size_t length, char *text) {
     if (!resource_check(bytes, length, MAGIC, SYSTEM_FORMAT_VERSION, "model", text)) {
         return 0;

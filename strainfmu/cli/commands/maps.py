@@ -57,7 +57,8 @@ def export(
     from strainfmu.fmu.export import ExportOptions, export_estimator
 
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
-    export_estimator(inverse_map, output, ExportOptions(kind, fmi.removesuffix(".0"), chosen))
+    options = ExportOptions(kind=kind, fmi_version=fmi.removesuffix(".0"), platforms=chosen)
+    export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 

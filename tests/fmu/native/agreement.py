@@ -35,9 +35,9 @@ def random_samples(inverse_map: InverseMap, n: int, seed: int) -> Iterator[Sampl
     pool = [np.ones(n_gauges, dtype=bool)]
     for k in range(n):
         if k % 25 == 0:
-            most = n_gauges if k % 50 == 0 else 4
+            maximum = n_gauges if k % 50 == 0 else 4
             pool.append(np.ones(n_gauges, dtype=bool))
-            pool[-1][random.choice(n_gauges, random.integers(0, most), replace=False)] = False
+            pool[-1][random.choice(n_gauges, random.integers(0, maximum), replace=False)] = False
         valid = pool[random.integers(max(0, len(pool) - 6), len(pool))] if k % 3 else pool[0]
         noise = inverse_map.noise_std * random.normal(size=n_gauges)
         strain = inverse_map.mean_strain + inverse_map.state_operator @ random.normal(size=n_states) + noise
@@ -47,7 +47,7 @@ def random_samples(inverse_map: InverseMap, n: int, seed: int) -> Iterator[Sampl
             strain[random.integers(n_gauges)] = random.choice([np.nan, np.inf, -np.inf, 1.0, -1e300])
         pressure = 1e5 if k % 11 else float(random.choice([0.0, 1e-7, np.nan, np.inf, -1.0]))
         deviation = float(random.choice([0.0, 1e3])) if k % 13 else float(random.choice([-1.0, np.nan, np.inf]))
-        yield Sample(strain, valid, pressure, deviation)
+        yield Sample(strain=strain, valid=valid, dynamic_pressure=pressure, dynamic_pressure_std=deviation)
 
 
 class Reference:
@@ -79,8 +79,8 @@ class Reference:
         key = missing.tobytes()
         if key not in self._growth:
             parts = self.estimator._parts
-            share = information_left(parts.gain_whitening, parts.noise_whitening, missing)
-            self._growth[key] = 1.0 / np.sqrt(max(share, 1e-12))
+            fraction = information_left(parts.gain_whitening, parts.noise_whitening, missing)
+            self._growth[key] = 1.0 / np.sqrt(max(fraction, 1e-12))
         return self._growth[key]
 
     def cancelled(self, sample: Sample, chi_square: float) -> float:
@@ -99,12 +99,12 @@ class Reference:
 
         The tolerance rises only where the gauges left hold less than 1e-4 of the information on a state.
         """
-        wanted = self.outputs(sample)
+        expected = self.outputs(sample)
         assert native.shape == (N_OUTPUTS,)
-        assert native[WHOLE_OUTPUTS].tolist() == wanted[WHOLE_OUTPUTS].tolist()
+        assert native[WHOLE_OUTPUTS].tolist() == expected[WHOLE_OUTPUTS].tolist()
         tolerance = TOLERANCE * max(1.0, 1e-2 * self.growth(sample))
         for name, group in GROUPS.items():
-            ours, theirs = native[group], wanted[group]
+            ours, theirs = native[group], expected[group]
             if not np.isfinite(theirs).all():
                 assert np.array_equal(ours, theirs, equal_nan=True), name
                 continue

@@ -62,7 +62,7 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
     return bytes;
 }
 
-/* Suspects must be there exactly where some z is above the threshold, whatever the screen in float says. */
+/* Suspects must be there exactly where some z is above the threshold, whatever the result of the screen in float. */
 static void check_suspects(const Estimator *e) {
     const MaskedMap *m = e->masked;
     if (!m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {

@@ -298,7 +298,7 @@ static void foreign(const Setup *setup, const char *other) {
     puts("foreign: refused");
 }
 
-/* Resident memory in pages; 0 where the system does not tell. */
+/* Resident memory in pages; 0 where the system does not report it. */
 static long resident_pages(void) {
     long total = 0, resident = 0;
     FILE *file = fopen("/proc/self/statm", "r");

@@ -44,7 +44,12 @@ def test_ten_thousand_inputs(case: NativeCase) -> None:
 @pytest.mark.fast
 def test_no_gauge_at_all(case: NativeCase) -> None:
     reference, fmu = Reference(case.inverse_map), Fmu2(case.uri, case.n).start()
-    sample = Sample(np.full(case.n, np.nan), np.ones(case.n, dtype=bool), 1e5, 0.0)
+    sample = Sample(
+        strain=np.full(case.n, np.nan),
+        valid=np.ones(case.n, dtype=bool),
+        dynamic_pressure=1e5,
+        dynamic_pressure_std=0.0,
+    )
     apply(fmu, sample)
     reference.check(sample, fmu.outputs())
     assert fmu.get_integers([20])[0] == HealthState.INVALID
@@ -61,7 +66,9 @@ def test_suspect_and_those_it_cannot_be_told_from(case: NativeCase) -> None:
         for bias in np.linspace(4.0, 12.0, 17):
             strain = case.inverse_map.mean_strain.copy()
             strain[gauge] += bias / np.sqrt(precision[gauge])
-            sample = Sample(strain, np.ones(case.n, dtype=bool), 1e5, 0.0)
+            sample = Sample(
+                strain=strain, valid=np.ones(case.n, dtype=bool), dynamic_pressure=1e5, dynamic_pressure_std=0.0
+            )
             apply(fmu, sample)
             outputs = fmu.outputs()
             reference.check(sample, outputs)
@@ -106,7 +113,9 @@ def test_settings_and_faults(cases: dict[str, NativeCase], name: str, data: st.D
         strain[gauge] = value
     valid = np.ones(case.n, dtype=bool)
     valid[list(drawn["missing"])] = False
-    sample = Sample(strain, valid, drawn["pressure"], drawn["deviation"])
+    sample = Sample(
+        strain=strain, valid=valid, dynamic_pressure=drawn["pressure"], dynamic_pressure_std=drawn["deviation"]
+    )
     reference, fmu = Reference(inverse_map), Fmu2(case.uri, case.n).start()
     reference.set(replace(reference.settings, **drawn["settings"]))
     assert fmu.set_scalars(2, *drawn["settings"].values()) == OK

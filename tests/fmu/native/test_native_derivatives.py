@@ -38,17 +38,17 @@ def prepare(case: NativeCase, mask: bool, deviation: float) -> Fmu2:
 @pytest.mark.parametrize("mask", [False, True])
 def test_against_central_differences(case: NativeCase, mask: bool, deviation: float) -> None:
     fmu, random, unknown = prepare(case, mask, deviation), np.random.default_rng(6), REAL_OUTPUTS
-    places = knowns(case)
-    centre = fmu.get_reals(places)
+    references = knowns(case)
+    centre = fmu.get_reals(references)
     size = np.concatenate([case.inverse_map.noise_std, [1e4, deviation, 0.0, 1.0, 0.2, 0.5, 1.0]])
     for _ in range(4):
         direction = size * random.normal(size=len(size))
-        exact = fmu.derivative(unknown, places, direction)
+        exact = fmu.derivative(unknown, references, direction)
         sides = []
         for step in (1e-5, -1e-5):
-            fmu.set_reals(places, centre + step * direction)
+            fmu.set_reals(references, centre + step * direction)
             sides.append(fmu.get_reals(unknown))
-        fmu.set_reals(places, centre)
+        fmu.set_reals(references, centre)
         difference = (sides[0] - sides[1]) / 2e-5
         # Truncation is 1e-10 of the third derivative; round-off 1e-15 / 1e-5 of the terms.
         scale = np.abs(sides[0]) + np.abs(difference)
@@ -62,8 +62,8 @@ def test_gain_is_that_of_numpy(case: NativeCase) -> None:
     fmu.set_scalars(6, case.inverse_map.provenance.get("moment_station_m", 0.0))
     for gauge in range(case.n):
         column = fmu.derivative(range(10, 15), [N_OUTPUTS + gauge], [1.0])
-        wanted = case.inverse_map.load_gain[:, gauge]
-        assert np.linalg.norm(column - wanted) <= 1e-12 * np.linalg.norm(wanted)
+        expected = case.inverse_map.load_gain[:, gauge]
+        assert np.linalg.norm(column - expected) <= 1e-12 * np.linalg.norm(expected)
     fmu.free()
 
 

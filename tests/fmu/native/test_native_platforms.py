@@ -41,7 +41,14 @@ def inputs_of(case: NativeCase) -> bytes:
             strain[k % case.n] += random.uniform(2.0, 7.0) * deviation[k % case.n]
         if k == STEPS // 2:
             valid = np.zeros(case.n, dtype=bool)
-        content += line_of(Sample(strain, valid, sample.dynamic_pressure, sample.dynamic_pressure_std))
+        content += line_of(
+            Sample(
+                strain=strain,
+                valid=valid,
+                dynamic_pressure=sample.dynamic_pressure,
+                dynamic_pressure_std=sample.dynamic_pressure_std,
+            )
+        )
     return content
 
 

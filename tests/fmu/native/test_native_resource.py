@@ -1,4 +1,4 @@
-"""Damaged, missing and foreign maps, and the paths they lie in: one message that tells what is wrong, no crash."""
+"""Damaged, missing and foreign maps, and the paths they lie in: one message of what is wrong, no crash."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ HEADER_SIZE = 128
 
 def messages_for(resources: Path, n: int, guid: str | None = None) -> list[tuple[int, str, str]]:
     """What both FMI versions log, having refused to instantiate."""
-    gathered = []
+    collected = []
     for location, kind in ((resources.as_uri(), Fmu2), (str(resources), Fmu3)):
         fmu = kind(location, n) if guid is None else kind(location, n, guid)
         assert not fmu.instance.value
         assert [message[:2] for message in fmu.messages] == [(ERROR, "logStatusError")]
-        gathered += fmu.messages
-    assert gathered[0][2] == gathered[1][2]
-    return gathered
+        collected += fmu.messages
+    assert collected[0][2] == collected[1][2]
+    return collected
 
 
 def refused(tmp_path: Path, content: bytes, n: int) -> str:
@@ -53,12 +53,12 @@ def test_whole_map_is_taken(small: NativeCase) -> None:
 
 def test_every_region_of_the_file_is_checked(small: NativeCase, tmp_path: Path) -> None:
     content = (small.resources / "map.bin").read_bytes()
-    places = [*range(HEADER_SIZE), *range(HEADER_SIZE, len(content), 97), len(content) - 1]
-    for place in places:
+    positions = [*range(HEADER_SIZE), *range(HEADER_SIZE, len(content), 97), len(content) - 1]
+    for position in positions:
         altered = bytearray(content)
-        altered[place] ^= 0x10
+        altered[position] ^= 0x10
         text = refused(tmp_path, bytes(altered), small.n)
-        assert text.startswith(f"{tmp_path}/map.bin "), (place, text)
+        assert text.startswith(f"{tmp_path}/map.bin "), (position, text)
 
 
 def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "text"),
+    ("position", "value", "text"),
     [
         (8, 2, "has format version 2, must be 1: export the FMU again"),
         (12, 0x04030201, "has another byte order than this machine"),
@@ -83,19 +83,19 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (44, 2, "which cannot be"),
     ],
 )
-def test_header_that_cannot_be(small: NativeCase, tmp_path: Path, place: int, value: int, text: str) -> None:
+def test_header_that_cannot_be(small: NativeCase, tmp_path: Path, position: int, value: int, text: str) -> None:
     content = bytearray((small.resources / "map.bin").read_bytes())
-    struct.pack_into("<I", content, place, value)
+    struct.pack_into("<I", content, position, value)
     assert text in refused(tmp_path, sealed(bytes(content)), small.n)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_value_that_is_not_finite(small: NativeCase, tmp_path: Path, value: float) -> None:
     content = bytearray((small.resources / "map.bin").read_bytes())
-    for place in range(HEADER_SIZE, len(content), 8 * 37):
-        altered = content[:place] + struct.pack("<d", value) + content[place + 8 :]
+    for position in range(HEADER_SIZE, len(content), 8 * 37):
+        altered = content[:position] + struct.pack("<d", value) + content[position + 8 :]
         text = refused(tmp_path, sealed(bytes(altered)), small.n)
-        assert text.endswith(f"holds a value that is not finite (number {(place - HEADER_SIZE) // 8})")
+        assert text.endswith(f"holds a value that is not finite (number {(position - HEADER_SIZE) // 8})")
 
 
 def test_reference_that_is_not_positive(small: NativeCase, tmp_path: Path) -> None:

@@ -57,11 +57,11 @@ def test_serialised_state_moves_to_another_instance(case: NativeCase) -> None:
         fmu.free()
 
 
-@pytest.mark.parametrize("place", [0, 7, 8, 12, 16, 20, 24, 28, 32, 39, 40, 100, -1])
-def test_altered_state(small: NativeCase, place: int) -> None:
+@pytest.mark.parametrize("position", [0, 7, 8, 12, 16, 20, 24, 28, 32, 39, 40, 100, -1])
+def test_altered_state(small: NativeCase, position: int) -> None:
     fmu = Fmu2(small.uri, small.n).start()
     content = bytearray(fmu.serialise(fmu.get_state()))
-    content[place] ^= 0x40
+    content[position] ^= 0x40
     status, state = fmu.deserialise(bytes(content))
     assert status == ERROR
     assert state.value is None

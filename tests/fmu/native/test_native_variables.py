@@ -20,7 +20,9 @@ pytestmark = pytest.mark.fast
 def sample_of(case: NativeCase, seed: int = 3) -> Sample:
     random = np.random.default_rng(seed)
     strain = case.inverse_map.mean_strain + case.inverse_map.noise_std * random.normal(size=case.n)
-    return Sample(strain, np.ones(case.n, dtype=bool), 1.1e5, 0.0)
+    return Sample(
+        strain=strain, valid=np.ones(case.n, dtype=bool), dynamic_pressure=1.1e5, dynamic_pressure_std=0.0
+    )
 
 
 def test_outputs_are_right_after_initialization_and_after_every_set(case: NativeCase) -> None:
@@ -35,7 +37,9 @@ def test_outputs_are_right_after_initialization_and_after_every_set(case: Native
     without = second.valid.copy()
     without[0] = False
     fmu.set_valid(without)
-    third = Sample(second.strain, without, second.dynamic_pressure, 0.0)
+    third = Sample(
+        strain=second.strain, valid=without, dynamic_pressure=second.dynamic_pressure, dynamic_pressure_std=0.0
+    )
     reference.check(third, fmu.outputs())
     assert fmu.step() == OK
     reference.check(third, fmu.outputs())
@@ -45,7 +49,7 @@ def test_outputs_are_right_after_initialization_and_after_every_set(case: Native
 def test_lists_in_any_order_and_in_parts(small: NativeCase) -> None:
     fmu, strain = Fmu2(small.uri, small.n).start(), sample_of(small).strain
     fmu.set_strain(strain)
-    wanted = fmu.outputs()
+    expected = fmu.outputs()
     orders = [
         np.arange(small.n)[::-1],
         np.roll(np.arange(small.n), 3),
@@ -54,15 +58,15 @@ def test_lists_in_any_order_and_in_parts(small: NativeCase) -> None:
     for order in orders:
         fmu.set_strain(np.zeros(small.n))
         assert fmu.set_reals((N_OUTPUTS + order).tolist(), strain[order]) == OK
-        assert fmu.outputs().tobytes() == wanted.tobytes()
+        assert fmu.outputs().tobytes() == expected.tobytes()
         assert np.array_equal(fmu.get_reals((N_OUTPUTS + order).tolist()), strain[order])
     fmu.set_strain(np.zeros(small.n))
     for first in range(0, small.n, 3):  # each part without a gap
         part = range(first, min(first + 3, small.n))
         assert fmu.set_reals([N_OUTPUTS + k for k in part], strain[part.start : part.stop]) == OK
-    assert fmu.outputs().tobytes() == wanted.tobytes()
+    assert fmu.outputs().tobytes() == expected.tobytes()
     outputs = [4, 3, 2, 1, 0, 19, 18, 22, 21]
-    assert np.array_equal(fmu.get_reals(outputs), wanted[outputs])
+    assert np.array_equal(fmu.get_reals(outputs), expected[outputs])
     fmu.free()
 
 
@@ -95,12 +99,17 @@ def test_moment_point_there_and_back(case: NativeCase) -> None:
 
 def test_start_values(small: NativeCase) -> None:
     fmu, inverse_map = Fmu2(small.uri, small.n).start(), small.inverse_map
-    sample = Sample(np.zeros(small.n), np.ones(small.n, dtype=bool), inverse_map.nominal_dynamic_pressure, 0.0)
+    sample = Sample(
+        strain=np.zeros(small.n),
+        valid=np.ones(small.n, dtype=bool),
+        dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+        dynamic_pressure_std=0.0,
+    )
     Reference(inverse_map).check(sample, fmu.outputs())
     scalars = range(N_OUTPUTS + 2 * small.n, N_OUTPUTS + 2 * small.n + 7)
     station = inverse_map.provenance.get("moment_station_m", 0.0)
-    wanted = [1.2e5, 0.0, 0.05, 1.0, inverse_map.reference_area, inverse_map.reference_length, station]
-    assert fmu.get_reals(scalars).tolist() == wanted
+    expected = [1.2e5, 0.0, 0.05, 1.0, inverse_map.reference_area, inverse_map.reference_length, station]
+    assert fmu.get_reals(scalars).tolist() == expected
     fmu.free()
 
 
@@ -139,7 +148,7 @@ def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, 
 def test_wrong_value_references(small: NativeCase) -> None:
     fmu, end = Fmu2(small.uri, small.n).start(), N_OUTPUTS + 2 * small.n + 7
     value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
-    for name, wrong, place in (
+    for name, wrong, memory in (
         ("GetReal", [20, 23, N_OUTPUTS + small.n, end, 2**32 - 1], value),
         ("SetReal", [0, 20, N_OUTPUTS + small.n, end, 2**32 - 1], value),
         ("GetInteger", [0, 21, N_OUTPUTS, end], whole),
@@ -151,7 +160,7 @@ def test_wrong_value_references(small: NativeCase) -> None:
     ):
         for reference in wrong:
             fmu.messages.clear()
-            assert fmu.call(name, fmu.references([reference]), count, byref(place)) == ERROR
+            assert fmu.call(name, fmu.references([reference]), count, byref(memory)) == ERROR
             assert len(fmu.messages) == 1
             assert f"fmi2{name}" in fmu.messages[0][2]
     fmu.free()
@@ -251,12 +260,12 @@ def test_wrong_arrays_of_fmi_3(small: NativeCase) -> None:
 def test_steps_of_fmi_3(small: NativeCase) -> None:
     fmu = Fmu3(str(small.resources), small.n).start()
     flags, reached = [ctypes.c_bool(True) for _ in range(3)], c_double(0.0)
-    places = (*map(byref, flags), byref(reached))
-    assert fmu.call("DoStep", c_double(1.0), c_double(0.25), ctypes.c_bool(True), *places) == OK
+    pointers = (*map(byref, flags), byref(reached))
+    assert fmu.call("DoStep", c_double(1.0), c_double(0.25), ctypes.c_bool(True), *pointers) == OK
     assert [flag.value for flag in flags] == [False] * 3
     assert reached.value == 1.25
     assert fmu.get("Float64", c_double, [fmu.TIME], 1)[1].tolist() == [1.25]
-    assert fmu.call("DoStep", c_double(1.0), c_double(0.0), ctypes.c_bool(True), *places) == ERROR
-    assert fmu.call("EnterEventMode") == ERROR  # was not asked for at instantiation
+    assert fmu.call("DoStep", c_double(1.0), c_double(0.0), ctypes.c_bool(True), *pointers) == ERROR
+    assert fmu.call("EnterEventMode") == ERROR  # was not requested at instantiation
     assert fmu.call("Terminate") == OK
     fmu.free()

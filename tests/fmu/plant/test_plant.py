@@ -24,7 +24,7 @@ from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 pytestmark = pytest.mark.fast
 
 MODEL = synthetic_flight_model()
-START = FlightStart(6.0, 20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
+START = FlightStart(mach_number=6.0, altitude=20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
 COEFFICIENTS = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
 STRAINS = [f"strain[{i + 1}]" for i in range(N_GAUGES)]
 CONDITION = ["mach_number", "angle_of_attack", "sideslip_angle", "altitude"]
@@ -38,7 +38,13 @@ def fmus(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) ->
     made = {motion: folder / f"{motion.name}.fmu" for motion in Motion}
     for motion, path in made.items():
         trajectory = synthetic.trajectory if motion is Motion.TRAJECTORY else None
-        export_native_plant(synthetic.flight_model, path, motion, START, trajectory)
+        export_native_plant(
+            flight_model_path=synthetic.flight_model,
+            fmu_path=path,
+            motion=motion,
+            start=START,
+            trajectory_path=trajectory,
+        )
     return made
 
 
@@ -64,9 +70,9 @@ def set_fault(host: Host, gauge: int, kind: GaugeFault, value: float = 0.0) -> N
     host.set([f"fault_value[{gauge}]"], [value])
 
 
-def assert_close(found: np.ndarray, wanted: np.ndarray) -> None:
+def assert_close(found: np.ndarray, expected: np.ndarray) -> None:
     # Relative to the vector: sums in another order differ by that much.
-    assert np.linalg.norm(found - wanted) <= 1e-12 * np.linalg.norm(wanted)
+    assert np.linalg.norm(found - expected) <= 1e-12 * np.linalg.norm(expected)
 
 
 def test_any_condition(plant: Host) -> None:
@@ -100,7 +106,10 @@ def test_noise_is_that_of_the_reference(plant: Host, seed: int) -> None:
     plant.set(["noise_std"], [1.0])
     plant.fmu.setInteger([plant.references["seed"]], [seed])
     plant.initialize()
-    strain = evaluate(MODEL, FlightCondition(6.0, START.angle_of_attack, 0.0, 20e3)).strain
+    strain = evaluate(
+        MODEL,
+        FlightCondition(mach_number=6.0, angle_of_attack=START.angle_of_attack, sideslip_angle=0.0, altitude=20e3),
+    ).strain
     for sample in range(20):
         # Strains of 1e-5 beside noise of 1: what is left of the sum's round-off.
         np.testing.assert_allclose(plant.get(STRAINS), strain + gauge_noise(seed, sample, N_GAUGES), atol=1e-15)
@@ -147,8 +156,8 @@ def test_faults(plant: Host) -> None:
     plant.fmu.doStep(2 * STEP, STEP)
     later = plant.get(STRAINS)
     noise = MODEL.noise_std * (gauge_noise(1, 3, N_GAUGES) - gauge_noise(1, 2, N_GAUGES))
-    wanted = [healthy[1] + noise[1] + 1e-3, healthy[2] + noise[2] + 0.5 * STEP, 2e-3, before[4]]
-    np.testing.assert_allclose(later[1:5], wanted, rtol=1e-12)
+    expected = [healthy[1] + noise[1] + 1e-3, healthy[2] + noise[2] + 0.5 * STEP, 2e-3, before[4]]
+    np.testing.assert_allclose(later[1:5], expected, rtol=1e-12)
     for gauge in range(1, 6):
         set_fault(plant, gauge, GaugeFault.NONE)
     np.testing.assert_allclose(plant.get(STRAINS), healthy + noise, rtol=1e-12)
@@ -162,7 +171,12 @@ def test_motion_is_that_of_the_equations(flying: Host) -> None:
 
     def rates(_: float, state: np.ndarray) -> list[float]:
         angle, rate = state
-        point = evaluate(MODEL, FlightCondition(START.mach_number, angle, 0.0, START.altitude))
+        point = evaluate(
+            MODEL,
+            FlightCondition(
+                mach_number=START.mach_number, angle_of_attack=angle, sideslip_angle=0.0, altitude=START.altitude
+            ),
+        )
         scale = point.dynamic_pressure * MODEL.reference_area
         damping = START.pitch_damping * rate * MODEL.reference_length / (2.0 * speed)
         pitching = scale * MODEL.reference_length * (point.coefficients[3] + damping) + moment

@@ -1,7 +1,7 @@
 """The native plant outside its envelope: a step is discarded, the plant wants to end, an importer ends with it.
 
-FMI 2.0.5, 4.2.2: after fmi2Discard, fmi2GetBooleanStatus tells by fmi2Terminated that the slave wants to end, and
-fmi2GetRealStatus by fmi2LastSuccessfulTime until when it came.
+FMI 2.0.5, 4.2.2: after fmi2Discard, fmi2GetBooleanStatus reports by fmi2Terminated that the slave wants to end,
+and fmi2GetRealStatus by fmi2LastSuccessfulTime until when it came.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from strainfmu.interface.plant_variables import FlightStart, Motion
 
 pytestmark = pytest.mark.fast
 
-START = FlightStart(6.0, 20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
+START = FlightStart(mach_number=6.0, altitude=20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
 STEP = 0.01
 MOMENT = 1e7
 """[N m]: turns the vehicle out of its envelope within a second."""
@@ -36,7 +36,7 @@ def fmus(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) ->
     folder = tmp_path_factory.mktemp("plants")
     made = {motion: folder / f"{motion.name}.fmu" for motion in (Motion.INPUTS, Motion.SHORT_PERIOD)}
     for motion, path in made.items():
-        export_native_plant(synthetic.flight_model, path, motion, START)
+        export_native_plant(flight_model_path=synthetic.flight_model, fmu_path=path, motion=motion, start=START)
     return made
 
 
@@ -123,7 +123,7 @@ def test_fmpy_ends_by_itself(fmus: dict[Motion, Path], motion: Motion, capsys: p
     assert capsys.readouterr().out.count("outside the envelope") == 1
 
 
-def test_the_own_master_tells_of_it(fmus: dict[Motion, Path]) -> None:
+def test_the_own_master_reports_it(fmus: dict[Motion, Path]) -> None:
     system = System({"plant": fmus[Motion.SHORT_PERIOD]}, (), {"plant.control_moment": MOMENT})
     with pytest.raises(StrainfmuError, match=r"fmi2DoStep returned fmi2Discard at time .* outside the envelope"):
         simulate(system, 10.0, STEP)

@@ -25,10 +25,16 @@ from strainfmu.fmu.plant_export import export_native_plant, export_schedule
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion
 
-START = FlightStart(6.0, 20e3)
+START = FlightStart(mach_number=6.0, altitude=20e3)
 SIGNALS = [
-    ScheduledSignal(Variable("a", "one", "output", unit="rad"), (0.0, 0.1, 0.3), (1.0, 2.0, 3.0)),
-    ScheduledSignal(Variable("b", "two", "output", "discrete", "Integer"), (0.0, 0.2), (4.0, -5.0)),
+    ScheduledSignal(
+        Variable(name="a", description="one", causality="output", unit="rad"), (0.0, 0.1, 0.3), (1.0, 2.0, 3.0)
+    ),
+    ScheduledSignal(
+        Variable(name="b", description="two", causality="output", variability="discrete", fmi_type="Integer"),
+        (0.0, 0.2),
+        (4.0, -5.0),
+    ),
 ]
 
 
@@ -37,7 +43,13 @@ def make(synthetic: SyntheticFiles, folder: Path) -> dict[str, Path]:
     fmus = {name: folder / f"{name}.fmu" for name in ("inputs", "trajectory", "short_period", "schedule")}
     for motion in Motion:
         trajectory = synthetic.trajectory if motion is Motion.TRAJECTORY else None
-        export_native_plant(synthetic.flight_model, fmus[motion.name.lower()], motion, START, trajectory)
+        export_native_plant(
+            flight_model_path=synthetic.flight_model,
+            fmu_path=fmus[motion.name.lower()],
+            motion=motion,
+            start=START,
+            trajectory_path=trajectory,
+        )
     export_schedule(SIGNALS, fmus["schedule"])
     return fmus
 
@@ -95,7 +107,7 @@ def test_schedule_jumps_at_its_times(fmus: dict[str, Path], tmp_path: Path) -> N
 
 
 def test_schedules_that_cannot_be() -> None:
-    variable = Variable("a", "one", "output")
+    variable = Variable(name="a", description="one", causality="output")
     for times, values in (((), ()), ((0.0, 0.0), (1.0, 2.0)), ((0.0,), (1.0, 2.0)), ((0.0,), (np.nan,))):
         with pytest.raises(InputError, match="schedule"):
             ScheduledSignal(variable, times, values)
@@ -104,7 +116,13 @@ def test_schedules_that_cannot_be() -> None:
 def test_a_trajectory_for_the_motion_on_one_only(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     for motion, trajectory in ((Motion.TRAJECTORY, None), (Motion.INPUTS, synthetic.trajectory)):
         with pytest.raises(InputError, match="trajectory"):
-            export_native_plant(synthetic.flight_model, tmp_path / "x.fmu", motion, START, trajectory)
+            export_native_plant(
+                flight_model_path=synthetic.flight_model,
+                fmu_path=tmp_path / "x.fmu",
+                motion=motion,
+                start=START,
+                trajectory_path=trajectory,
+            )
 
 
 def cut(content: bytes) -> bytes:

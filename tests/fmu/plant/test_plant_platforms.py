@@ -48,8 +48,14 @@ def models(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) 
     fmus = export_flight(load_scenario(files.scenario), folder / "fmus")
     del fmus["estimator"]
     fmus["trajectory"] = folder / "trajectory.fmu"
-    start = FlightStart(6.0, 20e3)
-    export_native_plant(synthetic.flight_model, fmus["trajectory"], Motion.TRAJECTORY, start, synthetic.trajectory)
+    start = FlightStart(mach_number=6.0, altitude=20e3)
+    export_native_plant(
+        flight_model_path=synthetic.flight_model,
+        fmu_path=fmus["trajectory"],
+        motion=Motion.TRAJECTORY,
+        start=start,
+        trajectory_path=synthetic.trajectory,
+    )
     made = {}
     for name, path in fmus.items():
         fmpy.extract(str(path), str(folder / name))

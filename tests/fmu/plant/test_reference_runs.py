@@ -27,12 +27,24 @@ from strainfmu.fmu.plant_reference import covering_step, plant_reference
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
-START = FlightStart(6.0, 20e3, angle_of_attack=0.05)
+START = FlightStart(mach_number=6.0, altitude=20e3, angle_of_attack=0.05)
 KINDS = ("inputs", "trajectory", "short_period", "python", "autopilot", "schedule")
 SIGNALS = [
-    ScheduledSignal(Variable("angle", "one", "output", unit="rad"), (0.0, 1.0, 7.5), (0.1, 0.2, -0.3)),
-    ScheduledSignal(Variable("kind", "two", "output", "discrete", "Integer"), (0.0, 4.0), (0.0, 5.0)),
-    ScheduledSignal(Variable("used", "three", "output", "discrete", "Boolean"), (2.0, 3.0), (1.0, 0.0)),
+    ScheduledSignal(
+        Variable(name="angle", description="one", causality="output", unit="rad"),
+        (0.0, 1.0, 7.5),
+        (0.1, 0.2, -0.3),
+    ),
+    ScheduledSignal(
+        Variable(name="kind", description="two", causality="output", variability="discrete", fmi_type="Integer"),
+        (0.0, 4.0),
+        (0.0, 5.0),
+    ),
+    ScheduledSignal(
+        Variable(name="used", description="three", causality="output", variability="discrete", fmi_type="Boolean"),
+        (2.0, 3.0),
+        (1.0, 0.0),
+    ),
 ]
 
 
@@ -44,8 +56,22 @@ def references(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFacto
     vehicle = folder / "flight_model.h5"
     fmus = {name: folder / f"{name}.fmu" for name in KINDS}
     for motion in (Motion.INPUTS, Motion.SHORT_PERIOD):
-        export_native_plant(vehicle, fmus[motion.name.lower()], motion, START, None, None, 7)
-    export_native_plant(synthetic.flight_model, fmus["trajectory"], Motion.TRAJECTORY, START, synthetic.trajectory)
+        export_native_plant(
+            flight_model_path=vehicle,
+            fmu_path=fmus[motion.name.lower()],
+            motion=motion,
+            start=START,
+            trajectory_path=None,
+            platforms=None,
+            seed=7,
+        )
+    export_native_plant(
+        flight_model_path=synthetic.flight_model,
+        fmu_path=fmus["trajectory"],
+        motion=Motion.TRAJECTORY,
+        start=START,
+        trajectory_path=synthetic.trajectory,
+    )
     fmus["python"] = synthetic.plant
     export_autopilot(vehicle, fmus["autopilot"], START)
     export_schedule(SIGNALS, fmus["schedule"])
@@ -57,8 +83,8 @@ def test_importers_repeat_the_run(references: dict[str, Path], tmp_path: Path, k
     """Each FMU gives what numpy gave, to the 6 digits of the file; the folder is that of the rules."""
     results = write_crosscheck(references[kind], tmp_path)
     model = next(path.stem for path in tmp_path.glob("*.fmu"))
-    wanted = {f"{model}{end}" for end in (".fmu", "_in.csv", "_ref.csv", "_ref.opt")}
-    assert {path.name for path in tmp_path.iterdir()} == {*wanted, "Readme.txt"}
+    expected = {f"{model}{end}" for end in (".fmu", "_in.csv", "_ref.csv", "_ref.opt")}
+    assert {path.name for path in tmp_path.iterdir()} == {*expected, "Readme.txt"}
     outcomes = {result.importer.split()[0]: result for result in results}
     assert outcomes["FMPy"].outcome == "passed", outcomes["FMPy"].line
     assert all(result.outcome != "failed" for result in results), [result.line for result in results]
@@ -103,12 +129,15 @@ def test_a_run_ends_with_the_envelope() -> None:
     unstable = replace(model, coefficient_table=model.coefficient_table * np.array([1.0, 1.0, -1.0]))
     for vehicle, degrees, rows in ((model, 3.0, 21), (unstable, 11.7, 11)):
         start = replace(START, angle_of_attack=np.radians(degrees), mass=1e6)
-        run = plant_reference(Plant(vehicle, Motion.SHORT_PERIOD, start)).run
+        run = plant_reference(Plant(model=vehicle, motion=Motion.SHORT_PERIOD, start=start)).run
         assert run is not None
         assert len(run.time) == len(run.inputs["control_moment"]) == len(run.outputs["C_N"]) == rows
         incidence = np.hypot(run.outputs["angle_of_attack"], run.inputs["sideslip_angle"])
         assert incidence.max() < np.radians(12.0)
-    assert plant_reference(Plant(model, Motion.SHORT_PERIOD, replace(START, mach_number=9.0))).run is None
+    assert (
+        plant_reference(Plant(model=model, motion=Motion.SHORT_PERIOD, start=replace(START, mach_number=9.0))).run
+        is None
+    )
 
 
 def test_an_fmu_without_a_run_says_so(tmp_path: Path) -> None:
@@ -116,7 +145,10 @@ def test_an_fmu_without_a_run_says_so(tmp_path: Path) -> None:
     path = tmp_path / "outside.fmu"
     # Nearly without inertia it turns out of the envelope within the first step.
     export_native_plant(
-        tmp_path / "flight_model.h5", path, Motion.SHORT_PERIOD, replace(START, pitch_inertia=1e-3)
+        flight_model_path=tmp_path / "flight_model.h5",
+        fmu_path=path,
+        motion=Motion.SHORT_PERIOD,
+        start=replace(START, pitch_inertia=1e-3),
     )
     with pytest.raises(InputError, match="holds no reference run"):
         write_crosscheck(path, tmp_path / "none")
@@ -129,8 +161,23 @@ def test_the_law_places_its_poles() -> None:
     scale = 1.4e5 * design.reference_area
     angle, rate, command = 0.05, 0.03, 0.08
     # C_N = 3 a of the slender vehicle; M_P = -0.2 a.
-    sample = AutopilotSample(command, 3.0 * angle, -0.2 * angle, 0.0, 1.0, 0, 1.4e5, rate)
-    state = next_state(design, settings, AutopilotState((True,) * model.n_gauges), sample, 0.0)
+    sample = AutopilotSample(
+        commanded_angle_of_attack=command,
+        C_N=3.0 * angle,
+        M_P=-0.2 * angle,
+        chi_square=0.0,
+        chi_square_limit=1.0,
+        suspect_gauge=0,
+        dynamic_pressure=1.4e5,
+        pitch_rate=rate,
+    )
+    state = next_state(
+        design=design,
+        settings=settings,
+        state=AutopilotState(valid=(True,) * model.n_gauges),
+        sample=sample,
+        time=0.0,
+    )
     lift_rate = scale / (design.mass * design.speed) * 3.0
     angle_rate = rate - lift_rate * angle
     pitching = state.control_moment + scale * design.reference_length * -0.2 * angle
@@ -151,7 +198,7 @@ def test_steps_are_round_and_cover(span: float, n: int, step: float) -> None:
 def test_frozen_is_among_the_faults(synthetic: SyntheticFiles) -> None:
     """The gauge goes on reading what it read one row before the onset."""
     model, trajectory = load_flight_model(synthetic.flight_model), load_trajectory(synthetic.trajectory)
-    run = plant_reference(Plant(model, Motion.TRAJECTORY, START, trajectory)).run
+    run = plant_reference(Plant(model=model, motion=Motion.TRAJECTORY, start=START, trajectory=trajectory)).run
     assert run is not None
     onset = int(np.argmax(run.inputs["fault_kind[4]"] == float(GaugeFault.FROZEN)))
     assert set(run.outputs["strain[4]"][onset + 1 : onset + 5]) == {run.outputs["strain[4]"][onset - 1]}
