@@ -73,7 +73,7 @@ def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
     return [
         *valid_ranges(inverse_map),
-        *(ValidRange(quantity=name, least=low, greatest=high, unit="1") for name, (low, high) in coefficients),
+        *(ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in coefficients),
     ]
 
 
