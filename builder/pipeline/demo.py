@@ -94,7 +94,9 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     score = score_flight(recording)
     _figures(pipeline, recording)
     _summary(pipeline, score)
-    return DemoResult(vehicle.name, folder, pipeline.files, tuple(pipeline.reused), score)
+    return DemoResult(
+        vehicle=vehicle.name, folder=folder, files=pipeline.files, reused=tuple(pipeline.reused), score=score
+    )
 
 
 def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Reporter) -> None:
@@ -122,7 +124,13 @@ def _flight_model(pipeline: Pipeline) -> None:
         engine, title = truth_engine(vehicle), "Flow: the vehicle that flies"
         with Journal(path) as journal:
             flows, _ = complete_flows(
-                engine, truth_keys(vehicle), journal, {}, Scheduling(), pipeline.reporter, title
+                engine=engine,
+                keys=truth_keys(vehicle),
+                journal=journal,
+                known={},
+                scheduling=Scheduling(),
+                reporter=pipeline.reporter,
+                title=title,
             )
             save_flight_model(_assembled(flows), path)
             journal.remove()

@@ -104,7 +104,7 @@ def picture(figure: Figure, caption: str, alternative: str, kind: Literal["png",
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
         figure.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)
-    return Picture(stream.getvalue(), kind, caption, alternative)
+    return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative)
 
 
 def write_page(page: Page, path: Path) -> None:

@@ -78,7 +78,12 @@ def make_table(name: str, caption: str, columns: Sequence[Column], rows: Sequenc
     ValueError
         A row has more or fewer cells than there are columns.
     """
-    return Table(name, caption, tuple(columns), tuple(tuple(_plain(cell) for cell in row) for row in rows))
+    return Table(
+        name=name,
+        caption=caption,
+        columns=tuple(columns),
+        rows=tuple(tuple(_plain(cell) for cell in row) for row in rows),
+    )
 
 
 def records_table(

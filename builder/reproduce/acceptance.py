@@ -1,4 +1,4 @@
-"""What counts as having reproduced the source, and whether it holds."""
+"""The criteria of the reproduction, and whether each holds."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Criterion:
 
     Attributes
     ----------
-    text : what is asked.
-    key : the number it is asked of (:data:`builder.reproduce.published.PUBLISHED`).
-    holds : of our number.
+    text : the criterion in words.
+    key : the number that it applies to (:data:`builder.reproduce.published.PUBLISHED`).
+    holds : whether our number fulfils it.
     """
 
     text: str
@@ -29,8 +29,8 @@ class Criterion:
 
 
 def _within_factor(key: str, factor: float) -> Callable[[Found], bool]:
-    wanted = PUBLISHED[key].low or 0.0
-    return lambda one: wanted / factor <= one.low <= wanted * factor
+    published = PUBLISHED[key].low or 0.0
+    return lambda one: published / factor <= one.low <= published * factor
 
 
 CRITERIA = (
@@ -62,7 +62,7 @@ class Verdict:
 
 
 def verdicts(studies: Studies) -> list[Verdict]:
-    """Return all criteria; that of K1/K2 is asked of any documented reading of the gauges' rows."""
+    """Return all criteria; that of K1/K2 holds if any documented reading of the gauges' rows fulfils it."""
     rows = []
     for criterion in CRITERIA:
         ours = {key: found(studies, key, criterion.key) for key in TITLES}
@@ -78,12 +78,12 @@ def verdicts(studies: Studies) -> list[Verdict]:
 
 
 def _of_ratio(studies: Studies) -> Verdict:
-    wanted = PUBLISHED["k_ratio"].low or 0.0
+    published = PUBLISHED["k_ratio"].low or 0.0
     ours, holds = {}, {}
     for key in TITLES:
         model = TETRAHEDRA if key == "paper_like" else HEXAHEDRA
         ratios = [row.ratio for row in studies.measured.readings if row.model == model]
-        inside = [one for one in ratios if abs(one / wanted - 1.0) <= 0.2]
+        inside = [one for one in ratios if abs(one / published - 1.0) <= 0.2]
         ours[key] = f"{len(inside)} of {len(ratios)} readings: " + ", ".join(f"{one:.2f}" for one in inside)
         holds[key] = bool(inside)
     return Verdict("K1/K2 within 20 % of 1.87 for at least one documented reading", ours, holds)

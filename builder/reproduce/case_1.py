@@ -1,6 +1,6 @@
 """Case 1 of the source: five POD coefficients by least squares, over noisy samples of many flight conditions.
 
-Errors of whole fields follow from errors of coefficients: with V orthonormal in the norm that is used,
+Errors of whole fields follow from errors of coefficients: with V orthonormal in the norm in use,
 |p_hat - p|^2 = |q_hat - q|^2 + |p - p_mean - V q|^2, so no field is formed per sample.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
-from builder.inverse.pod import PressureModes, proper_orthogonal_decomposition
+from builder.inverse.pod import PressureModes, modal_coefficients, proper_orthogonal_decomposition
 from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDITION, MODES, P1, SEED
 from builder.reproduce.setups import Pressures, SetUp
 from strainfmu.arrays import FloatArray
@@ -21,21 +21,21 @@ PUBLISHED_STRAIN = 1e-4
 """Strain per gauge [m/m] in the source's |d| = 100 sqrt(n_d), taken as um/m."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Case1Study:
     """One configuration in one set-up.
 
     Attributes
     ----------
-    energy : (k,) share of the energy of P1 in the first 1, 2, .. modes.
-    relative_condition : K, in the source's scaling.
+    energy : (k,) fraction of the energy of P1 in the first 1, 2, .. modes.
+    relative_condition : K in the source's scaling.
     scaling : of K, in words.
     pod_error : (n, r) normalised difference of coefficients of every sample (eq. of e_POD) [1].
     pod_bound : (r,) 3 sigma of the same from the covariance of the noise alone [1].
-    covered : (r,) share of the samples within that bound.
+    covered : (r,) fraction of the samples within that bound.
     field_error : (n,) relative error of the pressure field of every sample [1].
     noise_free_error : (N,) the same without noise, per condition [1].
-    truncation : (N,) of it that five modes cannot represent [1].
+    truncation : (N,) its part that five modes cannot represent [1].
     coefficient_error : (n, 5) normalised difference of C_A, C_N, C_Y, M_P, M_Y [1].
     """
 
@@ -51,15 +51,15 @@ class Case1Study:
     coefficient_error: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Case1Map:
     """A least-squares map of one configuration.
 
     Attributes
     ----------
-    modes : POD of the snapshots it is made of.
+    modes : POD of its snapshots.
     solved : the map.
-    data_operator : (n_d, n_p) Z_p that gives the data [1/Pa].
+    data_operator : (n_d, n_p) Z_p of the data [1/Pa].
     sigma : of the noise [m/m].
     """
 
@@ -75,10 +75,7 @@ class Case1Map:
 
     def coefficients(self, pressure: FloatArray) -> FloatArray:
         """Return the first r POD coefficients (.., r) [Pa] of pressures (.., n_p) [Pa]."""
-        weights = self.modes.weights
-        centred = pressure - self.modes.mean
-        found: FloatArray = (centred if weights is None else centred * weights) @ self.basis
-        return found
+        return modal_coefficients(pressure, self.modes.mean, self.basis, self.modes.weights)
 
 
 def pod_of(snapshots: FloatArray, weights: FloatArray | None) -> PressureModes:
@@ -96,7 +93,7 @@ def case_1_map(modes: PressureModes, setup: SetUp, names: list[str], internal: f
         noise,
         modes.coefficient_std()[:MODES],
     )
-    return Case1Map(modes, solved, setup.data.of(names), setup.sigma)
+    return Case1Map(modes=modes, solved=solved, data_operator=setup.data.of(names), sigma=setup.sigma)
 
 
 def study_case_1(
@@ -116,7 +113,7 @@ def study_case_1(
     bound = 3.0 * np.sqrt(np.diag(solved.state_covariance)) / spread
     weights = 1.0 if modes.weights is None else modes.weights
     size = np.sum(weights * tested**2, axis=1)
-    # What is left by the projection, not the difference of two squares: that would lose digits.
+    # The remainder of the projection, not a difference of two squares, which would lose digits.
     left = tested - modes.mean - true @ of.basis.T
     truncated = np.sum(weights * left**2, axis=1)
     square = np.sum(difference.reshape(len(tested), draws, MODES) ** 2, axis=2) + truncated[:, None]
@@ -124,7 +121,10 @@ def study_case_1(
     exact = np.sum((without_noise - true) ** 2, axis=1) + truncated
     n_gauges, std = len(of.data_operator), modes.coefficient_std()[:MODES]
     relative = relative_condition(
-        solved.state_operator, PUBLISHED_STRAIN * np.sqrt(n_gauges), 1.0, float(np.linalg.norm(std))
+        solved.state_operator,
+        strain_norm=PUBLISHED_STRAIN * np.sqrt(n_gauges),
+        state_norm=1.0,
+        state_scale=float(np.linalg.norm(std)),
     )
     return Case1Study(
         energy=modes.energy[: 4 * MODES],
@@ -167,16 +167,16 @@ def _coefficient_error(
     return np.asarray(error.reshape(-1, error.shape[-1]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FieldExample:
-    """A field, what came out of noisy strain, and how far off.
+    """A field, its estimate from noisy strain, and the errors.
 
     Attributes
     ----------
     reference, estimate : (n_p,) [Pa]; the estimate is that of median error among the draws.
-    projection : (n_p,) the reference on the modes that are kept [Pa], or the estimate's own basis in Case 1.
+    projection : (n_p,) the reference on the kept modes [Pa]; in Case 1 on the basis of the estimate.
     errors : (n,) relative error of each draw [1].
-    shown : that of ``estimate``.
+    shown : error of ``estimate`` [1].
     """
 
     reference: FloatArray
@@ -200,5 +200,9 @@ def field_example(
     errors = np.sqrt((np.sum((estimate - true) ** 2, axis=1) + truncated) / size)
     middle = int(np.argsort(errors)[len(errors) // 2])
     return FieldExample(
-        tested, modes.mean + of.basis @ estimate[middle], projection, errors, float(errors[middle])
+        reference=tested,
+        estimate=modes.mean + of.basis @ estimate[middle],
+        projection=projection,
+        errors=errors,
+        shown=float(errors[middle]),
     )

@@ -1,4 +1,4 @@
-"""Case 2 of the source: the whole field with the snapshots of P2 as prior, its modes, gamma, three examples."""
+"""Case 2 of the source: the whole field with the snapshots of P2 as prior; modes, gamma and three examples."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 
 @dataclass(frozen=True)
 class LoadReading:
-    """How coefficients are taken from a field; the source does not say.
+    """A way to take coefficients from a field; the source does not state one.
 
     Attributes
     ----------
     name : in words.
-    moment_station : of the moments [m from the nose tip].
+    moment_station : reference point of the moments [m from the nose tip].
     absolute : whether p itself is integrated over the open surface, or p - p_internal.
     """
 
@@ -40,7 +40,7 @@ class LoadReading:
 
 
 LITERAL = LoadReading("p over the open fore-body, moments about the nose tip", 0.0, True)
-"""The source's words: f = C_map p, q_coeff = G f, and no pressure inside; the moment point is not given."""
+"""The source's words: f = C_map p, q_coeff = G f, without internal pressure. The moment point is not given."""
 
 
 def load_readings(moment_station: float) -> tuple[LoadReading, ...]:
@@ -54,7 +54,7 @@ def load_readings(moment_station: float) -> tuple[LoadReading, ...]:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Case2Map:
     """The map of one layout in one set-up.
 
@@ -63,7 +63,7 @@ class Case2Map:
     prior : of the snapshots.
     spectrum : of the whitened Z_p F.
     state_operator, mean_strain : (n_d, N) Z_p F [1], (n_d,) [m/m].
-    data_operator : (n_d, n_p) Z_p that gives the data [1/Pa].
+    data_operator : (n_d, n_p) Z_p of the data [1/Pa].
     sigma : of the noise [m/m].
     internal : pressure inside [Pa].
     """
@@ -79,7 +79,13 @@ class Case2Map:
     def at(self, gamma: float) -> GaussianMap:
         """Return the map with ``gamma``."""
         noise = self.sigma**2 * np.eye(len(self.data_operator))
-        return gaussian_map(self.state_operator, self.mean_strain, noise, gamma, self.spectrum)
+        return gaussian_map(
+            state_operator=self.state_operator,
+            mean_strain=self.mean_strain,
+            noise_covariance=noise,
+            regularisation=gamma,
+            spectrum=self.spectrum,
+        )
 
     def modes_above(self, gamma: float) -> int:
         """Return how many eigenvalues are at least ``gamma``."""
@@ -92,16 +98,24 @@ def case_2_map(prior: LowRankPrior, setup: SetUp, names: list[str], internal: fl
     state_operator = operator @ prior.factor
     spectrum = whitened_spectrum(state_operator, setup.sigma**2 * np.eye(len(names)))
     mean_strain = operator @ (prior.mean - internal)
-    return Case2Map(prior, spectrum, state_operator, mean_strain, setup.data.of(names), setup.sigma, internal)
+    return Case2Map(
+        prior=prior,
+        spectrum=spectrum,
+        state_operator=state_operator,
+        mean_strain=mean_strain,
+        data_operator=setup.data.of(names),
+        sigma=setup.sigma,
+        internal=internal,
+    )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GammaStudy:
     """gamma by each rule.
 
     Attributes
     ----------
-    by_rule : over an ensemble of noisy strains; ``"morozov, expected"`` on what prior and noise lead to expect,
+    by_rule : over an ensemble of noisy strains; ``"morozov, expected"`` on the data expected from prior and noise,
         ``"morozov, M5 a6 b6"`` on draws of that flight alone; NaN where a rule finds none.
     eigenvalues : (k,) of the prior-preconditioned Hessian, falling.
     """
@@ -118,7 +132,7 @@ def study_gamma(of: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: in
     of : the map.
     ensemble : (n, n_d) strains of many flights, without noise [m/m].
     flight : (n_d,) strains of M5 a6 b6 [m/m].
-    seed : of the noise, 50 draws of which are added to each flight of the ensemble, 100 to the one.
+    seed : of the noise; each flight of the ensemble gets 50 draws, ``flight`` gets 100.
     """
     random = np.random.default_rng(seed)
 
@@ -130,7 +144,7 @@ def study_gamma(of: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: in
     found: dict[str, float] = {rule: _gamma(rule, data) for rule in RULES}
     found["morozov, expected"] = _gamma("morozov", expected_data(of.spectrum))
     found["morozov, M5 a6 b6"] = _gamma("morozov", noisy(flight, DRAWS))
-    return GammaStudy(found, of.spectrum.eigenvalues)
+    return GammaStudy(by_rule=found, eigenvalues=of.spectrum.eigenvalues)
 
 
 def _gamma(rule: Rule, data: DataSpectrum) -> float:
@@ -147,18 +161,18 @@ def drawn_modes(of: Case2Map) -> FloatArray:
     return unit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FieldStudy(FieldExample):
     """One flight condition, estimated from many draws of noise or from none.
 
     Attributes
     ----------
     load_error : (n, 5, n_readings) relative error of each coefficient of each draw, by each load reading [1].
-    odd_share : (2,) share of |p| that is odd both in y and in z: of the reference, of the estimate's error.
+    odd_fraction : (2,) fraction of |p| that is odd both in y and in z: of the reference, of the estimate's error.
     """
 
     load_error: FloatArray
-    odd_share: FloatArray
+    odd_fraction: FloatArray
 
 
 def study_field(
@@ -183,7 +197,7 @@ def study_field(
     middle = int(np.argsort(relative)[len(relative) // 2])
     kept = max(1, of.modes_above(gamma))
     projection = project_on_modes(tested, of.prior.mean, data_informed_modes(of.prior, of.spectrum, kept))
-    shares = [odd_part(field, grid) for field in (tested, error[middle])]
+    odd_parts = [odd_part(field, grid) for field in (tested, error[middle])]
     return FieldStudy(
         reference=tested,
         estimate=tested + error[middle],
@@ -191,7 +205,7 @@ def study_field(
         errors=relative,
         shown=float(relative[middle]),
         load_error=np.stack([_load_errors(error, tested, of.internal, grid, one) for one in readings], axis=-1),
-        odd_share=np.array([np.linalg.norm(odd) for odd in shares]) / np.linalg.norm(tested),
+        odd_fraction=np.array([np.linalg.norm(odd) for odd in odd_parts]) / np.linalg.norm(tested),
     )
 
 

@@ -1,4 +1,4 @@
-"""What the differences from the source come from, measured one cause at a time."""
+"""Measurements of the causes behind the differences from the source, one cause at a time."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 SMOOTH_DEGREE = 6
-"""Of the pressures in x by which symmetry classes are told apart."""
+"""Degree in x of the pressures that resolve the symmetry classes."""
 
 EXAMPLE = list(EXAMPLES).index("m5_a6_b6")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReadingRow:
-    """What one reading of the layout gives with one model.
+    """The result of one reading of the layout with one model.
 
     Attributes
     ----------
@@ -57,7 +57,9 @@ def relative_condition_of(model: StrainModel, modes: PressureModes, names: list[
     """Return K of the gauges ``names`` in the source's scaling (|d| = 100 um/m per gauge, q of unit rms norm)."""
     z = model.of(names) @ modes.modes[:, :MODES]
     scale = float(np.linalg.norm(modes.coefficient_std()[:MODES]))
-    return relative_condition(z, PUBLISHED_STRAIN * np.sqrt(len(names)), 1.0, scale).value
+    return relative_condition(
+        z, strain_norm=PUBLISHED_STRAIN * np.sqrt(len(names)), state_norm=1.0, state_scale=scale
+    ).value
 
 
 def reading_rows(models: Mapping[str, StrainModel], pressures: Pressures) -> list[ReadingRow]:
@@ -66,14 +68,22 @@ def reading_rows(models: Mapping[str, StrainModel], pressures: Pressures) -> lis
     rows = []
     for model in models.values():
         sigma = noise_sigma(model, pressures.p1 - pressures.internal)
-        setup = SetUp(model.name, model, model, sigma)
+        setup = SetUp(key=model.name, inversion=model, data=model, sigma=sigma)
         for reading in READINGS:
             names = [reading.configuration(number) for number in (1, 2)]
             k = [relative_condition_of(model, euclidean, one) for one in names]
             by_area = [relative_condition_of(model, area, one) for one in names]
             medians = [_median(euclidean, setup, one, pressures) for one in names]
             rows.append(
-                ReadingRow(model.name, reading.name, k[0], k[1], by_area[0] / by_area[1], medians[0], medians[1])
+                ReadingRow(
+                    model=model.name,
+                    reading=reading.name,
+                    k_1=k[0],
+                    k_2=k[1],
+                    area_ratio=by_area[0] / by_area[1],
+                    median_1=medians[0],
+                    median_2=medians[1],
+                )
             )
     return rows
 
@@ -91,12 +101,20 @@ def span_row(span: str, model: StrainModel, pressures: Pressures, reading: Readi
     k = [relative_condition_of(model, euclidean, one) for one in names]
     by_area = [relative_condition_of(model, area, one) for one in names]
     label = f"{reading.name}, stations {span}"
-    return ReadingRow(model.name, label, k[0], k[1], by_area[0] / by_area[1], float("nan"), float("nan"))
+    return ReadingRow(
+        model=model.name,
+        reading=label,
+        k_1=k[0],
+        k_2=k[1],
+        area_ratio=by_area[0] / by_area[1],
+        median_1=float("nan"),
+        median_2=float("nan"),
+    )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HoopRow:
-    """How one model reads hoop and axial gauges, against the Fourier model over P1.
+    """Hoop and axial strains of one model against the Fourier model, over P1.
 
     Attributes
     ----------
@@ -122,15 +140,21 @@ def hoop_rows(models: Mapping[str, StrainModel], true: StrainModel, pressures: P
         found = []
         for kind in ("hoop", "axial"):
             chosen = [name for name in names if name.startswith(kind)]
-            strain, wanted = net @ model.of(chosen).T, net @ true.of(chosen).T
-            found.append((np.sum(strain * wanted) / np.sum(wanted**2), np.std(strain - wanted) / sigma))
+            strain, expected = net @ model.of(chosen).T, net @ true.of(chosen).T
+            found.append((np.sum(strain * expected) / np.sum(expected**2), np.std(strain - expected) / sigma))
         rows.append(
-            HoopRow(model.name, float(found[0][0]), float(found[1][0]), float(found[0][1]), float(found[1][1]))
+            HoopRow(
+                model=model.name,
+                hoop_gain=float(found[0][0]),
+                axial_gain=float(found[1][0]),
+                hoop_error=float(found[0][1]),
+                axial_error=float(found[1][1]),
+            )
         )
     return rows
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CrimeRow:
     """The field at M5 a6 b6 without noise, gamma 1e-6: map of one model, data of another.
 
@@ -138,8 +162,9 @@ class CrimeRow:
     ----------
     inversion, data : names of the models.
     field_error : [1].
-    odd_error : of it, odd both in y and in z [1].
-    odd_strain : |Z_p F_oo| / |Z_p F|, how much of the prior's strain its doubly odd part causes in the map [1].
+    odd_error : its part that is odd both in y and in z [1].
+    odd_strain : |Z_p F_oo| / |Z_p F|, fraction of the prior's strain in the map that its doubly odd part causes
+        [1].
     """
 
     inversion: str
@@ -156,21 +181,28 @@ def crime_rows(
     pressures: Pressures,
     grid: SurfaceGrid,
 ) -> list[CrimeRow]:
-    """Estimate the example without noise for every pair of models (map, data); the condition is in the prior."""
+    """Estimate the example without noise for every pair of models (map, data); the prior holds the condition."""
     tested, rows = pressures.examples[EXAMPLE], []
     odd_factor = odd_part(prior.factor.T, grid).T
     for inversion, data in pairs:
-        setup = SetUp(INDEPENDENT, inversion, data, noise_sigma(inversion, pressures.p1 - pressures.internal))
+        setup = SetUp(
+            key=INDEPENDENT,
+            inversion=inversion,
+            data=data,
+            sigma=noise_sigma(inversion, pressures.p1 - pressures.internal),
+        )
         of = case_2_map(prior, setup, names, pressures.internal)
         error = _noise_free_error(of, tested)
         size = float(np.linalg.norm(tested))
         rows.append(
             CrimeRow(
-                inversion.name,
-                data.name,
-                float(np.linalg.norm(error)) / size,
-                float(np.linalg.norm(odd_part(error, grid))) / size,
-                float(np.linalg.norm(inversion.of(names) @ odd_factor) / np.linalg.norm(of.state_operator)),
+                inversion=inversion.name,
+                data=data.name,
+                field_error=float(np.linalg.norm(error)) / size,
+                odd_error=float(np.linalg.norm(odd_part(error, grid))) / size,
+                odd_strain=float(
+                    np.linalg.norm(inversion.of(names) @ odd_factor) / np.linalg.norm(of.state_operator)
+                ),
             )
         )
     return rows
@@ -183,16 +215,16 @@ def _noise_free_error(of: Case2Map, tested: FloatArray) -> FloatArray:
     return error
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ClassRow:
-    """What one layout sees of one symmetry class of pressures.
+    """Response of one layout to one symmetry class of pressures.
 
     Attributes
     ----------
     model, layout, symmetry : names.
-    response : greatest strain norm per rms pressure [1/Pa].
-    rank : singular values above 1 % of the greatest of all classes.
-    prior_share : share of the prior's variance in the class [1].
+    response : maximum strain norm per rms pressure [1/Pa].
+    rank : number of singular values above 1 % of the maximum of all classes.
+    prior_fraction : fraction of the prior's variance in the class [1].
     """
 
     model: str
@@ -200,7 +232,7 @@ class ClassRow:
     symmetry: str
     response: float
     rank: int
-    prior_share: float
+    prior_fraction: float
 
 
 def class_rows(
@@ -215,35 +247,42 @@ def class_rows(
         ]
     )
     every = smooth_response(model.operator, point, area, SMOOTH_DEGREE)
-    shares = _class_shares(prior, grid)
+    fractions = _class_fractions(prior, grid)
     rows = []
     for layout, names in layouts.items():
-        seen = symmetry_responses(every.of(np.array(model.places(names))))
+        responses = symmetry_responses(every.of(np.array(model.indices(names))))
         rows += [
-            ClassRow(model.name, layout, str(one.symmetry), one.norm, one.rank, shares[str(one.symmetry)])
-            for one in seen
+            ClassRow(
+                model=model.name,
+                layout=layout,
+                symmetry=str(one.symmetry),
+                response=one.norm,
+                rank=one.rank,
+                prior_fraction=fractions[str(one.symmetry)],
+            )
+            for one in responses
         ]
     return rows
 
 
-def _class_shares(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
-    """Return the share of the prior's variance in each symmetry class."""
+def _class_fractions(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
+    """Return the fraction of the prior's variance in each symmetry class."""
     mirrors, total = grid_mirrors(grid), float(np.sum(prior.factor**2))
     parts = ((one, symmetric_part(prior.factor, mirrors, one.even_in_y, one.even_in_z)) for one in SYMMETRIES)
     return {str(one): float(np.sum(part**2)) / total for one, part in parts}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ScatterRow:
-    """The eigenvalues where every pressure of every snapshot has an error of its own.
+    """The eigenvalues when every pressure of every snapshot has an independent error.
 
     Attributes
     ----------
     model : name.
     scatter : standard deviation of that error over the pressure [1].
-    above : eigenvalues above 1e-6, the gamma of the noise-free example.
+    above : number of eigenvalues above 1e-6, the gamma of the noise-free example.
     decay : lambda_1 / lambda_8.
-    smallest : of all.
+    smallest : smallest eigenvalue.
     """
 
     model: str
@@ -256,16 +295,24 @@ class ScatterRow:
 def scatter_rows(
     model: StrainModel, names: list[str], pressures: Pressures, scatters: list[float]
 ) -> list[ScatterRow]:
-    """Return the eigenvalues of Case 2 with snapshots that scatter.
+    """Return the eigenvalues of Case 2 with scattered snapshots.
 
-    Our conditions share flows, exactly rolled; results on a mesh of its own per condition have no such relation.
+    Our conditions share flows, exactly rolled. Results on one mesh per condition have no such relation.
     """
     sigma = noise_sigma(model, pressures.p1 - pressures.internal)
-    setup, rows = SetUp(model.name, model, model, sigma), []
+    setup, rows = SetUp(key=model.name, inversion=model, data=model, sigma=sigma), []
     for scatter in scatters:
         error = np.random.default_rng(SEED).normal(size=pressures.p2.shape)
         prior = prior_of_snapshots(pressures.p2 * (1.0 + scatter * error))
         values = case_2_map(prior, setup, names, pressures.internal).spectrum.eigenvalues
         above = int(np.sum(values > NOISE_FREE_GAMMA))
-        rows.append(ScatterRow(model.name, scatter, above, float(values[0] / values[7]), float(values[-1])))
+        rows.append(
+            ScatterRow(
+                model=model.name,
+                scatter=scatter,
+                above=above,
+                decay=float(values[0] / values[7]),
+                smallest=float(values[-1]),
+            )
+        )
     return rows

@@ -1,4 +1,4 @@
-"""The comparison: every published number beside ours in three set-ups, and what a difference comes from."""
+"""The comparison: every published number beside ours in three set-ups, with the reason for a difference."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from builder.reproduce.studies import Studies
 from strainfmu.arrays import FloatArray
 
 LITERAL_READING = 0
-"""Of the loads: that of the source's words comes first."""
+"""Index of the load reading that follows the source's words."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class ParityRow:
 
     Attributes
     ----------
-    published : what the source says.
+    published : the source's number.
     ours : by set-up.
-    why : what a difference comes from, with the measurement behind it; empty where there is none to speak of.
+    why : reason for a difference, with its measurement; empty where the difference is negligible.
     """
 
     published: Published

@@ -1,6 +1,6 @@
-"""What the source computes, as far as it says so: flight conditions, numbers of samples, noise, and our sizes.
+"""The protocol of the source: flight conditions, numbers of samples, noise; and the sizes of our runs.
 
-Where the source is silent the choice stands here, with its reason.
+Where the source states nothing, the choice is here, with its reason.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from strainfmu.flight_condition import FlightCondition
 MODES = 5
 """r of Case 1."""
 
-NOISE_SHARE = 0.01
-"""sigma over the median |strain|: over P1 and Configuration 2, one for all layouts (the source names no set)."""
+NOISE_FRACTION = 0.01
+"""sigma over the median |strain| over P1 and Configuration 2, one for all layouts (the source names no set)."""
 
 DRAWS_PER_CONDITION, DRAWS = 50, 100
-"""Of noise: per condition in Case 1; for each example."""
+"""Draws of noise: per condition in Case 1; for each example."""
 
 PUBLISHED_GAMMA = 10**0.5
 NOISE_FREE_GAMMA = 1e-6
@@ -32,12 +32,14 @@ DRAWN_MODES = (1, 3, 6, 23, 53)
 SEED = 20240815
 
 COEFFICIENT_FLOOR = 0.1
-"""epsilon_k over the largest |C_k| of P1 (the source's normalised difference of coefficients)."""
+"""epsilon_k over the maximum |C_k| of P1 (the source's normalised difference of coefficients)."""
 
 
 def condition(mach: float, alpha: float, beta: float) -> FlightCondition:
     """Return M, angle of attack and of sideslip [deg] at 20 km."""
-    return FlightCondition(mach, radians(alpha), radians(beta), PUBLISHED_ALTITUDE)
+    return FlightCondition(
+        mach_number=mach, angle_of_attack=radians(alpha), sideslip_angle=radians(beta), altitude=PUBLISHED_ALTITUDE
+    )
 
 
 EXAMPLES = {
@@ -59,17 +61,17 @@ HELD_OUT = ConditionSet(
 """Between the conditions of P1 in Mach number, incidence and sideslip: none of their flows is in P1 or P2."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sizes:
-    """How finely everything is resolved.
+    """Resolution of all models of a run.
 
     Attributes
     ----------
-    scheduling : of the flows; coarse ones are solved before processes have started.
-    surface_stations, surface_roll_angles : pressure nodes, about their product.
+    scheduling : of the flows; coarse flows are solved faster than processes start.
+    surface_stations, surface_roll_angles : of the pressure nodes, about their product.
     flow_grid, held_out_grid : level of the flow's grid, of the snapshots and of the held-out flows.
     hexahedra : of the converged model.
-    tetrahedra : its hexahedra, before they are cut.
+    tetrahedra : hexahedra of the tetrahedral model, before they are cut.
     fourier_element_mm, fourier_layers, fourier_harmonics : of the independent model.
     """
 
@@ -87,17 +89,17 @@ class Sizes:
 
 
 PAPER = Sizes(
-    "paper",
-    Scheduling(),
-    504,
-    120,
-    "medium",
-    "fine",
-    RESOLUTIONS["paper"],
-    SweptResolution(0.00995, 1, 192),
-    6.0,
-    3,
-    24,
+    name="paper",
+    scheduling=Scheduling(),
+    surface_stations=504,
+    surface_roll_angles=120,
+    flow_grid="medium",
+    held_out_grid="fine",
+    hexahedra=RESOLUTIONS["paper"],
+    tetrahedra=SweptResolution(0.00995, 1, 192),
+    fourier_element_mm=6.0,
+    fourier_layers=3,
+    fourier_harmonics=24,
 )
 """60,480 pressure nodes and, of linear tetrahedra, 461,952 dofs where the source has 60,538 and 461,664.
 
@@ -106,19 +108,19 @@ through the wall of 4 mm.
 """
 
 QUICK = Sizes(
-    "quick",
-    Scheduling(workers=0),
-    120,
-    72,
-    "coarse",
-    "medium",
-    RESOLUTIONS["coarse"],
-    SweptResolution(0.020, 1, 96),
-    12.0,
-    2,
-    16,
+    name="quick",
+    scheduling=Scheduling(workers=0),
+    surface_stations=120,
+    surface_roll_angles=72,
+    flow_grid="coarse",
+    held_out_grid="medium",
+    hexahedra=RESOLUTIONS["coarse"],
+    tetrahedra=SweptResolution(0.020, 1, 96),
+    fourier_element_mm=12.0,
+    fourier_layers=2,
+    fourier_harmonics=16,
 )
-"""The same protocol on coarse grids: for trying out, not for numbers."""
+"""The same protocol on coarse grids: a quick run, whose numbers are not converged."""
 
 
 def sized(vehicle: Vehicle, sizes: Sizes) -> Vehicle:

@@ -1,8 +1,8 @@
-"""Where the strain gauges are: what the source's text leaves open, reading by reading.
+"""Readings of the gauge layout: the positions that the source's text leaves open.
 
 The text gives nine gauges a row, 18 axial and 9 hoop in Configuration 1 and their mirror images in 2.
-That closes if two rows of places, one in the xz-plane and one in the xy-plane, hold axial gauges and one of them
-hoop gauges as well. Which sides, which row, and where the rows begin and end is to be seen in a figure only.
+That is consistent if two rows, one in the xz-plane and one in the xy-plane, hold axial gauges and one of them hoop
+gauges as well. Which sides, which row, and where the rows begin and end is shown in a figure only.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Reading:
     ----------
     z_row, y_row : roll angle [deg] of Configuration 1's row in the xz- and in the xy-plane; 180 and 90 are
         windward at positive angle of attack and sideslip.
-    hoop : which of them holds the hoop gauges, "z" or "y".
+    hoop : row that holds the hoop gauges, "z" or "y".
     """
 
     z_row: int
@@ -49,13 +49,13 @@ class Reading:
 
 
 READINGS = tuple(Reading(z, y, hoop) for hoop in ("z", "y") for z in (180, 0) for y in (90, 270))
-"""All eight."""
+"""All eight readings."""
 
 SHIPPED = Reading(180, 90, "z")
-"""That of the shipped vehicle file."""
+"""The reading of the shipped vehicle file."""
 
 OTHER = Reading(180, 90, "y")
-"""The same places, the hoop gauges on the row in the xy-plane."""
+"""The same positions, with the hoop gauges on the row in the xy-plane."""
 
 SPANS = {"0.35 to 3.30 m (shipped)": (0.35, 3.30), "0.20 to 3.40 m": (0.20, 3.40), "0.50 to 3.20 m": (0.50, 3.20)}
 """First and last station of the rows, which the source does not give."""
@@ -66,7 +66,7 @@ def _row(kind: str, roll: int) -> list[str]:
 
 
 def gauges_of_45(vehicle: Vehicle) -> list[str]:
-    """Return the names of the layout "45": axial rows as published, the hoop gauges between the planes."""
+    """Return the names of the layout "45": axial rows as published, hoop gauges between the planes."""
     rows = vehicle.gauges.layouts["configuration_45"].rows or []
     return [
         f"{kind}_{row.roll_angle_deg:g}deg_{i}"

@@ -1,4 +1,4 @@
-"""Why a number of ours differs from the published one: sentences made of measurements, not of opinions."""
+"""Reasons for the differences from published numbers, each a sentence with its measurement."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _percent(values: np.ndarray) -> str:
 def _energy(studies: Studies) -> str:
     first = studies.case_1[f"{SAME_MESH}-2"]
     return (
-        f"Euclidean inner product over our nodes; four modes hold {100.0 * first.energy[3]:.2f} %, six "
+        f"Euclidean inner product over our nodes. Four modes hold {100.0 * first.energy[3]:.2f} %, six "
         f"{100.0 * first.energy[5]:.2f} %. Another body and another Euler solver."
     )
 
@@ -42,10 +42,10 @@ def _energy(studies: Studies) -> str:
 def _k(studies: Studies) -> str:
     hoop = _hoop(studies, TETRAHEDRA)
     return (
-        "K depends on the units of d and q, which the source does not give: here 100 um/m per gauge and q in "
+        "K depends on the units of d and q, which the source does not state: here 100 um/m per gauge and q in "
         f"units of its rms norm over P1. Linear tetrahedra return {100.0 * hoop.hoop_gain:.0f} % of the hoop "
-        f"strain and {100.0 * hoop.axial_gain:.1f} % of the axial strain, so the modes that hoop gauges tell "
-        "apart get weaker."
+        f"strain and {100.0 * hoop.axial_gain:.1f} % of the axial strain, so the modes that only hoop "
+        "gauges distinguish become weaker."
     )
 
 
@@ -57,7 +57,8 @@ def _ratio(studies: Studies) -> str:
         if row.model == HEXAHEDRA and abs(row.ratio / (PUBLISHED["k_ratio"].low or 1.0) - 1.0) <= 0.2
     ]
     return (
-        "The ratio is free of units; which rows hold the hoop gauges is shown in a figure that is not at hand. "
+        "The ratio does not depend on units. Which rows hold the hoop gauges is shown in a figure that is not "
+        "available. "
         f"Of eight readings, {len(inside)} are within 20 % on the converged model: "
         f"{'; '.join(inside) or 'none'}. The nearest is {best.ratio:.2f}; on linear tetrahedra the nearest is "
         f"{tetrahedra.ratio:.2f} ({tetrahedra.reading})."
@@ -75,7 +76,7 @@ def _field(number: int) -> Callable[[Studies], str]:
         return (
             f"Medians in the order of the columns: five modes alone leave {left} %; estimated without noise "
             f"{exact} %; with noise {whole} %. Most of the error is not noise: the strain of the truncated modes "
-            f"aliases into the coefficients, so that the 3 sigma of the noise alone cover {covered:.0f} % of the "
+            f"aliases into the coefficients. So the 3 sigma of the noise alone cover {covered:.0f} % of the "
             "samples, not 99.7 %."
         )
 
@@ -96,7 +97,7 @@ def _example(name: str) -> Callable[[Studies], str]:
         of = studies.examples[f"{SAME_MESH}-{name}"]
         left = np.linalg.norm(of.projection - of.reference) / np.linalg.norm(of.reference)
         return (
-            "The source shows one draw; ours is the range of 100. On our body five modes alone leave "
+            "The source shows one draw; ours is the range of 100 draws. On our body five modes alone leave "
             f"{100.0 * float(left):.1f} % at this condition."
         )
 
@@ -109,9 +110,9 @@ def _decay(studies: Studies) -> str:
     lifted = ", ".join(f"{row.above} with {100.0 * row.scatter:g} %" for row in scattered)
     return (
         f"lambda_8 is {values[PAPER_LIKE][7]:.3g}, {values[SAME_MESH][7]:.3g} and {values[INDEPENDENT][7]:.3g} "
-        "in the order of the columns: linear tetrahedra lose hoop strain, so there it falls faster. In the "
-        f"source all 54 are above 1e-6, here {plain.above}. Our snapshots share 45 flows, rolled exactly; with "
-        f"an error of its own in every pressure of every snapshot it is {lifted}: the smallest eigenvalues "
+        "in the order of the columns: linear tetrahedra lose hoop strain, so it falls faster there. In the "
+        f"source all 54 are above 1e-6, here {plain.above}. Our snapshots share 45 flows, rolled exactly. With "
+        f"an independent error in every pressure of every snapshot it is {lifted}: the smallest eigenvalues "
         "measure the scatter of the flow solutions."
     )
 
@@ -119,16 +120,16 @@ def _decay(studies: Studies) -> str:
 def _noise_free(studies: Studies) -> str:
     tetrahedra, crossed = _crime(studies, TETRAHEDRA, TETRAHEDRA), _crime(studies, TETRAHEDRA, FOURIER)
     exact, recovered = _crime(studies, FOURIER, FOURIER), _crime(studies, TETRAHEDRA, RECOVERED)
-    odd = 100.0 * float(studies.fields[f"{SAME_MESH}-noise_free"].odd_share[0])
+    odd = 100.0 * float(studies.fields[f"{SAME_MESH}-noise_free"].odd_fraction[0])
     return (
-        f"{odd:.1f} % of |p| at this condition is odd both in y and in z, to which the layout is blind on a body "
+        f"{odd:.1f} % of |p| at this condition is odd both in y and in z. The layout is blind to that on a body "
         "with two planes of symmetry: on the exactly symmetric model the error is "
-        f"{100.0 * exact.field_error:.1f} % even without noise. The tetrahedra have no symmetry, their map feels "
-        f"that part at {tetrahedra.odd_strain:.1e} of the prior's strain, and with data of the same mesh that is "
-        f"enough for {100.0 * tetrahedra.field_error:.1f} %. With the same mesh read in another way the error is "
-        f"{100.0 * recovered.field_error:.3g} %, with data of the Fourier model "
-        f"{100.0 * crossed.field_error:.3g} %: what recovers the field is the mesh's own error, known to map and "
-        "data alike."
+        f"{100.0 * exact.field_error:.1f} % even without noise. The tetrahedra have no symmetry: their map "
+        f"responds to that part with {tetrahedra.odd_strain:.1e} of the prior's strain. With data of the same "
+        f"mesh that suffices for {100.0 * tetrahedra.field_error:.1f} %. With data by patch recovery on that "
+        f"mesh the error is {100.0 * recovered.field_error:.3g} %, with data of the Fourier model "
+        f"{100.0 * crossed.field_error:.3g} %. So the field is recovered by the mesh's own error, which map and "
+        "data have in common."
     )
 
 
@@ -136,8 +137,8 @@ def _noisy(studies: Studies) -> str:
     odd = studies.fields[f"{SAME_MESH}-noisy"]
     layout_45 = {key: _percent(studies.fields[f"{key}-noisy_45"].errors) for key in TITLES}
     return (
-        f"On the converged model {100.0 * odd.odd_share[1]:.1f} % of the {100.0 * odd.shown:.1f} % is the part "
-        "that the layout is blind to. The tetrahedra's lack of symmetry shows some of it even through the "
+        f"On the converged model {100.0 * odd.odd_fraction[1]:.1f} % of the {100.0 * odd.shown:.1f} % is the part "
+        "that the layout is blind to. The tetrahedra's lack of symmetry makes some of it observable even with "
         f"noise. With the layout '45' the ranges are {layout_45[PAPER_LIKE]}, {layout_45[SAME_MESH]} and "
         f"{layout_45[INDEPENDENT]} in the order of the columns."
     )
@@ -146,11 +147,12 @@ def _noisy(studies: Studies) -> str:
 def _gamma(studies: Studies) -> str:
     rules, paper = (studies.gamma[key].by_rule for key in (SAME_MESH, PAPER_LIKE))
     return (
-        "The rule puts the misfit at sigma sqrt(n_d), here over all flights of P2 (held-out ones with "
+        "The rule sets the misfit to sigma sqrt(n_d), here over all flights of P2 (held-out flights with "
         f"independent data). On draws of M5 a6 b6 alone it gives {paper['morozov, M5 a6 b6']:.2f} (paper-like) "
-        f"and {rules['morozov, M5 a6 b6']:.2f} (converged). It smooths more than the noise asks for, because the "
-        f"estimate has used some of the data: corrected for that, gamma is {rules['corrected_discrepancy']:.2f}; "
-        f"by cross-validation {rules['gcv']:.2f}, by evidence {rules['evidence']:.2f} (converged)."
+        f"and {rules['morozov, M5 a6 b6']:.2f} (converged). It smooths more than the noise requires, because "
+        f"the estimate has used some of the data. Corrected for that, gamma is "
+        f"{rules['corrected_discrepancy']:.2f}; by cross-validation {rules['gcv']:.2f}, by evidence "
+        f"{rules['evidence']:.2f} (converged)."
     )
 
 
@@ -166,21 +168,23 @@ def _loads(studies: Studies) -> str:
     ours = 100.0 * studies.fields[f"{SAME_MESH}-noisy"].load_error.max(axis=0)
     moment, axial = COEFFICIENTS.index("M_P"), COEFFICIENTS.index("C_A")
     return (
-        "The source gives neither the moment point nor the pressure inside. The columns hold its words: p "
+        "The source states neither the moment point nor the internal pressure. The columns follow its words: p "
         "itself over the open fore-body, here with moments about the nose tip. On the converged model the "
-        f"largest error of M_P is {ours[moment, 0]:.1f} % so and {ours[moment, 3]:.0f} % about the vehicle "
-        f"file's point, which lies near the centre of pressure; of C_A {ours[axial, 0]:.1f} % so and "
-        f"{ours[axial, 3]:.0f} % with p - p_internal, of which the same error is a larger share."
+        f"largest error of M_P is then {ours[moment, 0]:.1f} %, and {ours[moment, 3]:.0f} % about the vehicle "
+        f"file's point, which lies near the centre of pressure. That of C_A is {ours[axial, 0]:.1f} %, and "
+        f"{ours[axial, 3]:.0f} % with p - p_internal, of which the same error is a larger fraction."
     )
 
 
 def _as_c_n(studies: Studies) -> str:
-    return "As of C_N; every reading is in the table of loads."
+    return "As for C_N; every reading is in the table of loads."
 
 
 def _off_set(studies: Studies) -> str:
-    odd = 100.0 * float(studies.fields[f"{SAME_MESH}-off_set"].odd_share[0])
-    return f"Without angle of attack the doubly odd part is 0 ({odd:.1e} %): nothing is hidden, noise decides."
+    odd = 100.0 * float(studies.fields[f"{SAME_MESH}-off_set"].odd_fraction[0])
+    return (
+        f"Without angle of attack the doubly odd part is 0 ({odd:.1e} %): all is observable, and noise dominates."
+    )
 
 
 REASONS: dict[str, Callable[[Studies], str]] = {

@@ -1,4 +1,4 @@
-"""The report: one page of HTML, the same tables as CSV, all numbers as JSON, figures as PNG."""
+"""The report of the reproduction: a page of HTML, its tables as CSV, all numbers as JSON, figures as PNG."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ if TYPE_CHECKING:
 Keep = Callable[[str, Callable[[Path], object]], Path]
 
 SETUP_TEXT = (
-    "Paper-like: linear tetrahedra, strain constant in each element and read from the one that a gauge lies on; "
-    "the data come from the map's own mesh and, as in the source, from flight conditions of the snapshots where "
-    "the source takes them there.",
-    "Converged, same mesh: quadratic hexahedra, gauges at their places; otherwise the same.",
-    "Independent data: the map is that of the quadratic hexahedra; the strains come from the Fourier model, "
-    "another discretisation with its own load map, under pressures of a finer flow grid, at conditions whose "
-    "flows are not among the snapshots. Statistics of Case 1 are then over 40 conditions between those of P1; "
-    "for M5 a6 b5 and M5 a6 b6 the condition, and its mirror images, are left out of the snapshots.",
+    "Paper-like: linear tetrahedra, with constant strain in each element, read from the element of the gauge. The "
+    "data come from the map's own mesh and, where the source does so, from flight conditions of the snapshots.",
+    "Converged, same mesh: quadratic hexahedra, gauges at their positions; otherwise the same.",
+    "Independent data: the map is that of the quadratic hexahedra. The strains come from the Fourier model, a "
+    "different discretisation with its own load map, under pressures of a finer flow grid, at conditions whose "
+    "flows are not among the snapshots. Statistics of Case 1 are over 40 conditions between those of P1. For "
+    "M5 a6 b5 and M5 a6 b6 the condition and its mirror images are left out of the snapshots.",
 )
 
 
@@ -73,11 +72,11 @@ def write_numbers(made: dict[str, Table], folder: Path) -> None:
 def write_report(
     studies: Studies, grid: SurfaceGrid, sizes: Sizes, moment_station: float, folder: Path, keep: Keep
 ) -> None:
-    """Draw what figures are not there and write ``report.html``, ``numbers.json`` and ``tables/`` into ``folder``.
+    """Write ``report.html``, ``numbers.json`` and ``tables/`` into ``folder``; draw the figures not up to date.
 
     Parameters
     ----------
-    keep : called with the name of a figure's file and what makes it at a path; returns the path.
+    keep : called with the name of a figure's file and a function that writes it to a path; returns the path.
 
     Raises
     ------
@@ -89,7 +88,7 @@ def write_report(
     pictures = {}
     for name, (draw, caption) in figure_makers(studies, grid).items():
         path = keep(f"figures/{name}.png", partial(_draw, draw))
-        pictures[name] = Picture(path.read_bytes(), "png", caption, caption)
+        pictures[name] = Picture(content=path.read_bytes(), kind="png", caption=caption, alternative=caption)
     write_page(_page(studies, sizes, made, pictures), folder / "report.html")
 
 
@@ -102,8 +101,8 @@ def _page(studies: Studies, sizes: Sizes, made: dict[str, Table], pictures: dict
     opening: tuple[Block, ...] = (
         Paragraph(
             'Pham, Ghattas, Clemens and Willcox, "Real-time aerodynamic load estimation for hypersonics via '
-            'strain-based inverse maps", done again on the IC3X surrogate: a body of our own, because the source '
-            "gives one number of its geometry. Agreement is therefore agreement of method and size, not of "
+            'strain-based inverse maps", reproduced on the IC3X surrogate: a body of our own, because the source '
+            "states one number of its geometry. Agreement is therefore agreement of method and magnitude, not of "
             "digits."
         ),
         Paragraph(
@@ -121,9 +120,9 @@ def _page(studies: Studies, sizes: Sizes, made: dict[str, Table], pictures: dict
     case_1 = ["pod_differences", "reconstruction_errors", *(n for n in pictures if n.startswith("field_m"))]
     case_2 = ["eigenvalues", "eigenvectors", *(n for n in pictures if n.startswith(("field_n", "field_o")))]
     blind = Paragraph(
-        "Gauges at 0, 90, 180 and 270 deg along and across the meridian have no response to pressure that is "
-        "odd both in y and in z, on any body with both planes of symmetry, and the prior of P2 correlates such "
-        "pressure with nothing that they see. No linear estimator can find it."
+        "Gauges at 0, 90, 180 and 270 deg along and across the meridian do not respond to pressure that is odd "
+        "both in y and in z, on any body with both planes of symmetry. The prior of P2 correlates such pressure "
+        "with nothing that they observe. No linear estimator can find it."
     )
     sections = (
         Section("Published and ours", (made["parity"], made["criteria"])),

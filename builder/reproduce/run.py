@@ -1,4 +1,4 @@
-"""The whole reproduction, stage by stage; a stage whose inputs have not changed is not computed again."""
+"""The reproduction of the source, stage by stage; a stage whose inputs have not changed is not run again."""
 
 from __future__ import annotations
 
@@ -54,14 +54,14 @@ Solve = Callable[[Progress], StrainModel]
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What a run left behind.
+    """The result of a run.
 
     Attributes
     ----------
     folder : where ``report.html``, ``numbers.json``, ``tables/`` and ``figures/`` are.
-    parity : published against ours.
+    parity : published numbers and ours.
     verdicts : the criteria.
-    reused : files that were up to date already.
+    reused : files that were up to date.
     """
 
     folder: Path
@@ -71,7 +71,7 @@ class Reproduction:
 
 
 class _Stages:
-    """The folder, the vehicle at its sizes, and what was found up to date."""
+    """The folder, the vehicle at the sizes of the run, and the files that were up to date."""
 
     def __init__(self, folder: Path, sizes: Sizes, reporter: Reporter) -> None:
         shipped = load_vehicle(IC3X)
@@ -83,12 +83,12 @@ class _Stages:
 
     def ensure(self, name: str, inputs: dict[str, Any], make: Callable[[Path], object]) -> Path:
         """Make ``name`` or reuse it; return its path."""
-        # Who solves the flows changes nothing in them.
+        # The scheduling of the flows does not change them.
         sizes = {name: value for name, value in asdict(self.sizes).items() if name != "scheduling"}
         inputs = {"sizes": sizes, "vehicle": self.vehicle.model_dump(mode="json"), **inputs}
         if self.workspace.ensure(name, inputs, make):
             self.reused.append(name)
-            if "/" not in name:  # of figures the stage speaks
+            if "/" not in name:  # figures are reported by their stage
                 self.reporter.note(f"{name}: up to date, reused")
         return self.workspace.path(name)
 
@@ -97,13 +97,13 @@ class _Stages:
 
 
 def run_reproduction(folder: Path, quick: bool, reporter: Reporter) -> Reproduction:
-    """Compute everything that is not there already, draw it and compare it with the source.
+    """Compute what is not up to date, draw it and compare it with the source.
 
     Parameters
     ----------
-    folder : of the results; snapshots, strain operators and studies stay there.
-    quick : on coarse grids.
-    reporter : told the stages.
+    folder : of the results; snapshots, strain operators and studies are kept there.
+    quick : use coarse grids.
+    reporter : receives the stages.
 
     Raises
     ------
@@ -125,7 +125,9 @@ def run_reproduction(folder: Path, quick: bool, reporter: Reporter) -> Reproduct
         write_report(
             studies, grid, stages.sizes, station, folder, lambda name, make: stages.ensure(name, of, make)
         )
-    return Reproduction(folder, parity_rows(studies), verdicts(studies), tuple(stages.reused))
+    return Reproduction(
+        folder=folder, parity=parity_rows(studies), verdicts=verdicts(studies), reused=tuple(stages.reused)
+    )
 
 
 def _flows(stages: _Stages, name: str, sets: list[ConditionSet], level: str) -> Snapshots:
@@ -216,7 +218,16 @@ def _studies(
         inputs,
         staged(
             "Measurements",
-            lambda path, _: run_measurements(models, spans, setups, of, grid, stages.layouts, area, path),
+            lambda path, _: run_measurements(
+                models=models,
+                spans=spans,
+                setups=setups,
+                pressures=of,
+                grid=grid,
+                layouts=stages.layouts,
+                area=area,
+                path=path,
+            ),
         ),
     )
     return load_all(case_1, case_2, measured)

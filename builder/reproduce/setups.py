@@ -1,4 +1,4 @@
-"""The three set-ups that every accuracy is measured in: which model the map is of, which one the data are of."""
+"""The three set-ups of every accuracy: the model of the map and the model of the data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import area_weights
-from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_SHARE, P1, P2
+from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2
 from builder.reproduce.readings import SHIPPED
 from builder.reproduce.strain_models import StrainModel
 from builder.vehicle.reference_quantities import ReferenceQuantities
@@ -27,17 +27,17 @@ TITLES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Pressures:
-    """Pressure snapshots on common nodes, and what turns them into loads and coefficients.
+    """Pressure snapshots on common nodes, with the operators to loads and coefficients.
 
     Attributes
     ----------
-    p1, p2 : (90, n_p), (243, n_p) snapshots that maps are made of [Pa].
+    p1, p2 : (90, n_p), (243, n_p) snapshots that maps are built on [Pa].
     held_out : (40, n_p) at conditions between those of P1, on a finer flow grid [Pa].
     examples, fine_examples : (4, n_p) of :data:`~builder.reproduce.protocol.EXAMPLES`, on the snapshots' flow grid
         and on the finer one [Pa].
-    internal : inside the body [Pa].
+    internal : pressure inside the body [Pa].
     loads : (5, n_p) loads per nodal pressure [m2, m3].
     weights : (n_p,) of the area-weighted inner product [1].
     reference : what coefficients are referred to.
@@ -64,7 +64,7 @@ class Pressures:
 
 
 def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
-    """Take the sets apart: P1, P2 and the examples of ``snapshots``, held-out conditions and examples of ``fine``.
+    """Split the sets: P1, P2 and the examples of ``snapshots``, held-out conditions and examples of ``fine``.
 
     Raises
     ------
@@ -76,9 +76,9 @@ def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
         raise InputError("snapshots: both files must be on the same stations and roll angles")
     n_1, n_2 = len(P1.conditions), len(P2.conditions)
     for held, sets in ((snapshots, (P1.conditions, P2.conditions)), (fine, (HELD_OUT.conditions,))):
-        wanted = [one.as_tuple() for part in (*sets, tuple(EXAMPLES.values())) for one in part]
-        if not np.array_equal(held.condition, wanted):
-            raise InputError("snapshots: not the conditions of the source's protocol")
+        expected = [one.as_tuple() for part in (*sets, tuple(EXAMPLES.values())) for one in part]
+        if not np.array_equal(held.condition, expected):
+            raise InputError("snapshots: the conditions are not those of the source's protocol")
     reference = snapshots.reference_quantities
     area = _node_area(mesh_of_grid(grid).node_area, grid.n_roll)
     return Pressures(
@@ -95,20 +95,20 @@ def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
 
 
 def _node_area(area: FloatArray, n_roll: int) -> FloatArray:
-    """Share the area of a ring evenly among its nodes: how its quadrilaterals were cut must not break symmetry."""
+    """Divide the area of a ring evenly among its nodes, so that the triangulation does not break symmetry."""
     ring = area.reshape(-1, n_roll).mean(axis=1)
     return np.repeat(ring, n_roll)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SetUp:
-    """One way to make a map and data for it.
+    """The models behind a map and behind its data.
 
     Attributes
     ----------
     key : key of :data:`TITLES`.
-    inversion, data : model whose Z the map holds, and model that gives the strains.
-    sigma : of the noise [m/m].
+    inversion, data : model of the map's Z, and model that gives the strains.
+    sigma : standard deviation of the noise [m/m].
     """
 
     key: str
@@ -118,14 +118,14 @@ class SetUp:
 
     @property
     def held_out(self) -> bool:
-        """Whether the data's flows are none of those that the map is made of."""
+        """Whether the flows of the data differ from those of the map."""
         return self.key == INDEPENDENT
 
 
 def noise_sigma(model: StrainModel, p1_net: FloatArray) -> float:
     """Return sigma [m/m]: 1 % of the median |strain| over P1 and Configuration 2 of the shipped reading."""
     strain = p1_net @ model.of(SHIPPED.configuration(2)).T
-    return NOISE_SHARE * float(np.median(np.abs(strain)))
+    return NOISE_FRACTION * float(np.median(np.abs(strain)))
 
 
 def make_setups(
@@ -138,6 +138,6 @@ def make_setups(
         INDEPENDENT: (hexahedra, fourier),
     }
     return {
-        key: SetUp(key, inversion, data, noise_sigma(inversion, p1_net))
+        key: SetUp(key=key, inversion=inversion, data=data, sigma=noise_sigma(inversion, p1_net))
         for key, (inversion, data) in pairs.items()
     }

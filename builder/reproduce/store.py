@@ -1,4 +1,4 @@
-"""Studies kept as groups of one HDF5 file, so that a later run need not repeat them."""
+"""Studies as groups of one HDF5 file, kept for later runs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from strainfmu.records import read_record, write_record
 Record = TypeVar("Record")
 
 SCHEMA = "strainfmu.reproduce.studies"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 UNITS = {"reference": "Pa", "estimate": "Pa", "projection": "Pa"}
 

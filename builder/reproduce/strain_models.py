@@ -1,4 +1,4 @@
-"""Three discretisations of one structure, referred to the same pressure nodes and the same gauges."""
+"""Three discretisations of one structure, with the same pressure nodes and the same gauges."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ SCHEMA = "strainfmu.reproduce.strain_model"
 SCHEMA_VERSION = 1
 
 CHECKED_SNAPSHOTS = 8
-"""Snapshots, evenly spread, on which the transfer of pressure to the structure's surface is checked."""
+"""Number of snapshots on which the transfer of pressure to the structure's surface is checked."""
 
 TETRAHEDRA, RECOVERED, HEXAHEDRA, FOURIER = "tetrahedra", "tetrahedra_recovered", "hexahedra", "fourier"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StrainModel:
     """Strain of every gauge per pressure at the snapshots' nodes.
 
     Attributes
     ----------
-    name : which model.
+    name : of the model.
     gauge_names : (n_g,) of all readings.
-    position, direction : (n_g, 3) [m] and unit vectors, body axes, as asked for.
+    position, direction : (n_g, 3) [m] and unit vectors, body axes, as requested.
     operator : (n_g, n_p) Z_p [1/Pa].
     facts : size of the mesh.
     """
@@ -62,21 +62,21 @@ class StrainModel:
 
     def of(self, names: Sequence[str]) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of the gauges ``names``, in their order."""
-        return self.operator[self.places(names)]
+        return self.operator[self.indices(names)]
 
-    def places(self, names: Sequence[str]) -> list[int]:
-        """Return the rows of gauges.
+    def indices(self, names: Sequence[str]) -> list[int]:
+        """Return the rows of the gauges ``names``.
 
         Raises
         ------
         InputError
-            There is no gauge of a name.
+            There is no gauge with one of the names.
         """
-        place = {name: i for i, name in enumerate(self.gauge_names)}
-        missing = [name for name in names if name not in place]
+        index = {name: i for i, name in enumerate(self.gauge_names)}
+        missing = [name for name in names if name not in index]
         if missing:
             raise InputError(f"strain model {self.name}: no gauge '{missing[0]}'")
-        return [place[name] for name in names]
+        return [index[name] for name in names]
 
 
 def save_model(model: StrainModel, path: Path) -> None:
@@ -100,23 +100,39 @@ def tetrahedral_model(
 ) -> StrainModel:
     """Return linear tetrahedra, their gauges read element by element, or by patch recovery where ``recovered``.
 
-    The first is what the source's words describe: "maps the discrete displacements to discrete strains using the
-    strain-displacement relation" at the places of the gauges, on linear elements.
+    The first follows the source's words: it "maps the discrete displacements to discrete strains using the
+    strain-displacement relation" at the gauges' positions, on linear elements.
     """
     sector = tetrahedral_sector(swept_wall(vehicle.body(), wall_of(vehicle), sizes.tetrahedra))
     mesh, gauges = full_mesh(sector), _gauges(vehicle)
     rows = gauge_rows(mesh, gauges, near_surface=True) if recovered else element_strain_rows(mesh, gauges)
-    return _solid_model(RECOVERED if recovered else TETRAHEDRA, vehicle, sector, gauges, snapshots, rows, progress)
+    return _solid_model(
+        name=RECOVERED if recovered else TETRAHEDRA,
+        vehicle=vehicle,
+        sector=sector,
+        gauges=gauges,
+        snapshots=snapshots,
+        rows=rows,
+        progress=progress,
+    )
 
 
 def hexahedral_model(
     vehicle: Vehicle, sizes: Sizes, snapshots: Snapshots, progress: Progress | None = None
 ) -> StrainModel:
-    """Return swept hexahedra of second order, gauges at their places by patch recovery."""
+    """Return swept hexahedra of second order, gauges at their positions by patch recovery."""
     sector = swept_wall(vehicle.body(), wall_of(vehicle), sizes.hexahedra)
     gauges = _gauges(vehicle)
     rows = cyclic_gauge_rows(sector, gauges)
-    return _solid_model(HEXAHEDRA, vehicle, sector, gauges, snapshots, rows, progress)
+    return _solid_model(
+        name=HEXAHEDRA,
+        vehicle=vehicle,
+        sector=sector,
+        gauges=gauges,
+        snapshots=snapshots,
+        rows=rows,
+        progress=progress,
+    )
 
 
 def fourier_model(vehicle: Vehicle, progress: Progress | None = None) -> StrainModel:
@@ -125,7 +141,14 @@ def fourier_model(vehicle: Vehicle, progress: Progress | None = None) -> StrainM
     layout = model.layouts[ALL]
     used = vehicle.resolution.map
     facts = {"element_length_mm": used.element_length_mm, "layers": used.wall_layers, "harmonics": used.harmonics}
-    return StrainModel(FOURIER, layout.names, layout.position, layout.direction, model.strain_operator(ALL), facts)
+    return StrainModel(
+        name=FOURIER,
+        gauge_names=layout.names,
+        position=layout.position,
+        direction=layout.direction,
+        operator=model.strain_operator(ALL),
+        facts=facts,
+    )
 
 
 def _gauges(vehicle: Vehicle) -> Gauges:
@@ -142,7 +165,15 @@ def _solid_model(
     progress: Progress | None,
 ) -> StrainModel:
     """Solve for the strain of ``rows`` per pressure at the snapshots' nodes, base ring clamped."""
-    solved = solve_strain(sector, wall_of(vehicle).material, None, Clamped(SUPPORT), rows, None, progress)
+    solved = solve_strain(
+        mesh=sector,
+        material=wall_of(vehicle).material,
+        density=None,
+        support=Clamped(SUPPORT),
+        rows=rows,
+        wanted=None,
+        progress=progress,
+    )
     surface = triangulated_surface(full_mesh(sector), EXTERNAL)
     _, operator = mapped_operator(solved.strain_operator, surface, _some(snapshots))
     facts = {
@@ -152,11 +183,18 @@ def _solid_model(
         "element_type": sector.element_type,
         **solved.statistics,
     }
-    return StrainModel(name, gauges.name, gauges.position, gauges.direction, operator, facts)
+    return StrainModel(
+        name=name,
+        gauge_names=gauges.name,
+        position=gauges.position,
+        direction=gauges.direction,
+        operator=operator,
+        facts=facts,
+    )
 
 
 def _some(snapshots: Snapshots) -> Snapshots:
-    """Return a few of the snapshots, on which a transfer is checked."""
+    """Return the snapshots on which a transfer is checked, evenly spread."""
     n = len(snapshots.condition)
     chosen = np.unique(np.linspace(0, n - 1, CHECKED_SNAPSHOTS).astype(int))
     per_snapshot = ("condition", "pressure", "internal_pressure", "solved", "momentum_error", "repairs")

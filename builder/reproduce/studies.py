@@ -1,4 +1,4 @@
-"""All studies of both cases in all set-ups, and the measurements that explain them: what the report is made of."""
+"""All studies of both cases in all set-ups, and the measurements that explain them: the content of the report."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ from strainfmu.files import write_bytes_atomically
 Progress = Callable[[int, int], None]
 
 SCATTERS = [0.0, 1e-4, 1e-3, 1e-2]
-"""Of pressures, over their value, that the eigenvalues are computed with."""
+"""Scatter of the pressures, over their value, for which the eigenvalues are computed."""
 
 LAYOUT_2, LAYOUT_45 = "configuration_2", "configuration_45"
 
 FIELDS = {
-    # What: condition, layout, gamma, noise.
+    # Name: condition, layout, gamma, noise.
     "noise_free": ("m5_a6_b6", LAYOUT_2, NOISE_FREE_GAMMA, False),
     "noisy": ("m5_a6_b6", LAYOUT_2, PUBLISHED_GAMMA, True),
     "off_set": ("m6_a0_b5", LAYOUT_2, PUBLISHED_GAMMA, True),
@@ -71,31 +71,31 @@ FIELDS = {
     "noisy_45": ("m5_a6_b6", LAYOUT_45, PUBLISHED_GAMMA, True),
     "off_set_45": ("m6_a0_b5", LAYOUT_45, PUBLISHED_GAMMA, True),
 }
-"""The fields of Case 2 that are estimated."""
+"""The estimated fields of Case 2."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnModes:
     """(n_p, 5) eigenvectors that the source draws, of unit norm."""
 
     modes: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Measurements:
     """One list of rows per cause.
 
     Attributes
     ----------
-    readings : of the gauges' rows, per model; spans beside them.
-    spans : the shipped and the best reading with rows that begin and end elsewhere.
-    hoop : how much of the hoop strain each model returns.
+    readings : of the gauges' rows, per model.
+    spans : the shipped and the best reading with rows of other first and last stations.
+    hoop : fraction of the hoop strain that each model returns.
     crime : the noise-free example for pairs of models.
-    classes : what the layouts see per symmetry class.
-    scatter : the eigenvalues where snapshots scatter.
+    classes : response of the layouts per symmetry class.
+    scatter : the eigenvalues with scattered snapshots.
     surface_nodes, dofs : sizes.
     sigma : per set-up [m/m].
-    conditions_left_out : of P2, in the independent set-up.
+    conditions_left_out : number of conditions of P2 that the independent set-up leaves out.
     """
 
     readings: list[ReadingRow]
@@ -110,9 +110,9 @@ class Measurements:
     conditions_left_out: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Studies:
-    """Everything that was computed; studies by ``"set-up-what"``."""
+    """All results; studies by ``"set-up-what"``."""
 
     case_1: dict[str, Case1Study]
     examples: dict[str, FieldExample]
@@ -175,7 +175,7 @@ def run_case_2(
             tested = fields[list(EXAMPLES).index(condition)]
             found[f"field/{key}-{what}"] = study_field(maps[layout], tested, gamma, noisy, grid, readings)
         if key == SAME_MESH:
-            found["modes/drawn"] = DrawnModes(drawn_modes(maps[LAYOUT_2]))
+            found["modes/drawn"] = DrawnModes(modes=drawn_modes(maps[LAYOUT_2]))
         if progress is not None:
             progress(done, len(setups))
     save_studies(found, path)
@@ -183,8 +183,8 @@ def run_case_2(
 
 def left_out() -> NDArray[np.bool_]:
     """Return (243,) which of P2 share the flow of the example M5 a6 b6: itself and its mirror images."""
-    wanted = flow_key(EXAMPLES["m5_a6_b6"])
-    return np.array([flow_key(one) == wanted for one in P2.conditions])
+    example = flow_key(EXAMPLES["m5_a6_b6"])
+    return np.array([flow_key(one) == example for one in P2.conditions])
 
 
 def run_measurements(
@@ -234,8 +234,8 @@ def run_measurements(
 
 def best_reading(rows: list[ReadingRow], model: str) -> Reading:
     """Return the reading whose K1/K2 is nearest to the published one."""
-    wanted = PUBLISHED["k_ratio"].low or 0.0
-    own = {row.reading: abs(np.log(row.ratio / wanted)) for row in rows if row.model == model}
+    published = PUBLISHED["k_ratio"].low or 0.0
+    own = {row.reading: abs(np.log(row.ratio / published)) for row in rows if row.model == model}
     return min(READINGS, key=lambda reading: own[reading.name])
 
 
@@ -246,7 +246,7 @@ def _crimes(
     pressures: Pressures,
     grid: SurfaceGrid,
 ) -> list[CrimeRow]:
-    """Map and data of one model, then of two."""
+    """Return the noise-free example with map and data of one model, then of two."""
     pairs = [
         (TETRAHEDRA, TETRAHEDRA),
         (RECOVERED, RECOVERED),
@@ -260,7 +260,7 @@ def _crimes(
 
 
 def load_all(case_1: Path, case_2: Path, measurements: Path) -> Studies:
-    """Read back what the stages wrote.
+    """Read the results that the stages wrote.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The tables of the report, raw numbers with units."""
+"""The tables of the report: raw numbers with units."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from builder.reproduce.studies import Studies
 
 
 def parity_table(rows: list[ParityRow]) -> Table:
-    """Return published against ours, with the reasons."""
+    """Return the published numbers and ours, with the reasons for differences."""
     columns = [
         Column("quantity"),
         Column("published"),
-        Column("place"),
+        Column("location"),
         *(Column(title) for title in TITLES.values()),
     ]
     cells = [
         [
             row.published.quantity,
             row.published.value,
-            row.published.place,
+            row.published.location,
             *(row.ours[key].shown(row.published.unit) for key in TITLES),
             row.why,
         ]
@@ -33,7 +33,7 @@ def parity_table(rows: list[ParityRow]) -> Table:
     return make_table(
         "parity",
         "Every published number beside ours, in three set-ups",
-        [*columns, Column("why they differ")],
+        [*columns, Column("reason for the difference")],
         cells,
     )
 
@@ -94,7 +94,7 @@ def reading_table(studies: Studies) -> Table:
 
 
 def hoop_table(studies: Studies) -> Table:
-    """Return what each model makes of hoop and axial strain."""
+    """Return hoop and axial strain of each model."""
     columns = (
         ("model", Column("model")),
         ("hoop_gain", Column("hoop strain returned", "%", ".1f")),
@@ -103,7 +103,7 @@ def hoop_table(studies: Studies) -> Table:
         ("axial_error", Column("rms difference, axial", "sigma", ".3g")),
     )
     caption = (
-        "Strain of Configuration 2 over P1 against the Fourier model; same mesh for map and data hides all of it"
+        "Strain of Configuration 2 over P1 against the Fourier model; data of the map's own mesh hide all of it"
     )
     return records_table("hoop_strain", caption, studies.measured.hoop, columns)
 
@@ -114,7 +114,7 @@ def crime_table(studies: Studies) -> Table:
         ("inversion", Column("map")),
         ("data", Column("data")),
         ("field_error", Column("field error", "%")),
-        ("odd_error", Column("of it odd in y and z", "%")),
+        ("odd_error", Column("its part odd in y and z", "%")),
         ("odd_strain", Column("strain of the doubly odd prior", "of all", ".2e")),
     )
     caption = (
@@ -124,16 +124,16 @@ def crime_table(studies: Studies) -> Table:
 
 
 def class_table(studies: Studies) -> Table:
-    """Return what the layouts see of each symmetry class."""
+    """Return the response of the layouts to each symmetry class."""
     columns = (
         ("model", Column("model")),
         ("layout", Column("layout")),
         ("symmetry", Column("pressure")),
-        ("response", Column("greatest response", "1/Pa", ".2e")),
+        ("response", Column("maximum response", "1/Pa", ".2e")),
         ("rank", Column("rank")),
-        ("prior_share", Column("share of the prior's variance", "%", ".2f")),
+        ("prior_fraction", Column("fraction of the prior's variance", "%", ".2f")),
     )
-    caption = "What the layouts see of smooth pressures, by symmetry; rank 0: blind"
+    caption = "Response of the layouts to smooth pressures, by symmetry; rank 0: blind"
     return records_table("symmetry_classes", caption, studies.measured.classes, columns)
 
 
@@ -142,12 +142,12 @@ def layout_table(studies: Studies) -> Table:
     columns = [
         Column("set-up"),
         Column("condition"),
-        Column("published layout: least", "%", ".1f"),
+        Column("published layout: minimum", "%", ".1f"),
         Column("median", "%", ".1f"),
-        Column("largest", "%", ".1f"),
-        Column("layout '45': least", "%", ".1f"),
+        Column("maximum", "%", ".1f"),
+        Column("layout '45': minimum", "%", ".1f"),
         Column("median", "%", ".1f"),
-        Column("largest", "%", ".1f"),
+        Column("maximum", "%", ".1f"),
     ]
     cells = []
     for key, title in TITLES.items():
@@ -158,7 +158,12 @@ def layout_table(studies: Studies) -> Table:
         ):
             ours = [100.0 * studies.fields[f"{key}-{name}"].errors for name in (what, f"{what}_45")]
             cells.append([title, condition, *(f(e) for e in ours for f in (np.min, np.median, np.max))])
-    return make_table("layout_45", "What the layout '45' changes: relative error of the field", columns, cells)
+    return make_table(
+        "layout_45",
+        "Relative error of the field with the published layout and with the layout '45'",
+        columns,
+        cells,
+    )
 
 
 def load_table(studies: Studies, moment_station: float) -> Table:
@@ -171,7 +176,9 @@ def load_table(studies: Studies, moment_station: float) -> Table:
         for i, reading in enumerate(load_readings(moment_station)):
             numbers = [f(error[:, k, i]) for k in range(len(COEFFICIENTS)) for f in (np.mean, np.max)]
             cells.append([title, reading.name, *numbers])
-    caption = "Relative errors of the coefficients at M5 a6 b6, 100 draws, by what the source leaves open"
+    caption = (
+        "Relative errors of the coefficients at M5 a6 b6, 100 draws, by reading of what the source leaves open"
+    )
     return make_table("loads", caption, columns, cells)
 
 
@@ -184,11 +191,11 @@ def gamma_table(studies: Studies) -> Table:
         for key, title in TITLES.items()
         for suffix, layout in (("", "published"), ("-45", "'45'"))
     ]
-    return make_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like one)", columns, cells)
+    return make_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", columns, cells)
 
 
 def coverage_table(studies: Studies) -> Table:
-    """Return how often Case 1's 3 sigma of the noise alone cover."""
+    """Return the coverage of Case 1's 3 sigma of the noise alone."""
     columns = [Column("set-up"), Column("configuration"), Column("K", "1", ".2f")]
     columns += [Column(f"q_{i} covered", "%", ".1f") for i in range(1, 6)]
     columns += [Column("scaling of K")]
@@ -200,14 +207,14 @@ def coverage_table(studies: Studies) -> Table:
     ]
     return make_table(
         "coverage",
-        "Case 1: samples within the 3 sigma of the noise alone (99.73 % if they were all)",
+        "Case 1: samples within the 3 sigma of the noise alone (99.73 % if noise were the only error)",
         columns,
         cells,
     )
 
 
 def scatter_table(studies: Studies) -> Table:
-    """Return the eigenvalues where snapshots scatter."""
+    """Return the eigenvalues with scattered snapshots."""
     columns = (
         ("model", Column("model")),
         ("scatter", Column("scatter of every pressure", "%")),
@@ -215,7 +222,5 @@ def scatter_table(studies: Studies) -> Table:
         ("decay", Column("lambda_1 / lambda_8", "1", ".3g")),
         ("smallest", Column("smallest eigenvalue", "1", ".1e")),
     )
-    caption = (
-        "Eigenvalues of Case 2 where every pressure of every snapshot has an error of its own (published: 54)"
-    )
+    caption = "Eigenvalues of Case 2 with an independent error in every pressure of every snapshot (published: 54)"
     return records_table("scatter", caption, studies.measured.scatter, columns)

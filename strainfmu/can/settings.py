@@ -92,11 +92,11 @@ class BridgeSettings:
     def __post_init__(self) -> None:
         for name in ("deadline", "max_age", "pressure_max_age", "timeout", "rate_limit", "sensor_range"):
             if not 0.0 < getattr(self, name) < float("inf"):
-                raise InputError(f"{name}: {getattr(self, name):g} found, a positive number wanted")
+                raise InputError(f"{name}: expected a positive number, got {getattr(self, name):g}")
         if self.stuck_cycles < 0:
-            raise InputError(f"stuck_cycles: {self.stuck_cycles} found, 0 for never or a positive number wanted")
+            raise InputError(f"stuck_cycles: expected 0 for never or a positive number, got {self.stuck_cycles}")
         if self.deadline >= 1.0:
-            raise InputError(f"deadline: {self.deadline:g} cycles found, less than 1 wanted")
+            raise InputError(f"deadline: expected less than 1 cycle, got {self.deadline:g} cycles")
 
     @property
     def recovery_cycles(self) -> int:

@@ -18,6 +18,9 @@ from strainfmu.fmu.step_cost import step_costs
 STOP_TIME = 2.0
 COMMUNICATION_STEP_SIZE = 1e-3
 
+SERIES = 10_000
+"""Samples of the series that is estimated in one call."""
+
 LOST = 3
 """Gauges that fail, the first ones, where the cost of a step without some is timed."""
 
@@ -39,6 +42,8 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
     broken = strain.copy()
     broken[: min(LOST, n - 1)] = np.nan
+    noise = np.random.default_rng(0).normal(size=(SERIES, n)) * inverse_map.noise_std
+    series = strain + noise
     out = np.empty(len(COEFFICIENT_NAMES))
     fmus = {"plant": plant_path, "estimator": estimator_path}
     flown = simulate(
@@ -51,6 +56,10 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     return {
         f"bare product 5 x {n}, numpy": time_per_call(lambda: np.dot(rows, strain, out=out)),
         f"Estimator.step, {n} gauges, with health": time_per_call(lambda: estimator.step(strain, pressure)),
+        f"Estimator.estimate, {SERIES:,} samples in one call, per sample": time_per_call(
+            lambda: estimator.estimate(series, pressure), repeats=10, calls=1
+        )
+        / SERIES,
         f"Estimator.step, {LOST} gauges lost": time_per_call(lambda: estimator.step(broken, pressure)),
         f"estimator FMU in the demo's simulation: set {n + 1}, step, get {len(out)}": cost["estimator"],
         f"plant FMU: step, get {n + 1}": cost["plant"],

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.health import HealthState
 
 
 class StepRefused(StrainfmuError):
@@ -30,6 +31,11 @@ class StepResult:
     coefficients_std: FloatArray
     health: int
     chi_square: float
+
+
+def health_name(state: int) -> str:
+    """Return the name of a state of health, its number if this version does not know it."""
+    return HealthState(state).name if state in set(HealthState) else str(state)
 
 
 Step = Callable[[FloatArray, float, float], StepResult]

@@ -129,13 +129,13 @@ def _number(value: Any) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise ValueError(f"{type(value).__name__} found, a finite number wanted")
+        raise ValueError(f"expected a finite number, got {type(value).__name__}")
     return value
 
 
 def _text(value: Any) -> str | None:
     if value is not None and not isinstance(value, str):
-        raise TypeError(f"{type(value).__name__} found, a text wanted")
+        raise TypeError(f"expected a text, got {type(value).__name__}")
     return value
 
 

@@ -27,11 +27,11 @@ def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
         raise InputError(f"{path}: damaged, or not an MF4 file") from error
     with file:
         names = [name for name in file.channels_db if name.lower() not in ("time", "t", "timestamps")]
-        wanted = _wanted(names, gauge_names)
+        useful = _useful(names, gauge_names)
         signals = {}
-        for name in wanted:
+        for name in useful:
             if len(file.channels_db[name]) > 1:
-                raise InputError(f"{path}: {len(file.channels_db[name])} channels '{name}' found, one wanted")
+                raise InputError(f"{path}: expected one channel '{name}', got {len(file.channels_db[name])}")
             signals[name] = file.get(name)
         if not signals:
             raise InputError(f"{path}: no channel of a gauge found, it holds {', '.join(names[:6])}")
@@ -62,7 +62,7 @@ def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
         units: dict[str, str | None] = {}
         for channel in channels:
             if channel.name in columns:
-                raise InputError(f"{path}: two channels '{channel.name}' found, one wanted")
+                raise InputError(f"{path}: expected one channel '{channel.name}', got two")
             columns[channel.name] = channel
             units[channel.name] = channel.properties.get("unit_string") or None
         if not any(name.lower() == "time" for name in columns):
@@ -74,7 +74,7 @@ def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
         yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
 
 
-def _wanted(names: Sequence[str], gauge_names: tuple[str, ...]) -> list[str]:
+def _useful(names: Sequence[str], gauge_names: tuple[str, ...]) -> list[str]:
     """Return the names that may be of use, so that no other channel is read."""
     ends = {f"strain[{i}]" for i in range(1, len(gauge_names) + 1)} | {"dynamic_pressure"}
     return [name for name in names if name in gauge_names or name.rpartition(".")[2] in ends]

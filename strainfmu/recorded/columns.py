@@ -86,7 +86,7 @@ class ColumnPlan:
             row, gauge = divmod(int(large[0]), n_d)
             raise InputError(
                 f"{self.path}: column '{self.names[self.strain[gauge]]}', row {first_row + row}: "
-                f"{strain[row, gauge]:g} m/m found, at most {LARGEST_STRAIN:g} expected; state the unit, "
+                f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; state the unit, "
                 "as in 'name [um/m]'"
             )
         # What is beyond any gauge is no value.
@@ -99,7 +99,7 @@ class ColumnPlan:
             row, place = (int(index) for index in infinite[0])
             raise InputError(
                 f"{self.path}: column '{self.names[self.columns[place]]}', row {first_row + row}: "
-                f"{table[row, place]:g} found, a finite number or NaN wanted"
+                f"expected a finite number or NaN, got {table[row, place]:g}"
             )
 
     def _check_time(self, time: FloatArray, first_row: int) -> None:
@@ -112,7 +112,7 @@ class ColumnPlan:
         if len(back):
             raise InputError(
                 f"{self.path}: column '{self.names[self.time]}', row {first_row + 1 + back[0]}: "
-                f"{time[back[0] + 1]:.9g} s after {time[back[0]]:.9g} s found, increasing times wanted"
+                f"expected increasing times, got {time[back[0] + 1]:.9g} s after {time[back[0]]:.9g} s"
             )
 
     @staticmethod
@@ -236,7 +236,7 @@ def _only(path: Path, found: Sequence[int], what: str, names: Sequence[str]) -> 
         raise InputError(f"{path}: no column '{what}' found, it holds {_some(names)}")
     if len(found) > 1:
         same = " and ".join(f"'{name}'" for name in dict.fromkeys(names[column] for column in found))
-        raise InputError(f"{path}: {len(found)} columns {same} found for {what}, one wanted")
+        raise InputError(f"{path}: expected one column for {what}, got {len(found)}: {same}")
     return found[0]
 
 
@@ -247,5 +247,5 @@ def _some(names: Sequence[str]) -> str:
 def _factor(path: Path, name: str, unit: str | None, units: dict[str, float], default: str) -> float:
     text = default if unit is None or not unit.strip() else unit.strip()
     if text not in units:
-        raise InputError(f"{path}: column '{name}': unit '{text}' found, one of {', '.join(units)} wanted")
+        raise InputError(f"{path}: column '{name}': unit: expected one of {', '.join(units)}, got '{text}'")
     return units[text]

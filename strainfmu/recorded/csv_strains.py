@@ -79,13 +79,13 @@ def _numbers(path: Path, cells: Sequence[str], plan: ColumnPlan, line: int) -> l
     """Return the cells in use as numbers; an empty cell is no value."""
     # A cell too many shifts all behind it, as a decimal comma between commas does.
     if max(plan.columns) >= len(cells) or any(cell.strip() for cell in cells[len(plan.names) :]):
-        raise InputError(f"{path}: line {line}: {len(cells)} cells found, {len(plan.names)} wanted")
+        raise InputError(f"{path}: line {line}: expected {len(plan.names)} cells, got {len(cells)}")
     numbers = []
     for column in plan.columns:
         text = cells[column].strip()
         if text and _NUMBER.fullmatch(text) is None:
             raise InputError(
-                f"{path}: line {line}, column '{plan.names[column]}': '{text[:40]}' found, a number wanted"
+                f"{path}: line {line}, column '{plan.names[column]}': expected a number, got '{text[:40]}'"
             )
         numbers.append(float(text) if text else float("nan"))
     return numbers

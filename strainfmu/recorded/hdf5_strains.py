@@ -44,7 +44,7 @@ def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict
     """Return data sets and units of a recorded system simulation."""
     signals = file["signals"]
     if not isinstance(signals, h5py.Group):
-        raise InputError(f"{path}: 'signals': a data set found, a group of them wanted")
+        raise InputError(f"{path}: 'signals': expected a group of data sets, got a data set")
     found = {"time": file.get("time"), **{name.replace(_SLASH, "/"): item for name, item in signals.items()}}
     columns = {name: item for name, item in found.items() if _is_column(item)}
     return columns, {name: _unit(path, name, item) for name, item in columns.items()}
@@ -61,16 +61,16 @@ def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixe
         if not isinstance(file.get(name), h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
         if file[name].dtype.kind not in "fiu":
-            raise InputError(f"{path}: data set '{name}': type {file[name].dtype} found, numbers wanted")
+            raise InputError(f"{path}: data set '{name}': expected numbers, got type {file[name].dtype}")
     strain, time = file["strain"], file["time"]
     if strain.ndim != 2 or strain.shape[1] != n_d:
-        raise InputError(f"{path}: data set 'strain': shape {strain.shape} found, (n, {n_d}) wanted")
+        raise InputError(f"{path}: data set 'strain': expected shape (n, {n_d}), got {strain.shape}")
     if time.shape != strain.shape[:1]:
-        raise InputError(f"{path}: data set 'time': shape {time.shape} found, {strain.shape[:1]} wanted")
+        raise InputError(f"{path}: data set 'time': expected shape {strain.shape[:1]}, got {time.shape}")
     held = None if fixed is not None else file["dynamic_pressure"]
     if held is not None and held.shape not in ((), (1,), time.shape):
         raise InputError(
-            f"{path}: data set 'dynamic_pressure': shape {held.shape} found, {time.shape} or one wanted"
+            f"{path}: data set 'dynamic_pressure': expected shape {time.shape} or one number, got {held.shape}"
         )
     _check_gauge_order(path, file, gauge_names)
     plan = ColumnPlan(
@@ -107,13 +107,13 @@ def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]
         return
     held = file["gauge_names"]
     if not isinstance(held, h5py.Dataset) or held.ndim != 1:
-        raise InputError(f"{path}: 'gauge_names': a data set of {len(gauge_names)} names wanted")
+        raise InputError(f"{path}: 'gauge_names': expected a data set of {len(gauge_names)} names")
     found = [name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in held[()]]
     if tuple(found) != gauge_names:
         wrong = next((i for i, (a, b) in enumerate(zip(found, gauge_names, strict=False)) if a != b), len(found))
         raise InputError(
             f"{path}: data set 'gauge_names': entry {wrong + 1} is not the map's gauge {wrong + 1}; "
-            f"the map's order, from '{gauge_names[0]}' on, wanted"
+            f"expected the map's order, from '{gauge_names[0]}' on"
         )
 
 
@@ -124,4 +124,4 @@ def _unit(path: Path, name: str, item: Any) -> str | None:
         return unit
     if isinstance(unit, bytes):
         return unit.decode("utf-8", "replace")
-    raise InputError(f"{path}: '{name}': attribute unit: {str(unit)[:40]} found, a text wanted")
+    raise InputError(f"{path}: '{name}': attribute unit: expected a text, got {str(unit)[:40]}")

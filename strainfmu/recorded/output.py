@@ -85,7 +85,7 @@ def check_output(path: Path) -> None:
         It is neither CSV nor HDF5.
     """
     if path.suffix.lower() not in OUTPUT_SUFFIXES:
-        raise InputError(f"{path}: '{path.suffix}' found, one of {', '.join(OUTPUT_SUFFIXES)} wanted")
+        raise InputError(f"{path}: expected one of {', '.join(OUTPUT_SUFFIXES)}, got '{path.suffix}'")
 
 
 @contextmanager

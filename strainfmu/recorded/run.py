@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.step import ReadyStep, StepRefused, open_step
-from strainfmu.estimator.health import HealthState
+from strainfmu.cosim.step import ReadyStep, StepRefused, health_name, open_step
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.output import check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains
@@ -89,7 +88,7 @@ def _estimates(ready: ReadyStep, block: StrainBlock, last: float, summary: Estim
             continue
         rows[i, 1:6], rows[i, 6:11] = found.coefficients, found.coefficients_std
         rows[i, 12:14] = found.chi_square, found.health
-        summary.health[_health_name(found.health)] += 1
+        summary.health[health_name(found.health)] += 1
     missing = np.isnan(block.strain).sum(axis=0)
     summary.missing_strains.update({n: int(k) for n, k in zip(ready.gauge_names, missing, strict=True) if k})
     summary.missing_pressure += int(np.isnan(block.dynamic_pressure).sum())
@@ -100,7 +99,3 @@ def _estimates(ready: ReadyStep, block: StrainBlock, last: float, summary: Estim
 def _first_step(block: StrainBlock) -> float:
     """Return a step size for the first sample [s], which has none before it."""
     return float(block.time[1] - block.time[0]) if len(block.time) > 1 else 1e-3
-
-
-def _health_name(state: int) -> str:
-    return HealthState(state).name if state in set(HealthState) else str(state)

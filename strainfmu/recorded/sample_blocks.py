@@ -34,8 +34,8 @@ def checked_block(plan: ColumnPlan, table: FloatArray, first_row: int, last: flo
     block = plan.block(table, first_row)
     if block.time[0] <= last:
         raise InputError(
-            f"{plan.path}: column '{plan.names[plan.time]}', row {first_row}: {block.time[0]:.9g} s after "
-            f"{last:.9g} s found, increasing times wanted"
+            f"{plan.path}: column '{plan.names[plan.time]}', row {first_row}: expected increasing times, "
+            f"got {block.time[0]:.9g} s after {last:.9g} s"
         )
     return block, float(block.time[-1])
 
@@ -56,7 +56,7 @@ def column_file(
     n = len(columns[used[0]])
     for name in used:
         if len(columns[name]) != n:
-            raise InputError(f"{path}: '{name}': {len(columns[name])} values found, {n} wanted")
+            raise InputError(f"{path}: '{name}': expected {n} values, got {len(columns[name])}")
 
     def blocks() -> Iterator[tuple[StrainBlock, int]]:
         last = -np.inf

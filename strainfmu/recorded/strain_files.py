@@ -46,7 +46,7 @@ def open_strains(
     }
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: '{path.suffix}' found, one of {', '.join(TABLE_SUFFIXES)} wanted")
+        raise InputError(f"{path}: expected one of {', '.join(TABLE_SUFFIXES)}, got '{path.suffix}'")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     with reader(path, tuple(gauge_names), dynamic_pressure) as opened:

@@ -21,12 +21,12 @@ def recording(truth: np.ndarray, estimate: np.ndarray, sigma: float) -> Recordin
     values = np.hstack([truth, estimate, np.full_like(truth, sigma), health])
     cost = np.array([[1e-4, 2e-5]] * (len(truth) - 1))
     return Recording(
-        np.arange(len(truth)) * 0.01,
-        (*names, "estimator.health.state"),
-        ("1",) * (len(names) + 1),
-        values,
-        ("plant", "estimator"),
-        cost,
+        time=np.arange(len(truth)) * 0.01,
+        names=(*names, "estimator.health.state"),
+        units=("1",) * (len(names) + 1),
+        values=values,
+        instances=("plant", "estimator"),
+        step_cost=cost,
     )
 
 

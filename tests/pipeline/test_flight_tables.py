@@ -27,7 +27,9 @@ def model(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow], structure: Structu
 
 def condition(mach_number: float, alpha: float, beta: float) -> FlightCondition:
     """At 20 km; angles in degrees."""
-    return FlightCondition(mach_number, radians(alpha), radians(beta), 20e3)
+    return FlightCondition(
+        mach_number=mach_number, angle_of_attack=radians(alpha), sideslip_angle=radians(beta), altitude=20e3
+    )
 
 
 def direct(
@@ -66,10 +68,10 @@ def test_at_a_knot_strain_is_that_of_the_harmonics(
     # Total incidence is not exactly that of the knot: roll angle from (a, b), incidence from the knot.
     roll = at.leeward_roll_angle
     exact = FlightCondition(
-        mach_number,
-        np.arctan(np.tan(flow.key[1]) * np.cos(roll)),
-        -np.arcsin(np.sin(flow.key[1]) * np.sin(roll)),
-        20e3,
+        mach_number=mach_number,
+        angle_of_attack=np.arctan(np.tan(flow.key[1]) * np.cos(roll)),
+        sideslip_angle=-np.arcsin(np.sin(flow.key[1]) * np.sin(roll)),
+        altitude=20e3,
     )
     assert exact.total_incidence == pytest.approx(flow.key[1], rel=1e-12)
     phase = np.outer(np.arange(11), structure.surface.roll_angle - exact.leeward_roll_angle)

@@ -129,26 +129,27 @@ def test_missing_strains_are_left_out_and_counted(
     assert np.isnan(found["C_N [1]"][5])
 
 
+HEADINGS = "time,G0,G1,G2,dynamic_pressure\n"
 WRONG = {
     "time,G0,G1\n0,1e-6,2e-6\n": "no column 'G2' or 'strain[3]' found",
     "G0,G1,G2\n1,1,1\n": "no column 'time' found",
     "time,G0,G1,G2\n0,1e-6,1e-6,1e-6\n": "no column 'dynamic_pressure' found",
-    "time,G0 [mV],G1,G2,dynamic_pressure\n0,1,1,1,1\n": "column 'G0 [mV]': unit 'mV' found",
-    "time,G0,G0,G1,G2,dynamic_pressure\n0,1,1,1,1,1\n": "2 columns 'G0' found",
-    "time,G0,G1,G2,dynamic_pressure\n0,1e-6,x,1e-6,9e4\n": "line 2, column 'G1': 'x' found, a number wanted",
-    "time,G0,G1,G2,dynamic_pressure\n0,100,200,300,9e4\n": "100 m/m found, at most 0.1 expected",
-    "time,G0,G1,G2,dynamic_pressure\n1,0,0,0,9e4\n1,0,0,0,9e4\n": "row 3: 1 s after 1 s found",
-    "time,G0,G1,G2,dynamic_pressure\nnan,0,0,0,9e4\n": "column 'time', row 2: no number found",
-    "time,G0,G1,G2,dynamic_pressure\n0,0,0\n": "line 2: 3 cells found, 5 wanted",
+    "time,G0 [mV],G1,G2,dynamic_pressure\n0,1,1,1,1\n": "column 'G0 [mV]': unit: expected one of um/m, ",
+    "time,G0,G0,G1,G2,dynamic_pressure\n0,1,1,1,1,1\n": "expected one column for G0, got 2: 'G0'",
+    HEADINGS + "0,1e-6,x,1e-6,9e4\n": "line 2, column 'G1': expected a number, got 'x'",
+    HEADINGS + "0,100,200,300,9e4\n": "expected at most 0.1 m/m, got 100;",
+    HEADINGS + "1,0,0,0,9e4\n1,0,0,0,9e4\n": "row 3: expected increasing times, got 1 s after 1 s",
+    HEADINGS + "nan,0,0,0,9e4\n": "column 'time', row 2: no number found",
+    HEADINGS + "0,0,0\n": "line 2: expected 5 cells, got 3",
     # Decimal commas between commas, which would shift all that is behind them.
-    "time,G0,G1,G2,dynamic_pressure\n0,1,5e-6,2,5e-6,9,0e4\n": "line 2: 7 cells found, 5 wanted",
-    "time,G0,strain[1],G1,G2,dynamic_pressure\n0,0,0,0,0,9e4\n": "2 columns 'G0' and 'strain[1]' found for G0",
-    "time,G0,G1,G2,dynamic_pressure\n0,1_0e-5,0,0,9e4\n": "line 2, column 'G0': '1_0e-5' found, a number wanted",
-    "time,G0,G1,G2,dynamic_pressure\n0,0,\u0661\u0662,0,9e4\n": "'\u0661\u0662' found, a number wanted",
-    "time,G0,G1,G2,dynamic_pressure\n0,0,0,0,inf\n": "column 'dynamic_pressure': 'inf' found, a number wanted",
-    "time,G0,G1,G2,dynamic_pressure\n0,0,1e400,0,9e4\n": "column 'G1', row 2: inf found, a finite number",
-    "time,G0,G1,G2,dynamic_pressure\n": "no samples found",
-    "time,G0,G1,G2,dynamic_pressure\n" + "0" * 200_000 + "\n": "line 2: field larger than field limit",
+    HEADINGS + "0,1,5e-6,2,5e-6,9,0e4\n": "line 2: expected 5 cells, got 7",
+    HEADINGS.replace("G1", "strain[1],G1") + "0,0,0,0,0,9e4\n": "column for G0, got 2: 'G0' and 'strain[1]'",
+    HEADINGS + "0,1_0e-5,0,0,9e4\n": "line 2, column 'G0': expected a number, got '1_0e-5'",
+    HEADINGS + "0,0,\u0661\u0662,0,9e4\n": "expected a number, got '\u0661\u0662'",
+    HEADINGS + "0,0,0,0,inf\n": "column 'dynamic_pressure': expected a number, got 'inf'",
+    HEADINGS + "0,0,1e400,0,9e4\n": "column 'G1', row 2: expected a finite number or NaN, got inf",
+    HEADINGS: "no samples found",
+    HEADINGS + "0" * 200_000 + "\n": "line 2: field larger than field limit",
     "": "no headings found",
 }
 
@@ -168,15 +169,19 @@ def test_wrong_hdf5_gets_one_line(tmp_path: Path) -> None:
     path = tmp_path / "d.h5"
     good = {"time": np.arange(4.0), "strain": np.zeros((4, 3)), "dynamic_pressure": np.float64(9e4)}
     for name, value, line in (
-        ("strain", np.zeros((4, 2)), r"shape \(4, 2\) found, \(n, 3\) wanted"),
-        ("time", np.arange(5.0), r"shape \(5,\) found, \(4,\) wanted"),
-        ("dynamic_pressure", np.zeros(7), r"shape \(7,\) found"),
+        ("strain", np.zeros((4, 2)), r"expected shape \(n, 3\), got \(4, 2\)"),
+        ("time", np.arange(5.0), r"expected shape \(4,\), got \(5,\)"),
+        ("dynamic_pressure", np.zeros(7), r"expected shape \(4,\) or one number, got \(7,\)"),
         ("strain", None, "no data set 'strain' found"),
-        ("strain", np.full((4, 3), b"x"), "numbers wanted"),
+        ("strain", np.full((4, 3), b"x"), "expected numbers, got"),
         ("gauge_names", np.array([b"G0", b"G2", b"G1"]), "entry 2 is not the map's gauge 2"),
-        ("gauge_names", b"G0", "'gauge_names': a data set of 3 names wanted"),
-        ("dynamic_pressure", np.float64(np.inf), "column 'dynamic_pressure', row 1: inf found"),
-        ("signals", 1.0, "'signals': a data set found, a group of them wanted"),
+        ("gauge_names", b"G0", "'gauge_names': expected a data set of 3 names"),
+        (
+            "dynamic_pressure",
+            np.float64(np.inf),
+            "column 'dynamic_pressure', row 1: expected a finite number or NaN, got inf",
+        ),
+        ("signals", 1.0, "'signals': expected a group of data sets, got a data set"),
     ):
         with h5py.File(path, "w") as file:
             for key, held in {**good, name: value}.items():
@@ -190,7 +195,7 @@ def test_hdf5_without_samples_or_with_a_unit_that_is_no_text(tmp_path: Path) -> 
     path = tmp_path / "d.h5"
     for n, unit, line in (
         (0, "um/m", "no samples found"),
-        (4, 5, "'strain': attribute unit: 5 found, a text wanted"),
+        (4, 5, "'strain': attribute unit: expected a text, got 5"),
     ):
         with h5py.File(path, "w") as file:
             file["time"], file["strain"], file["dynamic_pressure"] = np.arange(float(n)), np.zeros((n, 3)), 9e4
@@ -228,12 +233,12 @@ def test_a_failure_leaves_the_old_output(synthetic: SyntheticFiles, tmp_path: Pa
     (tmp_path / "d.csv").write_text(bad)
     code, _, errors = run("estimate", synthetic.map_1, tmp_path / "d.csv", "-o", out, "--dynamic-pressure", "9e4")
     assert code == 2
-    assert "line 3002, column 'time': 'x' found" in errors
+    assert "line 3002, column 'time': expected a number, got 'x'" in errors
     assert out.read_text() == "old"
     assert sorted(item.name for item in tmp_path.iterdir()) == ["d.csv", "o.csv"]
     code, _, errors = run("estimate", synthetic.map_1, tmp_path / "d.csv", "-o", tmp_path / "o.xls")
     assert code == 2
-    assert "'.xls' found, one of .csv, .h5, .hdf5 wanted" in errors
+    assert "expected one of .csv, .h5, .hdf5, got '.xls'" in errors
 
 
 def test_nothing_is_written_of_a_file_without_samples(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:

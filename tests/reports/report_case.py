@@ -68,7 +68,14 @@ def case_of(parts: tuple[Vehicle, Snapshots, StructuralModel], entry: MapEntry) 
     problem = inverse_problem(vehicle, snapshots, structure)
     solution = solve(problem)
     inverse_map = inverse_map_of(vehicle, snapshots, structure, problem, solution)
-    return ReportCase(vehicle, snapshots, structure, problem, solution, inverse_map)
+    return ReportCase(
+        vehicle=vehicle,
+        snapshots=snapshots,
+        structure=structure,
+        problem=problem,
+        solution=solution,
+        inverse_map=inverse_map,
+    )
 
 
 def with_gauges(problem: Problem, kept: list[int]) -> Problem:

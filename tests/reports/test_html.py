@@ -138,7 +138,10 @@ class Gauge:
 
 def test_records_are_rows_in_the_columns_units(tmp_path: Path) -> None:
     """SI in the records, um/m and % in the table; what is no such number stays as it is."""
-    records = [Gauge("A", np.float64(2e-6), 0.25, True, 3), Gauge("B", np.float32(0.5), 1, False, 0)]
+    records = [
+        Gauge(name="A", strain=np.float64(2e-6), share=0.25, used=True, count=3),
+        Gauge(name="B", strain=np.float32(0.5), share=1, used=False, count=0),
+    ]
     columns = (
         ("name", Column("gauge")),
         ("strain", Column("strain", "um/m")),

@@ -70,7 +70,7 @@ def pressures(vehicle: Vehicle, grid: SurfaceGrid) -> Pressures:
 
 @pytest.fixture(scope="module")
 def setup(model: StrainModel, pressures: Pressures) -> SetUp:
-    return SetUp(SAME_MESH, model, model, noise_sigma(model, pressures.p1 - INSIDE))
+    return SetUp(key=SAME_MESH, inversion=model, data=model, sigma=noise_sigma(model, pressures.p1 - INSIDE))
 
 
 def test_field_errors_without_fields_are_those_of_the_fields(setup: SetUp, pressures: Pressures) -> None:
@@ -101,11 +101,11 @@ def test_gauge_readings_without_noise_give_the_prior_sample_back(
     prior = prior_of_snapshots(pressures.p2)
     of = case_2_map(prior, setup, SHIPPED.configuration(2), INSIDE)
     found = study_field(of, pressures.examples[2], 1e-6, False, grid, load_readings(2.0))
-    assert found.shown == pytest.approx(found.odd_share[1], rel=0.05)
+    assert found.shown == pytest.approx(found.odd_fraction[1], rel=0.05)
     # Round-off of the hidden eigenvalues, over gamma, is 0.3 % here.
-    assert found.odd_share[1] == pytest.approx(found.odd_share[0], rel=0.02)
+    assert found.odd_fraction[1] == pytest.approx(found.odd_fraction[0], rel=0.02)
     without = study_field(of, pressures.examples[3], 1e-6, False, grid, load_readings(2.0))
-    assert without.odd_share[0] < 1e-12
+    assert without.odd_fraction[0] < 1e-12
     assert without.shown < 0.1 * found.shown
     # C_N and M_P are 0 at zero incidence: no relative error there.
     assert np.isnan(without.load_error[:, [1, 3], 0]).all()
@@ -147,7 +147,7 @@ def test_published_layout_is_blind_and_45_is_not(
     assert rows["published", hidden].rank == 0
     assert rows["published", hidden].response < 1e-9 * rows["published", "even in y, odd in z"].response
     assert rows["45", hidden].rank > 0
-    assert sum(row.prior_share for row in rows.values()) == pytest.approx(2.0, rel=1e-9)
+    assert sum(row.prior_fraction for row in rows.values()) == pytest.approx(2.0, rel=1e-9)
 
 
 def test_measurements_of_a_model_against_itself(

@@ -70,7 +70,9 @@ def held_out_of_prior(vehicle: Vehicle, structure: StructuralModel) -> Snapshots
     """24 conditions inside the envelope of the prior that are not among its snapshots."""
     random = np.random.default_rng(12)
     conditions = [
-        FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
+        FlightCondition(
+            mach_number=float(mach), angle_of_attack=radians(alpha), sideslip_angle=radians(beta), altitude=20e3
+        )
         for mach, alpha, beta in random.uniform([5.0, -8.0, -8.0], [7.0, 8.0, 8.0], size=(24, 3))
     ]
     engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
@@ -82,7 +84,9 @@ def held_out(vehicle: Vehicle, structure: StructuralModel) -> Snapshots:
     """24 conditions inside the envelope that are not among the snapshots."""
     random = np.random.default_rng(11)
     conditions = [
-        FlightCondition(float(mach), radians(alpha), radians(beta), 20e3)
+        FlightCondition(
+            mach_number=float(mach), angle_of_attack=radians(alpha), sideslip_angle=radians(beta), altitude=20e3
+        )
         for mach, alpha, beta in random.uniform([5.0, 0.0, 0.0], [7.0, 10.0, 10.0], size=(24, 3))
     ]
     engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
@@ -94,11 +98,11 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
     layout = vehicle.gauges.layout
     z_p = structure.strain_operator(layout)
     return Case(
-        z_p,
-        load_operator(structure.surface, vehicle.reference.moment_station_m),
-        proper_orthogonal_decomposition(snapshots.pressure),
-        np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure))),
-        internal_pressure(vehicle, snapshots),
+        strain_operator=z_p,
+        loads=load_operator(structure.surface, vehicle.reference.moment_station_m),
+        modes=proper_orthogonal_decomposition(snapshots.pressure),
+        noise_std=np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure))),
+        internal_pressure=internal_pressure(vehicle, snapshots),
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 RECEIVE_BUFFER = 4 << 20
@@ -114,7 +114,7 @@ def _enlarge_receive_buffer(bus: Any) -> None:
 
 def _reason(error: BaseException) -> str:
     """Return an error and what is behind it on one line."""
-    texts = [" ".join(str(error).split()) or type(error).__name__]
+    texts = [error_line(error)]
     cause = error.__cause__ or error.__context__
     while cause is not None and len(texts) < 3:
         text = " ".join(str(cause).split())

@@ -16,8 +16,8 @@ from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.cosim.step import health_name
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 LAYOUT_PERIOD = 1.0
@@ -65,7 +65,7 @@ def parsed_address(text: str, option: str) -> tuple[str, int]:
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit() or not 0 <= int(port) < 65536:
-        raise InputError(f"{option}: '{text}' found, HOST:PORT such as 127.0.0.1:9870 wanted")
+        raise InputError(f"{option}: expected HOST:PORT such as 127.0.0.1:9870, got '{text}'")
     return host.strip("[]"), int(port)
 
 
@@ -134,7 +134,7 @@ class Publisher:
             "dynamic_pressure_Pa": _finite(result.dynamic_pressure),
             "age_ms": _finite(1e3 * result.age),
             "health": result.health,
-            "health_name": _health_name(result.health),
+            "health_name": None if result.health is None else health_name(result.health),
             "chi_square": _finite(result.chi_square),
             "bus_state": self._bus_state().name,
             "account": {**dict(account.rows()), "not accounted for": account.unaccounted},
@@ -157,9 +157,3 @@ def _named(values: Sequence[float]) -> dict[str, float | None]:
 def _finite(value: float) -> float | None:
     """Return the number, None for what JSON cannot hold."""
     return value if isfinite(value) else None
-
-
-def _health_name(health: int | None) -> str | None:
-    if health is None:
-        return None
-    return HealthState(health).name if health in set(HealthState) else str(health)

@@ -13,7 +13,7 @@ from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message
-from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.wire.libraries import error_line, import_can
 
 RECEIVE_TIMEOUT = 0.1
 """Longest wait in one call [s]: so long does a stop take at most."""
@@ -170,17 +170,14 @@ class Receiver:
         if refused is None or refused is FrameClass.ERROR_FRAME:
             return True
         self.account.received += 1
-        if refused is FrameClass.UNKNOWN_IDENTIFIER:
-            self.account.settle_unknown(frame.key, frame.time)
-        else:
-            self.account.settle(refused, frame.time)
+        self.account.refuse(refused, frame.key, frame.time)
         return False
 
     def _is_broken(self, error: Exception) -> bool:
         """Count a failed reception; tell whether the bus is to be given up, and say so to the bridge."""
         now = self._clock()
         self.failures += 1
-        self.last_failure = " ".join(str(error).split()) or type(error).__name__
+        self.last_failure = error_line(error)
         self._failure_times.append(now)
         full = len(self._failure_times) == ERRORS_PER_SECOND
         too_many = full and now - self._failure_times[0] < 1.0

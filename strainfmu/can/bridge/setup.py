@@ -184,7 +184,7 @@ def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
             return form_of_profile(options.profile)
         return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
     if form not in RESULT_FORMS:
-        raise InputError(f"result: '{form}' found, one of {', '.join(RESULT_FORMS)} wanted")
+        raise InputError(f"result: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")
     return form
 
 
@@ -194,7 +194,7 @@ def bus_settings(options: BridgeOptions) -> BusSettings:
     for item in options.bus_options:
         key, equals, text = item.partition("=")
         if not equals or not key.strip():
-            raise InputError(f"--bus-option: '{item}' found, KEY=VALUE wanted")
+            raise InputError(f"--bus-option: expected KEY=VALUE, got '{item}'")
         words = {"true": True, "false": False}
         try:
             chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from strainfmu.can.wire.frame import Frame, to_message
-from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.wire.libraries import error_line, import_can
 
 FAILURES_IN_A_ROW = 20
 """Failed transmissions in a row after which the bus is taken for broken."""
@@ -43,7 +43,7 @@ class Transmitter:
             except self._errors as error:
                 self.failures += 1
                 self._in_a_row += 1
-                self.last_failure = " ".join(str(error).split()) or type(error).__name__
+                self.last_failure = error_line(error)
                 continue
             self._in_a_row = 0
             self.sent += 1

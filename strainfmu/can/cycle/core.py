@@ -75,10 +75,7 @@ class BridgeCore:
         refused = self._acceptance.refused(frame)
         if refused is None:
             return results + self._take(frame, is_answered)
-        if refused is FrameClass.UNKNOWN_IDENTIFIER:
-            self.account.settle_unknown(frame.key, frame.time)
-            return results
-        self.account.settle(refused, frame.time)
+        self.account.refuse(refused, frame.key, frame.time)
         if refused is FrameClass.ERROR_FRAME:
             self.bus_state = state_after(self.bus_state, frame)
             if self.bus_state is not BusState.ERROR_ACTIVE:
@@ -279,7 +276,7 @@ def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure
     if layout.pressure_frame is None and dynamic_pressure is None:
         raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
     if dynamic_pressure is not None and not 0.0 < dynamic_pressure < float("inf"):
-        raise InputError(f"dynamic pressure: {dynamic_pressure:g} Pa found, a positive number wanted")
+        raise InputError(f"dynamic pressure: expected a positive number, got {dynamic_pressure:g} Pa")
     common = own_keys & {frame.layout.key for frame in layout.frames}
     if common:
         raise InputError(

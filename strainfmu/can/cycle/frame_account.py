@@ -65,9 +65,11 @@ class FrameAccount:
         self.first_time.setdefault(kind, time)
         self.last_time[kind] = time
 
-    def settle_unknown(self, key: int, time: float) -> None:
-        """Count a frame of an unknown key."""
-        self.settle(FrameClass.UNKNOWN_IDENTIFIER, time)
+    def refuse(self, kind: FrameClass, key: int, time: float) -> None:
+        """Put a frame that is not taken in into its class, and count its key if that is unknown."""
+        self.settle(kind, time)
+        if kind is not FrameClass.UNKNOWN_IDENTIFIER:
+            return
         if key in self.unknown or len(self.unknown) < LISTED_IDENTIFIERS:
             self.unknown[key] = self.unknown.get(key, 0) + 1
 

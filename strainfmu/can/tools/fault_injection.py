@@ -14,7 +14,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.can.tools.faults import Fault, FaultKind
-from strainfmu.can.wire.crc import Protection, protect
+from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame
 from strainfmu.can.wire.frame_layout import FLOAT, InputFrame, InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
@@ -264,8 +264,7 @@ class FaultySender:
             elif protection is not None:
                 protection = Protection(protection.profile, protection.data_id ^ 0x0101)
             if protection is not None:
-                counter = data[1] & 0x0F if protection.profile == 1 else data[2]
-                data = bytearray(protect(bytes(data), protection, counter))
+                data = bytearray(protect(bytes(data), protection, counter_in(data, protection)))
             changed.append(replace(frame, data=bytes(data)))
         return changed
 

@@ -99,7 +99,7 @@ def random_faults(
 ) -> list[Fault]:
     """Return ``n_faults`` faults one after the other, ``gap`` cycles apart; a fifth of the time two at once."""
     if not kinds:
-        raise InputError("faults: none found, at least one kind wanted")
+        raise InputError("faults: expected at least one kind, got none")
     random = np.random.default_rng(seed)
     faults: list[Fault] = []
     start = first

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.wire.libraries import error_line
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.errors import InputError
 
@@ -35,12 +36,12 @@ def load_description(path: Path) -> dict[str, Any] | None:
     try:
         found = json.loads(beside.read_text())
         if found.get("version") != SIDECAR_VERSION:
-            raise InputError(f"{beside}: version {found.get('version')} found, {SIDECAR_VERSION} wanted")
+            raise InputError(f"{beside}: expected version {SIDECAR_VERSION}, got {found.get('version')}")
         return {**found, **_run(found), "options": _options(found["options"])}
     except KeyError as error:
         raise InputError(f"{beside}: damaged: no entry {error}") from error
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise InputError(f"{beside}: damaged: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"{beside}: damaged: {error_line(error)[:200]}") from error
 
 
 def _run(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -67,8 +68,8 @@ def _checked(name: str, value: Any, kind: Any) -> Any:
         value = float(value)
     is_bool = isinstance(value, bool) and bool not in kinds
     if is_bool or not isinstance(value, kinds) or (isinstance(value, float) and not isfinite(value)):
-        wanted = " or ".join("null" if one is type(None) else one.__name__ for one in kinds)
-        raise ValueError(f"entry '{name}': {str(value)[:40]!r} found, {wanted} wanted")
+        allowed = " or ".join("null" if one is type(None) else one.__name__ for one in kinds)
+        raise ValueError(f"entry '{name}': expected {allowed}, got {str(value)[:40]!r}")
     return value
 
 

@@ -237,5 +237,5 @@ def check_log(path: Path) -> None:
     }
     reason = reasons.get(path.suffix.lower())
     raise InputError(
-        f"{path}: '{path.suffix}' found, one of {', '.join(LOG_SUFFIXES)} wanted{f'; {reason}' if reason else ''}"
+        f"{path}: expected one of {', '.join(LOG_SUFFIXES)}, got '{path.suffix}'{f'; {reason}' if reason else ''}"
     )

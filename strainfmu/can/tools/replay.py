@@ -141,10 +141,7 @@ def _received(
         is_answered = not unanswered or frame.time < unanswered[0][0]
         return _advanced(core, frame.time, skips) + core.receive(frame, is_answered)
     account.received += 1
-    if refused is FrameClass.UNKNOWN_IDENTIFIER:
-        account.settle_unknown(frame.key, frame.time)
-    else:
-        account.settle(refused, frame.time)
+    account.refuse(refused, frame.key, frame.time)
     if refused is FrameClass.SHED:
         core.note(Cause.OVERLOAD)
     return []

@@ -18,7 +18,7 @@ from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 SETTLING_CYCLES = 40
@@ -98,7 +98,7 @@ def send_flight(
                 sent.not_sent += 1
                 in_a_row += 1
                 if in_a_row >= FAILURES_IN_A_ROW:
-                    raise StrainfmuError(f"the bus takes no frames: {' '.join(str(error).split())}") from error
+                    raise StrainfmuError(f"the bus takes no frames: {error_line(error)}") from error
                 continue
             in_a_row = 0
             sent.frames += 1
@@ -123,14 +123,14 @@ def planned_faults(kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int
     known = {kind.value: kind for kind in FaultKind}
     for name in kinds:
         if name not in known:
-            raise InputError(f"fault: '{name}' found, one of {', '.join(known)} wanted")
+            raise InputError(f"fault: expected one of {', '.join(known)}, got '{name}'")
     if n_faults == 0:
         return []
     longest = 12
     gap = (n_cycles - SETTLING_CYCLES) // n_faults - longest
     if gap < 1:
-        wanted = SETTLING_CYCLES + n_faults * (longest + 1)
-        raise InputError(f"faults: {n_faults} in {n_cycles} cycles found, at least {wanted} cycles wanted")
+        minimum = SETTLING_CYCLES + n_faults * (longest + 1)
+        raise InputError(f"faults: expected at least {minimum} cycles for {n_faults} of them, got {n_cycles}")
     chosen = tuple(known[name] for name in kinds) or tuple(FaultKind)
     return random_faults(n_faults, chosen, seed=seed, gap=gap, longest=longest, first=SETTLING_CYCLES)
 

@@ -73,7 +73,7 @@ def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not a plant of {n_gauges} gauges")
     if f"strain[{n_gauges + 1}]" in found:
-        raise InputError(f"{path}: output 'strain[{n_gauges + 1}]' found, a plant of {n_gauges} gauges wanted")
+        raise InputError(f"{path}: expected a plant of {n_gauges} gauges, got output 'strain[{n_gauges + 1}]'")
     truth = [name for name in COEFFICIENT_NAMES if name in found]
     return [found[name] for name in (*names, *(truth if len(truth) == 5 else ()))]
 

@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.wire.libraries import import_cantools
+from strainfmu.can.wire.libraries import error_line, import_cantools
 from strainfmu.errors import InputError
 
 
@@ -67,4 +67,4 @@ def database_of(text: str, name: str) -> Any:
     try:
         return cantools.database.load_string(text, database_format="dbc")
     except Exception as error:  # its parser raises what it meets
-        raise InputError(f"{name}: cannot be read as a DBC file: {' '.join(str(error).split())[:300]}") from error
+        raise InputError(f"{name}: cannot be read as a DBC file: {error_line(error)[:300]}") from error

@@ -6,35 +6,18 @@ against cantools.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from strainfmu.can.settings import checked_cycle_time
-from strainfmu.can.wire.crc import Protection
+from strainfmu.can.wire.dbc_lookup import MappedDatabase
 from strainfmu.can.wire.dbc_signals import period, selector_value, signal_layout
 from strainfmu.can.wire.frame import FD_LENGTHS
 from strainfmu.can.wire.frame_layout import FrameLayout, InputFrame, InputLayout
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 from strainfmu.units import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
-
-E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
-"""Message attributes of a DBC file that state the end-to-end protection; 0: none."""
-
-START_VALUE = "GenSigStartValue"
-"""Signal attribute of a DBC file: the raw number that a sender starts with."""
-
-_TABLES = {
-    "strain",
-    "dynamic_pressure",
-    "units",
-    "end_to_end",
-    "sample_time",
-    "status",
-    "configuration",
-    "cycle_time_ms",
-}
 
 
 def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> InputLayout:
@@ -57,45 +40,42 @@ class _Mapper:
     """One mapping on its way to a layout."""
 
     def __init__(self, database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> None:
+        self._file = MappedDatabase(database, mapping, name)
         self._database, self._mapping, self._name = database, mapping, name
         self._gauges = {gauge: place for place, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{place + 1}]": place for place in range(len(gauge_names))}
         self._names = tuple(gauge_names)
         self._frames_in_use: set[str] = set()
-        self._signals_with_unit: set[str] = set()
-        unknown = sorted(set(mapping) - _TABLES)
-        if unknown:
-            raise InputError(f"{name}: entry '{unknown[0]}' found, one of {', '.join(sorted(_TABLES))} wanted")
 
     def layout(self) -> InputLayout:
         """Return the whole input."""
         by_message: dict[tuple[str, int | None], list[tuple[int, Any]]] = {}
-        for gauge, path in self._table("strain").items():
-            message, signal = self._signal(path, f"strain, '{gauge}'")
+        for gauge, path in self._file.table("strain").items():
+            message, signal = self._file.signal(path, f"strain, '{gauge}'")
             by_message.setdefault((message.name, selector_value(signal, self._name)), []).append(
                 (self._gauge(gauge), signal)
             )
         gauges = [place for items in by_message.values() for place, _ in items]
         for place, gauge in enumerate(self._names):
             if gauges.count(place) != 1:
-                found = "no signal" if place not in gauges else f"{gauges.count(place)} signals"
-                raise InputError(f"{self._name}: strain: {found} for gauge '{gauge}' found, one wanted")
+                found = "none" if place not in gauges else f"{gauges.count(place)}"
+                raise InputError(f"{self._name}: strain: expected one signal for gauge '{gauge}', got {found}")
         frames = tuple(self._strain_frame(*key, items) for key, items in sorted(by_message.items(), key=_by_name))
         timed = [frame.sample_time is not None for frame in frames]
         if any(timed) and not all(timed):
             missing = frames[timed.index(False)].layout.name
             raise InputError(
-                f"{self._name}: sample_time: none for '{missing}' found, one for every frame of strains"
+                f"{self._name}: sample_time: expected one for every frame of strains, got none for '{missing}'"
             )
         pressure = self._pressure_frame()
         if pressure is not None and pressure.layout.key in {frame.layout.key for frame in frames}:
             raise InputError(
-                f"{self._name}: dynamic_pressure: found in '{pressure.layout.name}', which holds strains; "
-                "a frame of its own wanted"
+                f"{self._name}: dynamic_pressure: expected a frame of its own, got '{pressure.layout.name}', "
+                "which holds strains"
             )
         for table in ("sample_time", "status", "configuration", "end_to_end"):
-            self._check_keys(table, "frame", self._frames_in_use)
-        self._check_keys("units", "signal", self._signals_with_unit)
+            self._file.check_keys(table, "frame", self._frames_in_use)
+        self._file.check_keys("units", "signal", self._file.signals_with_unit)
         return InputLayout(
             name=self._name,
             n_gauges=len(self._names),
@@ -104,18 +84,13 @@ class _Mapper:
             cycle_time=self._cycle_time(frames),
         )
 
-    def _check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
-        """Refuse an entry for what is not in use: a word that was meant for something else would go unheard."""
-        unknown = sorted(set(self._table(table, optional=True)) - set(in_use))
-        if unknown:
-            known = ", ".join(sorted(in_use))[:200]
-            raise InputError(f"{self._name}: {table}: {kind} '{unknown[0]}' found, one in use wanted: {known}")
-
     def _strain_frame(self, message_name: str, selector: int | None, items: list[tuple[int, Any]]) -> InputFrame:
         """Return one frame of strains."""
         message = self._database.get_message_by_name(message_name)
         used = [signal for _, signal in items]
-        factors = [self._factor(message, signal, units=STRAIN_UNITS, what="a unit of strain") for signal in used]
+        factors = [
+            self._file.factor(message, signal, units=STRAIN_UNITS, what="a unit of strain") for signal in used
+        ]
         if len({signal.name for signal in used}) < len(used):
             twice = next(s.name for s in used if [t.name for t in used].count(s.name) > 1)
             raise InputError(f"{self._name}: strain: signal '{message_name}.{twice}' found for two gauges")
@@ -134,13 +109,13 @@ class _Mapper:
 
     def _pressure_frame(self) -> InputFrame | None:
         """Return the frame of q_inf, None if the mapping names none."""
-        table = self._table("dynamic_pressure", optional=True)
+        table = self._file.table("dynamic_pressure", optional=True)
         if not table:
             return None
         if set(table) != {"signal"}:
-            raise InputError(f"{self._name}: dynamic_pressure: {', '.join(table)} found, 'signal' wanted")
-        message, signal = self._signal(table["signal"], "dynamic_pressure")
-        factor = self._factor(message, signal, units=PRESSURE_UNITS, what="a unit of pressure")
+            raise InputError(f"{self._name}: dynamic_pressure: expected 'signal', got {', '.join(table)}")
+        message, signal = self._file.signal(table["signal"], "dynamic_pressure")
+        factor = self._file.factor(message, signal, units=PRESSURE_UNITS, what="a unit of pressure")
         selector = selector_value(signal, self._name)
         extra, places = self._extras(message, selector, 1)
         layout = self._frame_layout(message, [signal, *extra], selector=selector, measured=[signal], places=places)
@@ -174,7 +149,7 @@ class _Mapper:
             signals = [*signals, *([] if switch in signals else [switch])]
         layouts = [signal_layout(signal, with_names=signal in measured) for signal in signals]
         if (place := places.get("configuration")) is not None:
-            layouts[place] = replace(layouts[place], initial=self._start_value(message, signals[place]))
+            layouts[place] = replace(layouts[place], initial=self._file.start_value(message, signals[place]))
         layout = FrameLayout(
             name=message.name if selector is None else f"{message.name}[{selector}]",
             identifier=message.frame_id,
@@ -182,7 +157,7 @@ class _Mapper:
             signals=tuple(layouts),
             is_extended=message.is_extended_frame,
             is_fd=bool(message.is_fd),
-            protection=self._protection(message),
+            protection=self._file.protection(message),
             cycle_time=period(message, where),
             sender=message.senders[0] if message.senders else "",
             multiplexer=multiplexer,
@@ -199,67 +174,31 @@ class _Mapper:
             raise InputError(f"{where}: multiplexers {found} found, one allowed")
         return switch
 
-    def _start_value(self, message: Any, signal: Any) -> int:
-        """Return the number that a configuration must be: the signal's start value, or else the file's default."""
-        value = signal.raw_initial
-        if value is None:
-            definition = self._database.dbc.attribute_definitions.get(START_VALUE)
-            value = None if definition is None else definition.default_value
-        largest = (1 << signal.length) - 1
-        if not isinstance(value, int | float) or not 0 <= value <= largest or value != int(value):
-            raise InputError(
-                f"{self._name}: configuration.{message.name}: start value ({START_VALUE}) of '{signal.name}': "
-                f"{'none' if value is None else value} found, a whole number of 0 to {largest} wanted"
-            )
-        return int(value)
-
-    def _protection(self, message: Any) -> Protection | None:
-        """Return the end-to-end protection that the mapping states, or else the DBC file's attributes."""
-        where = f"{self._name}: end_to_end.{message.name}"
-        stated = self._table("end_to_end", optional=True).get(message.name)
-        if stated is None:
-            attributes = message.dbc.attributes if message.dbc is not None else {}
-            stated = {
-                "profile": attributes[E2E_PROFILE].value if E2E_PROFILE in attributes else 0,
-                "data_id": attributes[E2E_DATA_ID].value if E2E_DATA_ID in attributes else 0,
-            }
-        elif not isinstance(stated, Mapping) or set(stated) != {"profile", "data_id"}:
-            raise InputError(f"{where}: 'profile' and 'data_id' wanted")
-        profile, data_id = stated["profile"], stated["data_id"]
-        if profile in (0, "") and profile is not False:
-            return None
-        least = {1: 2, 5: 3}.get(profile) if isinstance(profile, int) else None
-        if least is None or isinstance(profile, bool):
-            raise InputError(f"{where}: profile {profile!r} found, 1 or 5 allowed")
-        if not isinstance(data_id, int) or isinstance(data_id, bool) or not 0 <= data_id <= 0xFFFF:
-            raise InputError(f"{where}: data_id {data_id!r} found, 0 to 65535 allowed")
-        if message.length < least:
-            raise InputError(f"{where}: a frame of {message.length} bytes found, CRC and counter need {least}")
-        return Protection(profile, data_id)
-
     def _extras(self, message: Any, selector: int | None, first: int) -> tuple[list[Any], dict[str, int]]:
         """Return the signals of ``message`` that are no strains, and their places from ``first`` on."""
         self._frames_in_use.add(message.name)
         signals: list[Any] = []
         places: dict[str, int] = {}
         for role in ("sample_time", "status", "configuration"):
-            table = self._table(role, optional=True)
+            table = self._file.table(role, optional=True)
             if message.name not in table:
                 continue
             entry = table[message.name]
             path = entry.get("signal") if isinstance(entry, Mapping) else entry
-            owner, signal = self._signal(path, f"{role}.{message.name}")
+            owner, signal = self._file.signal(path, f"{role}.{message.name}")
             if owner.name != message.name:
                 raise InputError(
-                    f"{self._name}: {role}.{message.name}: '{path}' found, a signal of that frame wanted"
+                    f"{self._name}: {role}.{message.name}: expected a signal of that frame, got '{path}'"
                 )
             if signal.is_float or signal.is_signed or (role == "sample_time" and signal.length < 8):
-                raise InputError(f"{self._name}: {role}.{message.name}: unsigned integer of 8 to 64 bits wanted")
+                raise InputError(
+                    f"{self._name}: {role}.{message.name}: expected an unsigned integer of 8 to 64 bits"
+                )
             if signal.multiplexer_ids and selector not in signal.multiplexer_ids:
                 own = "the frame itself" if selector is None else f"multiplexer value {selector}"
                 raise InputError(
-                    f"{self._name}: {role}.{message.name}: '{path}' found, which comes with multiplexer value "
-                    f"{', '.join(map(str, signal.multiplexer_ids))}; a signal of {own} wanted"
+                    f"{self._name}: {role}.{message.name}: expected a signal of {own}, got '{path}', which comes "
+                    f"with multiplexer value {', '.join(map(str, signal.multiplexer_ids))}"
                 )
             places[role] = first + len(signals)
             signals.append(signal)
@@ -270,62 +209,16 @@ class _Mapper:
         if "sample_time" not in places:
             return 1e-6
         signal = extra[places["sample_time"] - first]
-        tick = self._factor(message, signal, units=TIME_UNITS, what="a unit of time") * float(signal.scale)
+        tick = self._file.factor(message, signal, units=TIME_UNITS, what="a unit of time") * float(signal.scale)
         if not tick > 0.0:
             raise InputError(f"{self._name}: signal '{message.name}.{signal.name}': scale {signal.scale} found")
         return tick
 
-    def _factor(self, message: Any, signal: Any, units: Mapping[str, float], what: str) -> float:
-        """Return the factor to SI of a signal's unit; the mapping's word goes before the DBC file's."""
-        path = f"{message.name}.{signal.name}"
-        self._signals_with_unit.add(path)
-        unit = self._table("units", optional=True).get(path, signal.unit or "")
-        if not isinstance(unit, str) or unit.strip() not in units:
-            raise InputError(
-                f"{self._name}: signal '{path}': unit {unit!r} found, {what} wanted "
-                f"({', '.join(units)}); state it under [units]"
-            )
-        return units[unit.strip()]
-
-    def _signal(self, path: Any, where: str) -> tuple[Any, Any]:
-        """Return message and signal that "Message.Signal" names."""
-        message_name, dot, signal_name = path.partition(".") if isinstance(path, str) else ("", "", "")
-        if not dot:
-            raise InputError(f"{self._name}: {where}: {path!r} found, 'Message.Signal' wanted")
-        message = self._message(message_name, where)
-        signals = [signal for signal in message.signals if signal.name == signal_name]
-        if len(signals) > 1:
-            raise InputError(f"{self._name}: {where}: {len(signals)} signals '{path}' in the DBC file, one wanted")
-        if not signals:
-            known = ", ".join(signal.name for signal in message.signals)[:200]
-            raise InputError(
-                f"{self._name}: {where}: no signal '{signal_name}' in frame '{message_name}': {known or 'none'}"
-            )
-        return message, signals[0]
-
-    def _message(self, name: str, where: str) -> Any:
-        """Return the one frame of that name; its identifier must be its own, too."""
-        known = self._database.messages
-        found = [message for message in known if message.name == name]
-        if not found:
-            raise InputError(f"{self._name}: {where}: no frame '{name}' in the DBC file")
-        message = found[0]
-        if len(found) > 1:
-            raise InputError(f"{self._name}: {where}: {len(found)} frames '{name}' in the DBC file, one wanted")
-        for other in known:
-            same = (other.frame_id, other.is_extended_frame) == (message.frame_id, message.is_extended_frame)
-            if same and other is not message:
-                raise InputError(
-                    f"{self._name}: {where}: identifier 0x{message.frame_id:X} is that of both '{name}' and "
-                    f"'{other.name}' in the DBC file"
-                )
-        return message
-
     def _gauge(self, gauge: str) -> int:
         if gauge not in self._gauges:
             raise InputError(
-                f"{self._name}: strain: gauge '{gauge}' found, names of the FMU's gauges wanted: "
-                f"{', '.join(self._names[:4])} .. or strain[1] .. strain[{len(self._names)}]"
+                f"{self._name}: strain: expected a gauge of the FMU ({', '.join(self._names[:4])} .. or "
+                f"strain[1] .. strain[{len(self._names)}]), got '{gauge}'"
             )
         return self._gauges[gauge]
 
@@ -336,18 +229,12 @@ class _Mapper:
             periods = {frame.layout.cycle_time for frame in frames}
             if len(periods) != 1 or None in periods:
                 raise InputError(
-                    f"{self._name}: cycle_time_ms wanted: the DBC file gives the frames of strains no common one"
+                    f"{self._name}: expected cycle_time_ms: the DBC file gives the frames of strains no common one"
                 )
             return checked_cycle_time(periods.pop() or 0.0, f"{self._name}: cycle time of the DBC file")
         if isinstance(stated, bool) or not isinstance(stated, int | float) or not abs(stated) < 1e9:
-            raise InputError(f"{self._name}: cycle_time_ms: {str(stated)[:40]} found, a number of ms wanted")
+            raise InputError(f"{self._name}: cycle_time_ms: expected a number of ms, got {str(stated)[:40]}")
         return checked_cycle_time(stated / 1e3, f"{self._name}: cycle_time_ms")
-
-    def _table(self, name: str, optional: bool = False) -> Mapping[str, Any]:
-        table = self._mapping.get(name, {} if optional else None)
-        if not isinstance(table, Mapping) or (not table and not optional):
-            raise InputError(f"{self._name}: table [{name}] wanted")
-        return table
 
 
 def _by_name(item: tuple[tuple[str, int | None], Any]) -> tuple[str, int]:

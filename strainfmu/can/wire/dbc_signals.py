@@ -25,7 +25,7 @@ def period(message: Any, where: str) -> float | None:
     if not stated:
         return None
     if not isinstance(stated, int | float) or not 0.0 < stated < 1e6:
-        raise InputError(f"{where}: cycle time {stated!r} ms found, a positive number wanted")
+        raise InputError(f"{where}: cycle time: expected a positive number of ms, got {stated!r}")
     return float(stated) / 1e3
 
 

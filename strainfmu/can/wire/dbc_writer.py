@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
-from strainfmu.can.wire.dbc_mapping import E2E_DATA_ID, E2E_PROFILE
+from strainfmu.can.wire.dbc_lookup import E2E_DATA_ID, E2E_PROFILE
 from strainfmu.can.wire.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.libraries import import_cantools
 from strainfmu.can.wire.profiles import BRIDGE, SENDER

@@ -70,7 +70,7 @@ def from_message(message: Any, time: float) -> Frame:
         raise MalformedFrame(f"identifier {identifier!r} found, 0 to 0x{_LARGEST_IDENTIFIER:X} allowed")
     if not isinstance(data, bytes | bytearray) or len(data) > FD_LENGTHS[-1]:
         raise MalformedFrame(
-            f"frame 0x{identifier:X}: {str(data)[:40]} found, up to {FD_LENGTHS[-1]} bytes wanted"
+            f"frame 0x{identifier:X}: expected up to {FD_LENGTHS[-1]} bytes, got {str(data)[:40]}"
         )
     flags = {
         "is_extended": message.is_extended_id,
@@ -81,7 +81,7 @@ def from_message(message: Any, time: float) -> Frame:
     }
     for flag in flags.values():
         if not isinstance(flag, int):  # a bool is one
-            raise MalformedFrame(f"frame 0x{identifier:X}: flag {str(flag)[:40]} found, true or false wanted")
+            raise MalformedFrame(f"frame 0x{identifier:X}: flag: expected true or false, got {str(flag)[:40]}")
     named = {name: bool(flag) for name, flag in flags.items()}
     return Frame(identifier=int(identifier), data=bytes(data), time=time, **named)
 

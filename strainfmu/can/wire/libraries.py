@@ -31,6 +31,11 @@ def import_cantools() -> Any:
     return _imported("cantools", "cantools")
 
 
+def error_line(error: BaseException) -> str:
+    """Return the text of ``error`` on one line, its type where it has no text."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def _imported(package: str, name: str) -> Any:
     """Return ``package``, which is installed by the ``name``."""
     try:

@@ -76,8 +76,8 @@ class Identifiers:
                 )
         if self.base < self.result_base + n_result and self.result_base < self.base + n_input:
             raise InputError(
-                f"result identifiers: 0x{self.result_base:X} and {n_result - 1} more found, others than the "
-                f"input's, 0x{self.base:X} to 0x{self.base + n_input - 1:X}, wanted"
+                f"result identifiers: expected others than the input's, 0x{self.base:X} to "
+                f"0x{self.base + n_input - 1:X}, got 0x{self.result_base:X} and {n_result - 1} more"
             )
         return self
 
@@ -102,7 +102,7 @@ def profile_layout(
         There is no such profile, or its frames do not fit onto the identifiers.
     """
     if profile not in PROFILES:
-        raise InputError(f"profile: '{profile}' found, one of {', '.join(PROFILES)} wanted")
+        raise InputError(f"profile: expected one of {', '.join(PROFILES)}, got '{profile}'")
     identifiers = identifiers or Identifiers()
     configuration = configuration_of(profile, gauge_names)
     names = signal_names(gauge_names)

@@ -64,7 +64,7 @@ class SignalPlan:
         """
         if self._packed is not None:
             if len(data) != self.length:
-                raise ValueError(f"{len(data)} bytes found, {self.length} wanted")
+                raise ValueError(f"expected {self.length} bytes, got {len(data)}")
             return np.array(self._packed.unpack(data), dtype=np.int64)
         self._bits[:-1] = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
         return np.packbits(self._bits[self._index], bitorder="little").view("<i8")
@@ -146,9 +146,10 @@ class _Encoder:
             if self.raw_low <= number <= self.raw_high:
                 return number
         if signal.not_available is None:
+            unit = f" {signal.unit}" if signal.unit else ""
             raise InputError(
-                f"signal '{signal.name}': {value:g} {signal.unit} found, what fits into "
-                f"{signal.length} bits of {signal.scale:g} {signal.unit} wanted"
+                f"signal '{signal.name}': expected what fits into {signal.length} bits of {signal.scale:g}{unit}, "
+                f"got {value:g}{unit}"
             )
         return signal.not_available
 
@@ -201,11 +202,11 @@ def _check(signal: SignalLayout, layout: FrameLayout) -> None:
     if not 1 <= signal.length <= _WIDTH:
         raise InputError(f"{where}: {signal.length} bits found, 1 to {_WIDTH} allowed")
     if signal.kind not in (UNSIGNED, SIGNED, FLOAT):
-        raise InputError(f"{where}: kind '{signal.kind}' found, unsigned, signed or float wanted")
+        raise InputError(f"{where}: expected unsigned, signed or float, got kind '{signal.kind}'")
     if signal.kind == FLOAT and signal.length not in _FLOAT_TYPES:
         raise InputError(f"{where}: a float of {signal.length} bits found, 16, 32 or 64 allowed")
     if not (np.isfinite(signal.scale) and signal.scale != 0.0 and np.isfinite(signal.offset)):
-        raise InputError(f"{where}: scale {signal.scale:g}, offset {signal.offset:g} found, finite numbers wanted")
+        raise InputError(f"{where}: expected finite numbers, got scale {signal.scale:g}, offset {signal.offset:g}")
     if min(signal.bits) < 0 or max(signal.bits) >= 8 * layout.length:
         raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
 

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+from strainfmu.arrays import FloatArray
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import FrameLayout, InputFrame, InputLayout
+from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
 from strainfmu.can.wire.signal_plan import SignalPlan
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Sample:
+    """What one cycle says: (n_d,) strains [m/m], q_inf [Pa], sender's clock [s], sender's status."""
+
+    strain: FloatArray
+    dynamic_pressure: float
+    sample_time: float
+    status: int
 
 
 class StrainEncoder:
@@ -36,77 +49,41 @@ class StrainEncoder:
         InputError
             A value does not fit into its signal, and the signal has no way to say so.
         """
-        d = np.asarray(strain, dtype=float)
-        frames, covered = [], b""
-        if self._layout.pressure_frame is not None:
-            frames.append(
-                self._frame(
-                    self._layout.frames[-1],
-                    -1,
-                    strain=d,
-                    dynamic_pressure=dynamic_pressure,
-                    cycle=cycle,
-                    sample_time=sample_time,
-                    status=status,
-                )
-            )
-        for place, item in enumerate(self._layout.strain_frames):
-            frames.append(
-                self._frame(
-                    item,
-                    place,
-                    strain=d,
-                    dynamic_pressure=dynamic_pressure,
-                    cycle=cycle,
-                    sample_time=sample_time,
-                    status=status,
-                )
-            )
+        sample = _Sample(
+            strain=np.asarray(strain, dtype=float),
+            dynamic_pressure=dynamic_pressure,
+            sample_time=sample_time,
+            status=status,
+        )
+        layout, frames, covered = self._layout, [], b""
+        if layout.pressure_frame is not None:
+            frames.append(self._frame(len(layout.frames) - 1, sample, cycle))
+        for slot in range(len(layout.strain_frames)):
+            frames.append(self._frame(slot, sample, cycle))
             covered += frames[-1].data
-        if self._layout.trailer is not None:
-            place = len(self._layout.strain_frames)
-            frames.append(
-                self._frame(
-                    self._layout.trailer,
-                    place,
-                    strain=d,
-                    dynamic_pressure=dynamic_pressure,
-                    cycle=cycle,
-                    sample_time=sample_time,
-                    status=status,
-                    covered=covered,
-                )
-            )
+        if layout.trailer is not None:
+            frames.append(self._frame(len(layout.strain_frames), sample, cycle, covered=covered))
         return frames
 
-    def _frame(
-        self,
-        item: InputFrame,
-        place: int,
-        strain: np.ndarray,
-        dynamic_pressure: float,
-        cycle: int,
-        sample_time: float,
-        status: int,
-        covered: bytes = b"",
-    ) -> Frame:
-        """Return one frame."""
+    def _frame(self, slot: int, sample: _Sample, cycle: int, covered: bytes = b"") -> Frame:
+        """Return the frame number ``slot`` of the layout; its CRC is also over ``covered``."""
+        item = self._layout.frames[slot]
         layout = item.layout
         values = np.array([float(s.initial or 0) * s.scale + s.offset for s in layout.signals])
         if item.places:
-            values[list(item.places)] = strain[list(item.gauges)] / np.array(item.to_strain)
+            values[list(item.places)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
         if item.dynamic_pressure is not None:
-            values[item.dynamic_pressure] = dynamic_pressure / item.to_pascal
+            values[item.dynamic_pressure] = sample.dynamic_pressure / item.to_pascal
         if item.status is not None:
-            values[item.status] = status
+            values[item.status] = sample.status
         if item.sample_time is not None:
             signal = layout.signals[item.sample_time]
-            ticks = round(sample_time / item.tick) % (1 << signal.length)
+            ticks = round(sample.sample_time / item.tick) % (1 << signal.length)
             values[item.sample_time] = ticks * signal.scale + signal.offset
         if layout.multiplexer is not None:
             selector, number = layout.multiplexer
             values[layout.place(selector.name)] = number * selector.scale + selector.offset
-        data = self._plans[place].encode(values)
+        data = self._plans[slot].encode(values)
         if layout.protection is not None:
             data = protect(data, layout.protection, counter=cycle, covered=covered)
         return frame_of(layout, data)

@@ -209,7 +209,7 @@ def test_the_account_of_unknown_identifiers_is_bounded() -> None:
     account = FrameAccount()
     for key in range(10_000):
         account.received += 1
-        account.settle_unknown(key, 1.0 * key)
+        account.refuse(FrameClass.UNKNOWN_IDENTIFIER, key, 1.0 * key)
     assert len(account.unknown) == LISTED_IDENTIFIERS
     assert account.classes[FrameClass.UNKNOWN_IDENTIFIER] == 10_000
     assert account.unaccounted == 0

@@ -141,7 +141,7 @@ def test_formats_that_lose_something_are_refused(tmp_path: Path) -> None:
     for name, reason in (("x.db", "loses rows"), ("x.trc", "neither CAN FD"), ("x.mf4", "before its end")):
         with pytest.raises(InputError, match=reason):
             Recorder(tmp_path / name, MicrosecondClock())
-    with pytest.raises(InputError, match=r"'.txt' found, one of .blf, .asc, .log wanted$"):
+    with pytest.raises(InputError, match=r"expected one of .blf, .asc, .log, got '.txt'$"):
         Recorder(tmp_path / "x.txt", MicrosecondClock())
 
 
@@ -179,5 +179,5 @@ def test_a_run_is_described_beside_its_log(synthetic: SyntheticFiles, tmp_path: 
     assert len(frames) - len(received) == run.summary.sent
     assert run.notes == [f"{path}: {len(frames)} frames recorded, 0 lost"]
     sidecar(path).write_text(json.dumps({"version": 9}))
-    with pytest.raises(InputError, match="version 9 found, 1 wanted"):
+    with pytest.raises(InputError, match="expected version 1, got 9"):
         load_description(path)

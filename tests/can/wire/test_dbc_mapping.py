@@ -206,25 +206,43 @@ def refused(text: str, **tables: Any) -> Callable[[], InputLayout]:
     ("make", "text"),
     [
         (refused(NESTED), "multiplexers outer, page found, one allowed"),
-        (refused(MULTIPLEXED, status={"R": "R.St"}), r"status\.R: 'R\.St' found, which comes with multiplexer"),
-        (refused(MULTIPLEXED, sample_time={"R": "R.T"}), r"value 1; a signal of multiplexer value 0 wanted"),
-        (refused(RACK, status={"Rr": "R.St"}), "status: frame 'Rr' found, one in use wanted: R$"),
-        (refused(RACK + AIR, sample_time={"Air": "Air.q"}), "sample_time: frame 'Air' found, one in use"),
-        (refused(RACK, configuration={"Rr": "R.St"}), "configuration: frame 'Rr' found"),
-        (refused(RACK, end_to_end={"Rr": {"profile": 5, "data_id": 1}}), "end_to_end: frame 'Rr' found"),
-        (refused(RACK, units={"R.S3": "um/m"}), r"units: signal 'R\.S3' found, .* wanted: R\.S1, R\.S2$"),
-        (refused(RACK, units={"R.St": "us"}), r"units: signal 'R\.St' found"),
-        (refused(RACK, configuration={"R": "R.St"}), r"\(GenSigStartValue\) of 'St': none found, .* 0 to 65535"),
+        (
+            refused(MULTIPLEXED, status={"R": "R.St"}),
+            r"status\.R: expected .*, got 'R\.St', which comes with multiplexer",
+        ),
+        (
+            refused(MULTIPLEXED, sample_time={"R": "R.T"}),
+            r"expected a signal of multiplexer value 0, got .* value 1$",
+        ),
+        (refused(RACK, status={"Rr": "R.St"}), r"status: expected a frame in use \(R\), got 'Rr'$"),
+        (
+            refused(RACK + AIR, sample_time={"Air": "Air.q"}),
+            r"sample_time: expected a frame in use \(R\), got 'Air'",
+        ),
+        (refused(RACK, configuration={"Rr": "R.St"}), r"configuration: expected a frame in use \(R\), got 'Rr'"),
+        (
+            refused(RACK, end_to_end={"Rr": {"profile": 5, "data_id": 1}}),
+            r"end_to_end: expected a frame in use \(R\), got 'Rr'",
+        ),
+        (
+            refused(RACK, units={"R.S3": "um/m"}),
+            r"units: expected a signal in use \(.*R\.S1, R\.S2\), got 'R\.S3'$",
+        ),
+        (refused(RACK, units={"R.St": "us"}), r"units: expected a signal in use .*, got 'R\.St'"),
+        (
+            refused(RACK, configuration={"R": "R.St"}),
+            r"\(GenSigStartValue\) of 'St': expected .* 0 to 65535, got none",
+        ),
         (
             refused(RACK + START + 'BA_ "GenSigStartValue" SG_ 256 St 70000;\n', configuration={"R": "R.St"}),
-            "'St': 70000 found",
+            "'St': expected .*, got 70000",
         ),
-        (refused(RACK + RACK.replace("256", "258")), "2 frames 'R' in the DBC file, one wanted"),
+        (refused(RACK + RACK.replace("256", "258")), "expected one frame 'R' in the DBC file, got 2"),
         (refused(RACK + AIR.replace("257", "256")), "identifier 0x100 is that of both 'R' and 'Air'"),
         (refused(RACK, cycle_time_ms=1e-300), "cycle_time_ms: 1e-300 ms found, 0.1 to 10,000 ms allowed"),
         (refused(RACK, cycle_time_ms=10_000.5), "0.1 to 10,000 ms allowed"),
-        (refused(RACK, cycle_time_ms=float("nan")), "nan found"),
-        (refused(RACK, cycle_time_ms=10**400), "a number of ms wanted"),
+        (refused(RACK, cycle_time_ms=float("nan")), "expected a number of ms, got nan"),
+        (refused(RACK, cycle_time_ms=10**400), "expected a number of ms, got"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_in_one_line(make: Callable[[], InputLayout], text: str) -> None:

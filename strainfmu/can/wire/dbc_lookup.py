@@ -1,0 +1,150 @@
+"""A DBC file and the mapping beside it, looked up together: every error names the entry of the mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from strainfmu.can.wire.crc import Protection
+from strainfmu.errors import InputError
+
+E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
+"""Message attributes of a DBC file that state the end-to-end protection; 0: none."""
+
+START_VALUE = "GenSigStartValue"
+"""Signal attribute of a DBC file: the raw number that a sender starts with."""
+
+_TABLES = {
+    "strain",
+    "dynamic_pressure",
+    "units",
+    "end_to_end",
+    "sample_time",
+    "status",
+    "configuration",
+    "cycle_time_ms",
+}
+
+
+class MappedDatabase:
+    """The entries of a mapping, and what they name in a DBC file.
+
+    Parameters
+    ----------
+    database : cantools' database of the DBC file.
+    mapping : tables of the mapping.
+    name : of the mapping, for messages.
+
+    Raises
+    ------
+    InputError
+        The mapping holds a table that does not exist.
+    """
+
+    def __init__(self, database: Any, mapping: Mapping[str, Any], name: str) -> None:
+        self._database, self._mapping, self._name = database, mapping, name
+        self.signals_with_unit: set[str] = set()
+        unknown = sorted(set(mapping) - _TABLES)
+        if unknown:
+            raise InputError(f"{name}: expected one of {', '.join(sorted(_TABLES))}, got entry '{unknown[0]}'")
+
+    def table(self, name: str, optional: bool = False) -> Mapping[str, Any]:
+        table = self._mapping.get(name, {} if optional else None)
+        if not isinstance(table, Mapping) or (not table and not optional):
+            raise InputError(f"{self._name}: expected a table [{name}]")
+        return table
+
+    def check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
+        """Refuse an entry for what is not in use: a word that was meant for something else would go unheard."""
+        unknown = sorted(set(self.table(table, optional=True)) - set(in_use))
+        if unknown:
+            known = ", ".join(sorted(in_use))[:200]
+            raise InputError(f"{self._name}: {table}: expected a {kind} in use ({known}), got '{unknown[0]}'")
+
+    def signal(self, path: Any, where: str) -> tuple[Any, Any]:
+        """Return message and signal that "Message.Signal" names."""
+        message_name, dot, signal_name = path.partition(".") if isinstance(path, str) else ("", "", "")
+        if not dot:
+            raise InputError(f"{self._name}: {where}: expected 'Message.Signal', got {path!r}")
+        message = self._message(message_name, where)
+        signals = [signal for signal in message.signals if signal.name == signal_name]
+        if len(signals) > 1:
+            raise InputError(
+                f"{self._name}: {where}: expected one signal '{path}' in the DBC file, got {len(signals)}"
+            )
+        if not signals:
+            known = ", ".join(signal.name for signal in message.signals)[:200]
+            raise InputError(
+                f"{self._name}: {where}: no signal '{signal_name}' in frame '{message_name}': {known or 'none'}"
+            )
+        return message, signals[0]
+
+    def _message(self, name: str, where: str) -> Any:
+        """Return the one frame of that name; its identifier must be its own, too."""
+        known = self._database.messages
+        found = [message for message in known if message.name == name]
+        if not found:
+            raise InputError(f"{self._name}: {where}: no frame '{name}' in the DBC file")
+        message = found[0]
+        if len(found) > 1:
+            raise InputError(
+                f"{self._name}: {where}: expected one frame '{name}' in the DBC file, got {len(found)}"
+            )
+        for other in known:
+            same = (other.frame_id, other.is_extended_frame) == (message.frame_id, message.is_extended_frame)
+            if same and other is not message:
+                raise InputError(
+                    f"{self._name}: {where}: identifier 0x{message.frame_id:X} is that of both '{name}' and "
+                    f"'{other.name}' in the DBC file"
+                )
+        return message
+
+    def factor(self, message: Any, signal: Any, units: Mapping[str, float], what: str) -> float:
+        """Return the factor to SI of a signal's unit; the mapping's word goes before the DBC file's."""
+        path = f"{message.name}.{signal.name}"
+        self.signals_with_unit.add(path)
+        unit = self.table("units", optional=True).get(path, signal.unit or "")
+        if not isinstance(unit, str) or unit.strip() not in units:
+            raise InputError(
+                f"{self._name}: signal '{path}': unit: expected {what} ({', '.join(units)}), got {unit!r}; "
+                "state it under [units]"
+            )
+        return units[unit.strip()]
+
+    def protection(self, message: Any) -> Protection | None:
+        """Return the end-to-end protection that the mapping states, or else the DBC file's attributes."""
+        where = f"{self._name}: end_to_end.{message.name}"
+        stated = self.table("end_to_end", optional=True).get(message.name)
+        if stated is None:
+            attributes = message.dbc.attributes if message.dbc is not None else {}
+            stated = {
+                "profile": attributes[E2E_PROFILE].value if E2E_PROFILE in attributes else 0,
+                "data_id": attributes[E2E_DATA_ID].value if E2E_DATA_ID in attributes else 0,
+            }
+        elif not isinstance(stated, Mapping) or set(stated) != {"profile", "data_id"}:
+            raise InputError(f"{where}: expected 'profile' and 'data_id'")
+        profile, data_id = stated["profile"], stated["data_id"]
+        if profile in (0, "") and profile is not False:
+            return None
+        least = {1: 2, 5: 3}.get(profile) if isinstance(profile, int) else None
+        if least is None or isinstance(profile, bool):
+            raise InputError(f"{where}: profile {profile!r} found, 1 or 5 allowed")
+        if not isinstance(data_id, int) or isinstance(data_id, bool) or not 0 <= data_id <= 0xFFFF:
+            raise InputError(f"{where}: data_id {data_id!r} found, 0 to 65535 allowed")
+        if message.length < least:
+            raise InputError(f"{where}: a frame of {message.length} bytes found, CRC and counter need {least}")
+        return Protection(profile, data_id)
+
+    def start_value(self, message: Any, signal: Any) -> int:
+        """Return the number that a configuration must be: the signal's start value, or else the file's default."""
+        value = signal.raw_initial
+        if value is None:
+            definition = self._database.dbc.attribute_definitions.get(START_VALUE)
+            value = None if definition is None else definition.default_value
+        largest = (1 << signal.length) - 1
+        if not isinstance(value, int | float) or not 0 <= value <= largest or value != int(value):
+            raise InputError(
+                f"{self._name}: configuration.{message.name}: start value ({START_VALUE}) of '{signal.name}': "
+                f"expected a whole number of 0 to {largest}, got {'none' if value is None else value}"
+            )
+        return int(value)
