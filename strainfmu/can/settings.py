@@ -1,4 +1,4 @@
-"""Limits and times of the bridge, all in one place; docs/reference/can.md states them for its users."""
+"""Limits and times of the bridge. docs/reference/can.md states them for its users."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from strainfmu.errors import InputError
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0
-"""Nominal periods of an input [s]: no bus carries shorter ones; of longer ones a status is no use."""
+"""Limits of an input's nominal period [s]. No bus carries shorter ones; a status of longer ones is useless."""
 
 
 def checked_cycle_time(cycle_time: float, where: str) -> float:
@@ -16,7 +16,7 @@ def checked_cycle_time(cycle_time: float, where: str) -> float:
     Raises
     ------
     InputError
-        It is not within SHORTEST_CYCLE and LONGEST_CYCLE; ``where`` says whose it is.
+        It is not within SHORTEST_CYCLE and LONGEST_CYCLE; ``where`` names the entry in the message.
     """
     if not SHORTEST_CYCLE <= cycle_time <= LONGEST_CYCLE:
         raise InputError(f"{where}: {1e3 * cycle_time:g} ms found, 0.1 to 10,000 ms allowed")
@@ -25,13 +25,14 @@ def checked_cycle_time(cycle_time: float, where: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class StateMachineSettings:
-    """AUTOSAR's E2E_SMConfigType.
+    """Limits of the E2E state machine: AUTOSAR's E2E_SMConfigType.
 
     Attributes
     ----------
-    window_size : checks that are looked back at (WindowSize).
-    min_ok_init, min_ok_valid, min_ok_invalid : least number of good checks in the window to become or stay VALID.
-    max_error_init, max_error_valid, max_error_invalid : largest number of bad ones.
+    window_size : number of checks in the window (WindowSize).
+    min_ok_init, min_ok_valid, min_ok_invalid : minimum number of good checks in the window to become or stay
+        VALID.
+    max_error_init, max_error_valid, max_error_invalid : maximum number of bad checks in it.
     """
 
     window_size: int = 10
@@ -45,28 +46,29 @@ class StateMachineSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class BridgeSettings:
-    """Times are in cycles of the input's nominal period unless a unit is stated.
+    """Limits and times of one bridge, in cycles of the input's nominal period unless a unit is stated.
 
     Attributes
     ----------
-    deadline : from the first frame of a cycle to when it is closed whether complete or not.
-    max_age : largest age of strains that are used; also how long a whole cycle may repeat itself.
-    pressure_max_age : largest age of q_inf that is used.
-    timeout : silence after which results say STALE; then one goes out every cycle.
-    invalid_after : silence after which they say INVALID.
-    max_delta : largest step of an E2E counter that is believed.
+    deadline : from the first frame of a cycle until the cycle is closed, complete or not.
+    max_age : maximum age of strains that are used, and maximum time for which a whole cycle may repeat itself.
+    pressure_max_age : maximum age of q_inf that is used.
+    timeout : silence after which results are STALE; from then on one is sent every cycle.
+    invalid_after : silence after which results are INVALID.
+    max_delta : maximum step of an E2E counter that is accepted.
     state_machine : limits of the E2E state machine.
-    stuck_cycles : equal raw values in a row after which one gauge is left out; 0 for never, nor all of them.
-    zero_cycles : exact zeros in a row after which one gauge is left out; 0 for never.
-    zero_jump : a fall to exactly zero from more than this [m/m], and three times its last change, counts at once.
-    rate_limit : largest change from one cycle to the next [m/m].
-    sensor_range : largest |strain| [m/m], whatever the layout allows.
+    stuck_cycles : equal raw values in a row after which a gauge is left out; 0 turns this check and that of the
+        whole cycle off, for signals that are constant by nature.
+    zero_cycles : exact zeros in a row after which a gauge is left out.
+    zero_jump : a fall to exactly zero by more than this [m/m] and three times the last change counts at once.
+    rate_limit : maximum change from one cycle to the next [m/m].
+    sensor_range : maximum |strain| [m/m], whatever the layout allows.
     heal_cycles : good values in a row after which a gauge is used again.
-    jump_tolerance : how much earlier than ever before a cycle may come, by the sender's clock.
-    jump_confirmations : cycles in a row that must follow a jump of the sender's clock before it counts.
-    clock_drift : rate at which the smallest delay ever seen is forgotten [s/s]: above any clock's drift.
-    late_cycles : cycles' worth of nothing but frames from the past, after which the sender was restarted.
-    burst : frames of one identifier at once that are not yet babbling; ``rate`` per cycle for long.
+    jump_tolerance : by how much the delay of a cycle may be below the smallest one so far.
+    jump_confirmations : cycles in a row that confirm a jump of the sender's clock.
+    clock_drift : rate at which the smallest delay is forgotten [s/s]; above the drift of any clock.
+    late_cycles : cycles of late frames only, after which the sender is taken to have been restarted.
+    burst, rate : frames of one identifier that are accepted at once, and per cycle for long.
     """
 
     deadline: float = 0.5
@@ -95,6 +97,8 @@ class BridgeSettings:
                 raise InputError(f"{name}: expected a positive number, got {getattr(self, name):g}")
         if self.stuck_cycles < 0:
             raise InputError(f"stuck_cycles: expected 0 for never or a positive number, got {self.stuck_cycles}")
+        if self.zero_cycles < 1:
+            raise InputError(f"zero_cycles: expected a positive number, got {self.zero_cycles}")
         if self.deadline >= 1.0:
             raise InputError(f"deadline: expected less than 1 cycle, got {self.deadline:g} cycles")
 
@@ -102,8 +106,9 @@ class BridgeSettings:
     def recovery_cycles(self) -> int:
         """Cycles after the end of any fault on the bus within which results are VALID again.
 
-        A window of the E2E state machine that errors have left, the cycles that it takes to find out that a sender
-        was restarted and to believe it again, and one each for the counter's sequence and the open cycle.
+        The sum of: the window of the E2E state machine, which errors must leave; the cycles that detect a restart
+        of the sender and trust it again; the cycles that heal a gauge; one each for the counter and the open
+        cycle.
         """
         machine = self.state_machine
         restart = self.late_cycles + self.jump_confirmations + machine.min_ok_init + 1

@@ -1,1 +1,1 @@
-"""The bridge: strain frames in, load frames out, in real time."""
+"""The bridge on a live bus: strain frames in, load frames out, in real time."""

@@ -1,1 +1,1 @@
-"""One cycle of the bus: frames assembled, judged, answered."""
+"""The cycle: frames accepted, assembled, judged and answered, in any time, without threads and sockets."""

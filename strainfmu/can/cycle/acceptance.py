@@ -1,4 +1,4 @@
-"""Which frames are taken in at all: known identifier, right format, not our own, not too many."""
+"""Acceptance of frames: known identifier, right format, not the bridge's own, not too many."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from strainfmu.can.wire.frame_layout import InputLayout
 
 
 class Acceptance:
-    """The filter at the door, cheap enough for a bus that is overloaded many times over.
+    """The first filter of received frames, cheap enough for a bus that is overloaded many times over.
 
-    Its verdict depends on the frames and their times alone; so one may sit in the receiver and another behind it.
+    Its verdict depends on the frames and their times alone, so the receiver and the core may each have one.
     """
 
     def __init__(self, layout: InputLayout, own_keys: Iterable[int], settings: BridgeSettings) -> None:
         self._own = frozenset(own_keys)
         self._formats = {f.layout.key: (f.layout.is_fd, f.layout.length) for f in layout.frames}
-        # Multiplexed frames share an identifier: each of them may come once a cycle.
-        sharing = [f.layout.key for f in layout.frames]
-        self._rate = {key: settings.rate * sharing.count(key) / layout.cycle_time for key in self._formats}
+        # Multiplexed frames have one identifier in common: each of them may come once a cycle.
+        keys = [f.layout.key for f in layout.frames]
+        self._rate = {key: settings.rate * keys.count(key) / layout.cycle_time for key in self._formats}
         self._capacity = settings.burst
         self._tokens = dict.fromkeys(self._formats, settings.burst)
         self._last = dict.fromkeys(self._formats, 0.0)
 
     def refused(self, frame: Frame) -> FrameClass | None:
-        """Return the class of a frame that is not taken in, None of one that is."""
+        """Return the class of a frame that is refused, None of one that is accepted."""
         key = frame.key
         if frame.is_error:
             return FrameClass.ERROR_FRAME
@@ -43,7 +43,7 @@ class Acceptance:
         return None if self._take_token(key, frame.time) else FrameClass.SHED
 
     def _take_token(self, key: int, time: float) -> bool:
-        """Take a token from the identifier's bucket, which fills with time; false if it is empty."""
+        """Take a token from the identifier's bucket, which fills with time; return False if it is empty."""
         elapsed = max(time - self._last[key], 0.0)
         self._last[key] = time
         tokens = min(self._tokens[key] + elapsed * self._rate[key], self._capacity)

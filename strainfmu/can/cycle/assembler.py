@@ -1,7 +1,7 @@
-"""Frames put together to cycles. A pure state machine: frames and times in, closed cycles out.
+"""The assembly of frames to cycles: a pure state machine, frames and times in, closed cycles out.
 
-A cycle is closed when it is complete, when a frame of the next one comes, or at its deadline. Cycles are told
-apart by the sample time where every frame holds one; else by the trailer, or by a frame that comes a second time.
+A cycle is closed when it is complete, when a frame of the next one comes, or at its deadline. The sample time
+separates cycles where every frame holds one; elsewhere the trailer does, or a frame that comes a second time.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ class Arrival:
 
     Attributes
     ----------
-    slot : place of the frame in its cycle.
+    slot : index of the frame in its cycle.
     frame : the frame.
-    raw : (k,) raw numbers of its signals.
+    raw : (k,) raw numbers of its k signals.
     sample_time : sender's clock [ticks], None if the frame has none.
     counter : E2E counter, None if the frame has none.
     """
@@ -35,7 +35,7 @@ class Arrival:
 
 @dataclass(eq=False)
 class Cycle:
-    """Frames of one cycle, by slot; ``first_time`` is when the first came [s]."""
+    """Frames of one cycle by slot; ``first_time`` is the arrival of the first [s]."""
 
     first_time: float
     arrivals: dict[int, Arrival] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class Cycle:
 
 
 class Verdict(Enum):
-    """What became of an offered frame."""
+    """Fate of an offered frame."""
 
     ACCEPTED = "accepted"
     REPEATED = "repeated"
@@ -57,11 +57,11 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a cycle is.
+    """Definition of a cycle.
 
     Attributes
     ----------
-    n_slots : frames of a complete cycle, the trailer included.
+    n_slots : number of frames of a complete cycle, trailer included.
     trailer : slot that ends a cycle, or None.
     deadline : from the first frame to the end [s].
     clock_bits : length of the sample time, or None where frames have none.
@@ -76,7 +76,7 @@ class Limits:
 
 
 class CycleAssembler:
-    """At most one cycle is open; no frame of an older one is let in."""
+    """Puts frames into cycles. At most one cycle is open; frames of older ones are refused."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -85,13 +85,13 @@ class CycleAssembler:
         self._late = 0
 
     def reset(self) -> list[Cycle]:
-        """Forget what was; return the open cycle, if any."""
+        """Forget the sender; return the open cycle, if any."""
         self._newest, self._late = None, 0
         return self._close()
 
     @property
     def deadline(self) -> float | None:
-        """When the open cycle ends [s], None if none is open."""
+        """Time at which the open cycle ends [s], None if none is open."""
         return None if self._open is None else self._open.first_time + self._limits.deadline
 
     def due(self, now: float) -> list[Cycle]:
@@ -100,7 +100,7 @@ class CycleAssembler:
         return self._close() if deadline is not None and deadline <= now else []
 
     def offer(self, arrival: Arrival) -> tuple[Verdict, list[Cycle]]:
-        """Take in a frame; return what became of it and the cycles that it closes, the older first."""
+        """Take in a frame; return its fate and the cycles that it closes, the older first."""
         verdict, closed = Verdict.ACCEPTED, list[Cycle]()
         if self._limits.clock_bits is not None:
             verdict = self._in_time(arrival)
@@ -120,7 +120,7 @@ class CycleAssembler:
         return verdict, closed
 
     def _is_new(self, arrival: Arrival) -> bool:
-        """Tell whether a frame belongs to another cycle than the open one, by its sample time."""
+        """Return whether a frame belongs to another cycle than the open one, by its sample time."""
         return self._limits.clock_bits is not None and arrival.sample_time != self._newest
 
     def _in_time(self, arrival: Arrival) -> Verdict:

@@ -1,8 +1,8 @@
-"""The state of the bus controller, from error frames and from what the library says.
+"""The state of the bus controller, from error frames.
 
 Source: fault confinement of ISO 11898-1 (error active, passive, bus off); contents of error frames as in Linux's
-include/uapi/linux/can/error.h, which python-can's socketcan interface hands on. Error frames of other interfaces
-hold something else or nothing: they count, and change no state.
+include/uapi/linux/can/error.h, which python-can's socketcan interface passes on. Error frames of other interfaces
+have other contents or none: they are counted and change no state.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The bridge without threads and sockets: frames and times in, results out, every frame accounted for.
+"""The core of the bridge without threads and sockets: frames and times in, results out, each frame accounted for.
 
-All that it does follows from the frames, their times of reception and the times it is advanced to; so a recording
-gives the same results as the live run.
+Results follow from the frames, their times of reception and the times to which the core is advanced. So a
+recording gives the results of the live run again.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
 
 _CATCH_UP = 10
-"""Status results at most in one go after the bridge itself stood still."""
+"""Maximum number of status results in one call after the bridge itself stood still."""
 
 _KEPT_SKIPS = 10_000
 
 _REFUSALS, _REFUSALS_PER_CYCLE = 20.0, 2.0
-"""Results without coefficients at once, and for long: a babbling input must not make the bridge babble."""
+"""Results without coefficients at once, and per cycle for long: a babbling input gets no babbling answer."""
 
 
 class BridgeCore:
@@ -48,10 +48,10 @@ class BridgeCore:
         self.layout, self.settings = layout, settings
         self.account = FrameAccount()
         self.bus_state = BusState.ERROR_ACTIVE
-        # What does not follow from frames and their times, and a replay needs to know. When status results were
-        # passed over: pairs of when the first was due and of the time advanced to [s].
+        # Two facts that a replay needs and that do not follow from frames and their times. Status results that
+        # were passed over: pairs of the time at which the first was due and the time advanced to [s].
         self.skips: list[tuple[float, float]] = []
-        # Times of the first and the last frame of those in a row that were not to be answered [s].
+        # Frames in a row that were not to be answered: times of the first and the last [s].
         self.unanswered: list[tuple[float, float]] = []
         self._skipping = False
         self._acceptance, self._reception = parts.acceptance, parts.reception
@@ -64,10 +64,10 @@ class BridgeCore:
     # --- frames and time in -----------------------------------------------------------------------------------
 
     def receive(self, frame: Frame, is_answered: bool = True) -> list[CycleResult]:
-        """Take in one frame; return the results that are ready by then, in order.
+        """Take in one frame; return the results that are ready with it, in order.
 
-        A cycle that ends with it while ``is_answered`` is false has no result, for want of time: its counters and
-        CRCs are checked, so that those behind it are believed, but the estimator is not stepped.
+        A cycle that ends with it while ``is_answered`` is False has no result, because there is no time for one:
+        its counters and CRCs are checked, so that later cycles are trusted, but the estimator is not stepped.
         """
         results = self.advance(frame.time)
         self._remember(frame.time, is_answered)
@@ -85,7 +85,7 @@ class BridgeCore:
         return results
 
     def advance(self, now: float) -> list[CycleResult]:
-        """Return the results that are due by ``now`` [s]: of cycles at their deadline, and of silence."""
+        """Return the results due by ``now`` [s]: of cycles at their deadline, and of silence."""
         if now < self.next_event:
             return []
         results = []
@@ -100,16 +100,16 @@ class BridgeCore:
 
     @property
     def next_event(self) -> float:
-        """When :meth:`advance` has something to do at the latest [s]."""
+        """Latest time at which :meth:`advance` has something to do [s]."""
         deadline = self._assembler.deadline
         return self._next_status if deadline is None else min(deadline, self._next_status)
 
     def note(self, cause: Cause) -> None:
-        """Have ``cause`` in the next result: of what the core cannot see, such as a queue that ran over."""
+        """Put ``cause`` into the next result, for what the core cannot observe, such as a full queue."""
         self._noted |= cause
 
     def restart(self, now: float) -> None:
-        """Begin anew after the bus was reopened: nothing is believed before it has proven itself again."""
+        """Start again after the bus was reopened: nothing is trusted before it has proven itself."""
         self.finish(now)
         self._judge.forget_sender()
         self.bus_state = BusState.ERROR_ACTIVE
@@ -127,7 +127,7 @@ class BridgeCore:
         return self._judge.drift_ppm
 
     def _remember(self, time: float, is_answered: bool) -> None:
-        """Keep from when to when frames were not to be answered."""
+        """Keep the intervals in which frames were not to be answered."""
         if is_answered:
             self._skipping = False
         elif self._skipping:
@@ -139,7 +139,7 @@ class BridgeCore:
     # --- one frame --------------------------------------------------------------------------------------------
 
     def _take(self, frame: Frame, is_answered: bool) -> list[CycleResult]:
-        """Check a frame of the input and hand it to whom it concerns."""
+        """Check a frame of the input; put it into its cycle, or hold its dynamic pressure."""
         slot = self._reception.slot_of(frame)
         if slot is None:
             self.account.settle(FrameClass.NOT_USABLE, frame.time)
@@ -183,12 +183,12 @@ class BridgeCore:
             if result.quality.has_coefficients or self._may_refuse(now):
                 results.append(result)
             else:
-                # Why this cycle was refused is not said of the next one; what degrades that one too is.
+                # The next result does not repeat why this cycle was refused, only what degrades the next one too.
                 self.note(result.causes & (Cause.OVERLOAD | Cause.BUS))
         return results
 
     def _may_refuse(self, now: float) -> bool:
-        """Take a token for a result without coefficients; false if there is none left."""
+        """Take a token for a result without coefficients; return False if there is none left."""
         cycles = max(now - self._last_refill, 0.0) / self.layout.cycle_time
         self._last_refill = now
         self._refusals = min(self._refusals + cycles * _REFUSALS_PER_CYCLE, _REFUSALS)
@@ -223,7 +223,7 @@ class BridgeCore:
     def _be_silent(self, now: float) -> list[CycleResult]:
         """Answer the next cycle in which nothing came."""
         time, period = self._next_status, self.layout.cycle_time
-        # After the bridge itself stood still, the status of all that time is of no use to anyone.
+        # After the bridge itself stood still, a status for every cycle of that time is useless.
         behind = int((now - time) / period) - _CATCH_UP
         if behind > 0 and len(self.skips) < _KEPT_SKIPS:
             self.skips.append((time, now))
@@ -238,7 +238,7 @@ class BridgeCore:
         is_short = silent <= self.settings.invalid_after * self.layout.cycle_time
         quality = Quality.STALE if is_short else Quality.INVALID
         causes, self._noted = self._noted | Cause.SILENT, Cause.NONE
-        return [self._judge.silence(time, quality if self._judge.believed else Quality.NO_DATA, causes)]
+        return [self._judge.silence(time, quality if self._judge.has_published else Quality.NO_DATA, causes)]
 
 
 def bridge_core(
@@ -272,7 +272,7 @@ def bridge_core(
 
 
 def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure: float | None) -> None:
-    """Refuse what cannot work."""
+    """Refuse an input that cannot work."""
     if layout.pressure_frame is None and dynamic_pressure is None:
         raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
     if dynamic_pressure is not None and not 0.0 < dynamic_pressure < float("inf"):

@@ -1,4 +1,4 @@
-"""A closed cycle decoded: strains of all gauges, which of them are there, and what the sender says."""
+"""The decoder of closed cycles: strains of all gauges, which gauges are present, the sender's status."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, InputFrame,
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
 
 STATUS_DEGRADED = 1
-"""The sender's status: 0 good, 1 degraded, above: do not use."""
+"""Sender's status 1; 0 is good, above 1 is not to be used."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -23,11 +23,11 @@ class DecodedCycle:
 
     Attributes
     ----------
-    strain : (n_d,) [m/m]; NaN where no frame says anything.
+    strain : (n_d,) [m/m]; NaN where the frame is missing.
     raw : (n_d,) raw numbers.
-    present : (n_d,) gauges whose frame is there.
+    present : (n_d,) gauges whose frame has arrived.
     refused : (n_d,) gauges without a value, or outside their signal's limits.
-    status : worst status that the sender gives.
+    status : worst status of the sender.
     """
 
     strain: FloatArray
@@ -38,7 +38,7 @@ class DecodedCycle:
 
 
 class StrainDecoder:
-    """Decodes the strain frames of a layout: the raw numbers of all frames, then all gauges at once."""
+    """Decodes the strain frames of a layout: raw numbers frame by frame, then all gauges at once."""
 
     def __init__(self, layout: InputLayout) -> None:
         frames = layout.strain_frames
@@ -47,7 +47,7 @@ class StrainDecoder:
         self._status = [frame.status for frame in frames]
         self._plans = [SignalPlan(frame.layout) for frame in frames]
         self._is_linear = [_is_linear(frame) for frame in frames]
-        # Where each gauge lies in the raw numbers of all frames.
+        # Position of each gauge in the raw numbers of all frames.
         columns = np.cumsum([0, *(len(raw) for raw in self._nothing)])[:-1].tolist()
         owners = {
             gauge: (slot, place, factor)
@@ -66,7 +66,7 @@ class StrainDecoder:
         ends = [converter_ends(signal) for signal in signals]
         self._has_ends = np.array([end is not None for end in ends])
         self._first, self._last = np.array([end or (0, 0) for end in ends], dtype=np.int64).T
-        # (m, n_d) codes for "no value"; a gauge with fewer than m of them has its last one again.
+        # (m, n_d) codes for "no value"; a gauge with fewer than m of them repeats its last one.
         codes = [signal.no_value_codes for signal in signals]
         self._none = np.array([bool(own) for own in codes])
         rows = [[(own or (0,))[min(row, len(own) - 1)] for own in codes] for row in range(max(map(len, codes)))]
@@ -81,7 +81,7 @@ class StrainDecoder:
         )
 
     def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
-        """Return what ``arrivals`` say; ``trailer_status`` is the status that the trailer gives, or 0."""
+        """Return the decoded ``arrivals`` of a cycle; ``trailer_status`` is the status in the trailer, or 0."""
         raws, status = list(self._nothing), self._worst_status(arrivals, trailer_status)
         for arrival in arrivals:
             raws[arrival.slot] = arrival.raw
@@ -108,7 +108,7 @@ class StrainDecoder:
         return np.concatenate([plan.physical(own) for plan, own in plans])[self._column]
 
     def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
-        """Return the worst status that the sender gives of a cycle."""
+        """Return the worst status of the sender in a cycle."""
         status = trailer_status
         for arrival in arrivals:
             place = self._status[arrival.slot]
@@ -128,7 +128,7 @@ class StrainDecoder:
 
 
 def _is_linear(frame: InputFrame) -> bool:
-    """Tell whether the values of all strains are int64 times a scale plus an offset, and none overflows."""
+    """Return whether the values of all strains are int64 times a scale plus an offset, and none overflows."""
     signals = [frame.layout.signals[place] for place in frame.places]
     whole = all(s.kind == SIGNED or (s.kind == UNSIGNED and s.length < 64) for s in signals)
     return whole and all(isfinite(abs(s.scale) * 2.0**s.length + abs(s.offset)) for s in signals)

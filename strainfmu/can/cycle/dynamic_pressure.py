@@ -1,4 +1,4 @@
-"""The dynamic pressure of a step: the last one received that may still be used, or one fixed for the run."""
+"""The dynamic pressure of a step: the last received value while it may be used, or one fixed for the run."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
 
 
 class HeldPressure:
-    """Holds q_inf between its frames, and no longer than it may be held.
+    """Holds q_inf between its frames, up to a maximum age.
 
     Parameters
     ----------
     frame : the frame that holds q_inf, or None.
     fixed : q_inf of the whole run [Pa]; None to take it from the frame.
-    max_age : for how long a value is held [s].
+    max_age : maximum time for which a value is held [s].
     clock : follows the sample times of the frame; None if it has none.
     """
 
@@ -39,7 +39,7 @@ class HeldPressure:
             self._clock.reset()
 
     def take(self, raw: IntArray, time: float) -> bool:
-        """Take in the raw numbers of a frame that was received at ``time`` [s]; tell whether it may be used."""
+        """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used."""
         frame = self._frame
         assert frame is not None
         assert frame.dynamic_pressure is not None
@@ -48,7 +48,7 @@ class HeldPressure:
         if self._clock is not None and frame.sample_time is not None:
             reading = self._clock.read(time, int(raw[frame.sample_time]))
             if reading.jumped:
-                return False  # an old frame played again, or a restart: the next ones will tell
+                return False  # a repeated old frame or a restart: the next frames decide
             delay = reading.age
         signal, code = frame.layout.signals[frame.dynamic_pressure], int(raw[frame.dynamic_pressure])
         bad = (
@@ -61,7 +61,7 @@ class HeldPressure:
         return not bad
 
     def value(self, now: float) -> float:
-        """Return q_inf [Pa] at ``now`` [s]; NaN if there is none that may be used."""
+        """Return q_inf [Pa] at ``now`` [s]; NaN if none may be used."""
         if self._fixed is not None:
             return self._fixed
         return nan if self._is_old(now) else self._value
@@ -70,17 +70,17 @@ class HeldPressure:
         return now - self._sampled > self._max_age
 
     def _has_no_value(self, signal: SignalLayout, code: int) -> bool:
-        """Tell whether the raw number ``code`` stands for "no value"."""
+        """Return whether the raw number ``code`` stands for "no value"."""
         return code in signal.no_value_codes
 
     def _is_out_of_range(self, signal: SignalLayout, code: int, value: float) -> bool:
-        """Tell whether a value is outside the limits, or at either end of its converter's range."""
+        """Return whether a value is outside the limits, or at either end of its converter's range."""
         low = 0.0 if signal.minimum is None else signal.minimum
         outside = value < low or (signal.maximum is not None and value > signal.maximum)
         # As of strains: a converter at either end is overdriven, or its wire is broken.
         return outside or code in (converter_ends(signal) or ())
 
     def _is_refused_by_sender(self, raw: IntArray) -> bool:
-        """Tell whether the sender's own status says not to use the value."""
+        """Return whether the sender's own status forbids to use the value."""
         status = None if self._frame is None else self._frame.status
         return status is not None and unsigned(raw, status) > STATUS_DEGRADED

@@ -1,4 +1,4 @@
-"""Every received frame in exactly one class, so that what was received is always the sum of the classes."""
+"""The account of received frames: every frame in exactly one class, so that the classes add up to all of them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from enum import Enum
 from strainfmu.can.wire.frame import EXTENDED_FLAG
 
 LISTED_IDENTIFIERS = 64
-"""Identifiers that are counted one by one; a babbling bus must not fill the memory."""
+"""Maximum number of unknown identifiers counted one by one: a babbling bus must not fill the memory."""
 
 
 class FrameClass(Enum):
-    """What became of a frame."""
+    """Fate of a frame."""
 
-    # By identity, which is what equality of members is: Enum's own hash is a function in Python, met many times a
-    # cycle.
+    # By identity, as the equality of members is. Enum's own hash is a Python function, called many times a cycle.
     __hash__ = object.__hash__
 
     USED = "used"
@@ -41,15 +40,15 @@ class FrameClass(Enum):
 
 @dataclass(kw_only=True)
 class FrameAccount:
-    """Counts of frames.
+    """Counts of frames by class.
 
     Attributes
     ----------
-    received : all frames taken in.
-    classes : how many ended in each class.
-    pending : frames in a cycle that is still open.
+    received : number of all frames.
+    classes : number of frames in each class.
+    pending : number of frames in the open cycle.
     unknown : count per unknown key, of the first LISTED_IDENTIFIERS keys.
-    first_time, last_time : when a class was first and last met, local monotonic clock [s].
+    first_time, last_time : of the first and the last frame of a class, local monotonic clock [s].
     """
 
     received: int = 0
@@ -60,13 +59,13 @@ class FrameAccount:
     last_time: dict[FrameClass, float] = field(default_factory=dict)
 
     def settle(self, kind: FrameClass, time: float, count: int = 1) -> None:
-        """Put ``count`` frames that were taken in before into their class at ``time`` [s]."""
+        """Put ``count`` received frames into their class at ``time`` [s]."""
         self.classes[kind] += count
         self.first_time.setdefault(kind, time)
         self.last_time[kind] = time
 
     def refuse(self, kind: FrameClass, key: int, time: float) -> None:
-        """Put a frame that is not taken in into its class, and count its key if that is unknown."""
+        """Put a refused frame into its class; count its key if that is unknown."""
         self.settle(kind, time)
         if kind is not FrameClass.UNKNOWN_IDENTIFIER:
             return
@@ -75,16 +74,16 @@ class FrameAccount:
 
     @property
     def rejected(self) -> int:
-        """Frames in any class but USED."""
+        """Number of frames in any class but USED."""
         return sum(self.classes.values()) - self.classes[FrameClass.USED]
 
     @property
     def unaccounted(self) -> int:
-        """Frames received less frames in a class or pending: 0, or the bridge has a defect."""
+        """Number of received frames less those in a class or pending: 0, or the bridge has a defect."""
         return self.received - self.pending - sum(self.classes.values())
 
     def plus(self, other: FrameAccount) -> FrameAccount:
-        """Return the sum of two accounts, of frames that are in one or the other."""
+        """Return the sum of two accounts of different frames."""
         total = FrameAccount(received=self.received + other.received, pending=self.pending + other.pending)
         for part in (self, other):
             for kind, count in part.classes.items():
@@ -98,7 +97,7 @@ class FrameAccount:
         return total
 
     def rows(self) -> list[tuple[str, int]]:
-        """Return what there is to show: received, then every class that is not empty."""
+        """Return the rows to show: received, then every class that is not empty."""
         rows = [("received", self.received)]
         rows += [(kind.value, count) for kind, count in self.classes.items() if count]
         if self.pending:

@@ -1,4 +1,4 @@
-"""What a closed cycle is worth: decoded, judged gauge by gauge, dated, stepped through the estimator."""
+"""The judgement of closed cycles: decoded, checked gauge by gauge, dated, stepped through the estimator."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.step import Step, StepRefused, StepResult
 
 _READABLE = (None, FrameClass.NOT_TRUSTED)
-"""What a trailer may say of strains that are read."""
+"""Verdicts of a trailer with which strains are decoded."""
 
 _LONGEST_STEP = 100
-"""Cycles that one step of the FMU spans at most."""
+"""Maximum number of cycles in one step of the FMU."""
 
 
 class CycleJudge:
@@ -30,7 +30,7 @@ class CycleJudge:
     ----------
     layout : the frames of the input.
     step : the estimator.
-    parts : of the same layout; the reception is told of frames that are missing.
+    parts : of the same layout; the reception learns which frames are missing.
     """
 
     def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
@@ -41,11 +41,11 @@ class CycleJudge:
         self._may_be_held_back = False
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._last_step: float | None = None
-        self.believed = False
-        """Coefficients have gone out since the start."""
+        self.has_published = False
+        """Coefficients have been published since the start."""
 
     def forget_sender(self) -> None:
-        """Begin anew with a sender that was restarted."""
+        """Start again with a sender that was restarted."""
         self._reception.forget()
         self._pressure.reset()
         if self._clock is not None:
@@ -64,7 +64,7 @@ class CycleJudge:
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
 
     def keep_pace(self, cycle: Cycle) -> None:
-        """Note when a closed cycle came, before it is judged, or skipped."""
+        """Note the arrival of a closed cycle, before it is judged or skipped."""
         self._may_be_held_back = self._pace.take(cycle.first_time)
 
     def judge(self, cycle: Cycle, now: float, causes: Cause) -> tuple[CycleResult, list[FrameClass]]:
@@ -72,8 +72,8 @@ class CycleJudge:
 
         Parameters
         ----------
-        now : when it was closed [s].
-        causes : noted before.
+        now : time at which it was closed [s].
+        causes : noted since the last result.
 
         Returns
         -------
@@ -83,11 +83,11 @@ class CycleJudge:
         if reception.miss(arrivals):
             causes |= Cause.PARTIAL_CYCLE
         trailer = reception.check_trailer(arrivals)
-        # Strains whose CRC fits are looked at even while they are not trusted yet.
+        # Strains whose CRC fits are checked even while they are not trusted yet.
         readable = trailer.refused in _READABLE
         strains = [a for a in arrivals.values() if a.slot < reception.n_strain and readable]
         decoded = self._decoder.decode(strains, trailer.status)
-        believable = self._gauges.update(
+        plausible = self._gauges.update(
             decoded.strain, decoded.raw, present=decoded.present, refused=decoded.refused, now=cycle.first_time
         )
         age, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
@@ -98,10 +98,10 @@ class CycleJudge:
             causes |= Cause.SENDER_STATUS
         if (decoded.present & ~trusted).any():
             causes |= Cause.NOT_TRUSTED
-        if (decoded.present & ~believable).any():
+        if (decoded.present & ~plausible).any():
             causes |= Cause.GAUGE_INVALID
         refused = trailer.refused or (FrameClass.TOO_OLD if of_time else None)
-        valid = np.zeros_like(believable) if refused else believable & trusted
+        valid = np.zeros_like(plausible) if refused else plausible & trusted
         classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
         return self._answer(cycle, now, causes=causes, valid=valid, decoded=decoded, age=age), classes
 
@@ -124,12 +124,12 @@ class CycleJudge:
                 causes |= Cause.CLOCK_JUMP
             if reading.restarted:
                 self._reception.forget()
-                # Its clock may be short enough for a restart to look like a delay.
+                # The clock of q_inf may be so short that a restart looks like a delay.
                 self._pressure.reset()
         if age > limit or (self._clock is None and self._may_be_held_back):
             causes |= Cause.OLD
         if self._settings.stuck_cycles:
-            # Strains that the sender repeats are as old as when they were new.
+            # Strains that the sender repeats have the age of their first occurrence.
             frozen = self._gauges.frozen(decoded.present, cycle.first_time)
             age += frozen
             if frozen > 0.0 and age > limit:
@@ -137,7 +137,7 @@ class CycleJudge:
         return age, causes
 
     def _named(self, cycle: Cycle) -> Arrival:
-        """Return the frame whose sample time and counter name a cycle."""
+        """Return the frame whose sample time and counter identify a cycle."""
         trailer = self._reception.trailer
         return cycle.first if trailer is None else cycle.arrivals.get(trailer, cycle.first)
 
@@ -158,13 +158,13 @@ class CycleJudge:
         if np.isnan(pressure):
             causes |= Cause.DYNAMIC_PRESSURE
         strain = np.where(valid, decoded.strain, np.nan)
-        step, quality = None, Quality.INVALID if self.believed else Quality.NO_DATA
+        step, quality = None, Quality.INVALID if self.has_published else Quality.NO_DATA
         if valid.any():
             step, quality, causes = self._estimate(strain, pressure, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         published = step is not None and quality.has_coefficients
-        self.believed = self.believed or published
+        self.has_published = self.has_published or published
         named = self._named(cycle)
         return CycleResult(
             time=now,
@@ -199,11 +199,11 @@ class CycleJudge:
         return step, quality, causes
 
     def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
-        """Return the quality of a step's outputs by the estimator's own health, and the causes with that."""
+        """Return the quality of a step's outputs, and the causes with those of the estimator's health."""
         return quality_of_step(step, causes, self._layout.is_protected)
 
     def _is_finite(self, step: StepResult) -> bool:
-        """Tell whether coefficients and their standard deviations are numbers."""
+        """Return whether coefficients and their standard deviations are finite."""
         return bool(np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all())
 
     def _step_size(self, now: float) -> float:

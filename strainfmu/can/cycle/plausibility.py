@@ -1,4 +1,4 @@
-"""Which gauges of a cycle can be believed, by their values alone: no value, range, jump, stuck, exactly zero."""
+"""Plausibility of each gauge of a cycle by its values alone: no value, range, jump, stuck, exactly zero."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.can.settings import BridgeSettings
 
 _ROUND_OFF = 1e-15
-"""Largest |strain| [m/m] that scale and offset may leave of exactly zero."""
+"""Maximum |strain| [m/m] that the round-off of scale and offset leaves of exactly zero."""
 
 _PACE = 3.0
-"""Changes of one cycle that a strain may fall to exactly zero by."""
+"""Maximum plausible fall to exactly zero, in changes of one cycle."""
 
 
 class GaugeChecks:
-    """Looks at n_d gauges over successive cycles.
+    """Checks n_d gauges over successive cycles.
 
-    A gauge found bad is used again after ``heal_cycles`` good values in a row. A gauge whose frame is
-    missing keeps what it was.
+    A bad gauge is used again after ``heal_cycles`` good values in a row. A gauge whose frame is missing keeps its
+    state.
     """
 
     def __init__(self, n_gauges: int, cycle_time: float, settings: BridgeSettings) -> None:
@@ -43,11 +43,11 @@ class GaugeChecks:
 
         Parameters
         ----------
-        strain : (n_d,) strains [m/m], anything where not present.
-        raw : (n_d,) raw numbers they were decoded from.
-        present : (n_d,) gauges whose frame is there.
-        refused : (n_d,) gauges that say themselves that they have no value, or are outside their signal's limits.
-        now : when the cycle came [s].
+        strain : (n_d,) strains [m/m], arbitrary where not present.
+        raw : (n_d,) raw numbers of the strains.
+        present : (n_d,) gauges whose frame has arrived.
+        refused : (n_d,) gauges that report "no value", or are outside their signal's limits.
+        now : arrival of the cycle [s].
         """
         finite = np.isfinite(strain)
         bad = refused | ~finite
@@ -63,7 +63,7 @@ class GaugeChecks:
         return good & (self._good >= self._settings.heal_cycles)
 
     def _out_of_range(self, strain: FloatArray) -> BoolArray:
-        """Find gauges beyond what a sensor can measure."""
+        """Find gauges beyond the range of a sensor."""
         return ~(np.abs(strain) <= self._settings.sensor_range)
 
     def _jumping(self, strain: FloatArray) -> BoolArray:
@@ -71,7 +71,7 @@ class GaugeChecks:
         return np.abs(strain - self._last_strain) > self._settings.rate_limit  # false against NaN
 
     def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
-        """Remember good strains, and how fast they change [m/m per cycle]."""
+        """Keep good strains and their rates of change [m/m per cycle]."""
         cycles = np.maximum((now - self._good_time) / self._cycle_time, 1.0)
         pace = np.abs(strain - self._last_good) / cycles
         np.copyto(self._pace, pace, where=good & np.isfinite(pace))  # the first good strain has none
@@ -79,18 +79,19 @@ class GaugeChecks:
         self._good_time[good] = now
 
     def frozen(self, present: BoolArray, now: float) -> float:
-        """Return for how long not one of the gauges that are ``present`` has changed by ``now`` [s]."""
+        """Return the time [s] up to ``now`` in which none of the ``present`` gauges has changed."""
         return float(self._unchanged(now)[present].min()) if present.any() else 0.0
 
     def _unchanged(self, now: float) -> FloatArray:
-        """Return (n_d,) for how long each gauge has had one value [s].
+        """Return (n_d,) the time for which each gauge has had its value [s].
 
-        By time, so that lost cycles do not make it younger; and by number, so that cycles held back do not either.
+        The larger of the time by the clock, which lost cycles do not shorten, and the time by the number of
+        cycles, which cycles held back do not shorten.
         """
         return np.maximum(now - self._changed, self._repeats * self._cycle_time)
 
     def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
-        """Find gauges that have had one value for too long."""
+        """Find gauges that have had the same value for too long."""
         same = present & self._seen & (raw == self._last_raw)
         changed = present & ~same
         self._changed[changed] = now
@@ -103,14 +104,14 @@ class GaugeChecks:
     def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
         """Find gauges at exactly zero, which amplifiers send on an error (HBK QuantumX: default for integers).
 
-        With an offset that is another number than the strain zero; both are taken for it.
+        With an offset, raw zero and strain zero differ; both count.
         """
         zero = present & ((raw == 0) | (np.abs(strain) <= _ROUND_OFF))
         self._zeros += zero
         self._zeros[present & ~zero] = 0
-        if not (self._settings.zero_cycles and zero.any()):
+        if not zero.any():
             return np.zeros_like(present)
-        # A strain that moves through zero may well meet it: only a fall out of its own pace is one at once.
+        # A strain that passes through zero may well meet it: only a fall faster than its own pace counts at once.
         usual = self._settings.zero_jump + _PACE * self._pace
         fell = np.abs(strain - self._last_good) > usual
         return zero & (fell | (self._zeros >= self._settings.zero_cycles))

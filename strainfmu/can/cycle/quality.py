@@ -1,4 +1,4 @@
-"""How far one published result may be believed, and why not further."""
+"""Quality of a published result: how far to trust it, and the causes that limit it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ class Quality(IntEnum):
     """Verdict on one result. The numbers go over the bus and never change; 15 is kept for "not available"."""
 
     NO_DATA = 0
-    """Nothing that can be believed was received since the start. No coefficients."""
+    """Nothing trustworthy has been received since the start. No coefficients."""
     VALID = 1
     """Every gauge valid, fresh and end-to-end protected; the estimate is healthy."""
     UNPROTECTED = 2
-    """As VALID, but the input has no end-to-end protection: complete, fresh and plausible, not proven."""
+    """As VALID, but without end-to-end protection of the input: complete, fresh and plausible, not proven."""
     DEGRADED = 3
-    """Some gauges are left out, or the bridge is at its limits; sigma says what that costs."""
+    """Some gauges are left out, or the bridge is at its limits; sigma has grown accordingly."""
     SUSPECT = 4
     """The strains fit no known pressure, or one gauge does not fit the others. Coefficients for information."""
     STALE = 5
@@ -25,7 +25,7 @@ class Quality(IntEnum):
 
     @property
     def has_coefficients(self) -> bool:
-        """Coefficients go out with this quality."""
+        """Coefficients are published with this quality."""
         return self in (Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT)
 
 
@@ -52,12 +52,12 @@ class Cause(IntFlag):
     CLOCK_JUMP = 1 << 8
     """The sender's clock or counter jumped: a restart."""
     SENDER_STATUS = 1 << 9
-    """The sender itself says that its values are degraded or not to be used."""
+    """The sender itself reports that its values are degraded or not to be used."""
     HEALTH = 1 << 10
-    """The estimator says so: health.state."""
+    """The estimator reports it in health.state."""
     STEP_FAILED = 1 << 11
-    """The FMU refused the step, or answered what is no number."""
+    """The FMU refused the step, or an output is not finite."""
     OVERLOAD = 1 << 12
-    """Frames were dropped or shed for want of time."""
+    """Frames were dropped or shed because time was short."""
     BUS = 1 << 13
     """The bus is passive, off, or was reopened."""

@@ -1,4 +1,4 @@
-"""What frames say and whether each can be believed by itself: decoding, CRC, counter, E2E state."""
+"""The reception of frames: decoding, and whether each can be trusted by its CRC, counter and E2E state."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _CLASS_OF_STATUS = {
 
 @dataclass(frozen=True)
 class TrailerVerdict:
-    """What the trailer says of its cycle.
+    """Verdict of the trailer on its cycle.
 
     Attributes
     ----------
-    refused : class of all frames of the cycle if it cannot be believed, else None.
-    cause : why.
-    status : the sender's own verdict.
+    refused : class of all frames of the cycle if it cannot be trusted, else None.
+    cause : of the refusal.
+    status : the sender's own status.
     """
 
     refused: FrameClass | None = None
@@ -64,7 +64,7 @@ class Reception:
         return ReceptionCheck(protection, max_delta)
 
     def slot_of(self, frame: Frame) -> int | None:
-        """Return which of the layout's frames this is, None if its multiplexer says that it is none of them."""
+        """Return the slot of a frame, None if its multiplexer's value belongs to no frame of the layout."""
         for slot in self._slots[frame.key]:
             selector = self._selectors[slot]
             if selector is None or int(selector[0].raw(frame.data)[0]) == selector[1]:
@@ -84,7 +84,7 @@ class Reception:
         """Check a frame by itself; return its class if it is refused."""
         slot = arrival.slot
         if slot == self.trailer:
-            return None  # its CRC covers frames that may be yet to come
+            return None  # its CRC covers frames that may not have come yet
         check = self._checks[slot]
         status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
         wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(slot, arrival.raw)
@@ -92,7 +92,7 @@ class Reception:
         return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
 
     def check_trailer(self, arrivals: Mapping[int, Arrival]) -> TrailerVerdict:
-        """Check CRC and counter over a closed cycle; a layout without a trailer has nothing to say."""
+        """Check CRC and counter over a closed cycle; without a trailer in the layout there is nothing to check."""
         slot, trailer = self.trailer, self._layout.trailer
         if slot is None or trailer is None:
             return TrailerVerdict()
@@ -104,16 +104,16 @@ class Reception:
         covered = b"".join(arrivals[place].frame.data for place in range(self.n_strain))
         status = check.check(arrival.frame.data, covered)
         self._machines[slot].add(status)
-        said = 0 if trailer.status is None else unsigned(arrival.raw, trailer.status)
+        status_of_sender = 0 if trailer.status is None else unsigned(arrival.raw, trailer.status)
         if status not in USABLE:
             kind = FrameClass.UNVERIFIED if status is E2EStatus.ERROR else _CLASS_OF_STATUS[status]
-            return TrailerVerdict(kind, Cause.CYCLE_CRC, said)
+            return TrailerVerdict(kind, Cause.CYCLE_CRC, status_of_sender)
         if not self.is_trusted(slot):
-            return TrailerVerdict(FrameClass.NOT_TRUSTED, Cause.NOT_TRUSTED, said)
-        return TrailerVerdict(status=said)
+            return TrailerVerdict(FrameClass.NOT_TRUSTED, Cause.NOT_TRUSTED, status_of_sender)
+        return TrailerVerdict(status=status_of_sender)
 
     def is_trusted(self, slot: int) -> bool:
-        """Tell whether the E2E state of a frame is VALID; a strain frame under a trailer has the trailer's."""
+        """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
         if self.trailer is not None and slot < self.n_strain:
             slot = self.trailer
         return self._machines[slot].state is E2EState.VALID
@@ -127,7 +127,7 @@ class Reception:
         return trusted
 
     def miss(self, arrivals: Mapping[int, Arrival]) -> bool:
-        """Note which strain frames a closed cycle lacks; tell whether there are any."""
+        """Note which strain frames a closed cycle lacks; return whether it lacks any."""
         missing = [slot for slot in range(self.n_strain) if slot not in arrivals]
         for slot in missing:
             self._machines[slot].add(E2EStatus.NO_NEW_DATA)
@@ -139,7 +139,7 @@ class Reception:
             machine.add(E2EStatus.NO_NEW_DATA)
 
     def forget(self) -> None:
-        """Begin anew with the sender of the strains."""
+        """Start again with the sender of the strains."""
         for machine in self._of_strains():
             machine.reset()
 
@@ -154,7 +154,7 @@ class Reception:
 
 
 def _selector(frame: InputFrame) -> tuple[SignalPlan, int] | None:
-    """Return how a multiplexed frame is told from others of its identifier."""
+    """Return the multiplexer's signal and value of a multiplexed frame, None of others."""
     if frame.layout.multiplexer is None:
         return None
     signal, number = frame.layout.multiplexer

@@ -1,4 +1,4 @@
-"""What the bridge says once per cycle, before it becomes frames."""
+"""The result of one cycle, before it becomes frames."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class CycleResult:
 
     Attributes
     ----------
-    time : when it was ready, local monotonic clock [s].
-    quality, causes : how far to believe it, and why not further.
+    time : at which it was ready, local monotonic clock [s].
+    quality, causes : how far to trust it, and what limits that.
     valid : (n_d,) gauges that were used.
     strain : (n_d,) strains that were used [m/m]; NaN where not valid.
     dynamic_pressure : q_inf that was used [Pa], or NaN.
@@ -32,7 +32,7 @@ class CycleResult:
     sample_time : sender's clock at the sample [ticks], None if not known.
     counter : E2E counter of the cycle it answers, None if not known.
     coefficients, coefficients_std, chi_square, health : the estimate; NaN and None without one.
-    arrival : when the last frame of the cycle came [s], None of a status without frames.
+    arrival : of the last frame of the cycle [s], None of a status without frames.
     """
 
     time: float
@@ -52,10 +52,10 @@ class CycleResult:
 
 
 def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
-    """Return ``result`` as it is by the time ``now`` [s] at which it goes out.
+    """Return ``result`` as it is at the time ``now`` [s] at which it is sent.
 
-    A bridge that stood still has believed what was fresh on reception. Strains older than ``max_age`` [s] by now
-    are STALE all the same, and their coefficients do not go out.
+    A bridge that stood still has judged strains that were fresh on reception. Strains older than ``max_age`` [s]
+    by now are STALE all the same, and their coefficients are not sent.
     """
     age = result.age + max(now - result.time, 0.0)
     later = replace(result, time=max(now, result.time), age=age)
@@ -88,7 +88,7 @@ def quality_of_step(step: StepResult, causes: Cause, protected: bool) -> tuple[Q
         causes |= Cause.HEALTH
         if step.health in _NO_ESTIMATE:
             return Quality.INVALID, causes
-        # A state that this version does not know is never better than suspect.
+        # An unknown state is never better than suspect.
         if step.health in _SUSPECT or step.health != HealthState.DEGRADED:
             return Quality.SUSPECT, causes
         return Quality.DEGRADED, causes

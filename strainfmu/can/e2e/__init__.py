@@ -1,1 +1,1 @@
-"""End-to-end protection: CRC and counter checks, state machine, sample clock."""
+"""End-to-end protection: checks of CRC and counter, the E2E state machine, the sender's clock."""

@@ -1,4 +1,4 @@
-"""The check of one protected frame against the one before it.
+"""The E2E check of a protected frame against the one before it.
 
 Status names, their order of precedence and what happens to the stored counter are those of AUTOSAR's E2E_P05Check
 (PRS_E2EProtocol, profile 5); profile 1 is reported in the same terms, its first reception as WRONG_SEQUENCE.
@@ -17,15 +17,15 @@ class E2EStatus(Enum):
     __hash__ = object.__hash__  # in C, and by identity as equality is
 
     OK = "OK"
-    """Right, and the next in sequence."""
+    """CRC correct, counter next in sequence."""
     OK_SOME_LOST = "OKSOMELOST"
-    """Right; up to max_delta - 1 frames before it are missing."""
+    """CRC correct; up to max_delta - 1 frames before it are missing."""
     REPEATED = "REPEATED"
-    """Right, but its counter is that of the frame before."""
+    """CRC correct, counter equal to that of the frame before."""
     WRONG_SEQUENCE = "WRONGSEQUENCE"
-    """Right, but its counter is further off than max_delta."""
+    """CRC correct, counter further off than max_delta."""
     ERROR = "ERROR"
-    """The CRC does not fit: altered, or of another sender or meaning."""
+    """CRC wrong: the frame was altered, or is of another sender or meaning."""
     NO_NEW_DATA = "NONEWDATA"
     """Nothing was received when something was due."""
 
@@ -39,7 +39,7 @@ class ReceptionCheck:
     Parameters
     ----------
     protection : of this frame.
-    max_delta : largest counter step that is still believed (MaxDeltaCounter).
+    max_delta : maximum counter step that is accepted (MaxDeltaCounter).
     """
 
     def __init__(self, protection: Protection, max_delta: int) -> None:

@@ -1,4 +1,4 @@
-"""Time as the bridge uses it: one monotonic clock, handed in."""
+"""The clock of a bridge: monotonic, passed in by the caller."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The sender's clock seen from ours: how old a sample is, whether the clock jumped, how fast it drifts.
+"""The sender's clock seen from ours: age of a sample, jumps and drift of the clock.
 
-The delay of a frame is known only against the smallest delay seen: transmission that is always there is not part
-of the age. The smallest delay is forgotten slowly, faster than clocks drift, so that drift never looks like age.
+The delay of a frame is known only relative to the smallest delay so far: a constant transmission time is not part
+of the age. The smallest delay is forgotten slowly, but faster than clocks drift, so that drift never looks like
+age.
 """
 
 from __future__ import annotations
@@ -12,21 +13,21 @@ from dataclasses import dataclass
 import numpy as np
 
 _WINDOW = 1.0
-"""Length of the windows [s] whose smallest delays the drift is fitted to."""
+"""Length of the windows [s]; the drift is fitted to the smallest delays of these."""
 
 _WINDOWS = 60
 
 
 @dataclass(frozen=True)
 class ClockReading:
-    """What one sample time says.
+    """What one sample time shows.
 
     Attributes
     ----------
-    age : delay beyond the smallest one seen [s].
-    jumped : the time does not follow those before: it went back, or forward by more than the delay can have
-        shrunk. Whatever came with it is not to be used.
-    restarted : the clock has been consistent with its jump often enough; from the next reading on that counts.
+    age : delay beyond the smallest one so far [s].
+    jumped : the time does not continue those before: it went back, or forward by more than the delay can have
+        shrunk. Data of the same frame are not to be used.
+    restarted : enough readings have confirmed the jump; from the next reading on the new time counts.
     """
 
     age: float
@@ -36,7 +37,7 @@ class ClockReading:
 
 @dataclass(kw_only=True)
 class _Model:
-    """A clock as it is known: last reading [ticks], when that was by its time and by ours [s], least delay [s]."""
+    """State of a clock: last reading [ticks], its time by that clock and by ours [s], smallest delay [s]."""
 
     ticks: int
     source: float
@@ -46,15 +47,15 @@ class _Model:
 
 
 class SampleClock:
-    """Follows one sender's clock. One odd reading does not change it: a jump must be confirmed by those after it.
+    """Follows one sender's clock. A jump counts only after later readings have confirmed it.
 
     Parameters
     ----------
     tick : unit of the sample time [s].
-    bits : its length; it wraps.
+    bits : length of the sample time, which wraps.
     drift : rate at which the smallest delay is forgotten [s/s].
-    jump_tolerance : by how much a delay may be smaller than any before [s].
-    confirmations : readings in a row, consistent among themselves, that make a jump a restart.
+    jump_tolerance : by how much a delay may be below the smallest one so far [s].
+    confirmations : readings in a row, consistent with each other, that make a jump a restart.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class SampleClock:
         return _Model(ticks=ticks, source=source, local=local, offset=local - source)
 
     def _follow(self, model: _Model, local: float, ticks: int) -> float | None:
-        """Let ``model`` follow a reading and return its delay [s]; leave it alone, None, if it cannot."""
+        """Update ``model`` with a reading and return its delay [s]; None, with no update, if they do not fit."""
         delta = (ticks - model.ticks + self._half) % (2 * self._half) - self._half
         source = model.source + delta * self._tick
         offset = local - source
@@ -110,19 +111,19 @@ class SampleClock:
 
     def _begin_drift(self, local: float, offset: float) -> None:
         self._minima.clear()
-        self._window_start, self._window_least = local, offset
+        self._window_start, self._window_min = local, offset
 
     def _watch_drift(self, local: float, offset: float) -> None:
         """Keep the smallest delay of every window."""
-        self._window_least = min(self._window_least, offset)
+        self._window_min = min(self._window_min, offset)
         if local - self._window_start >= _WINDOW:
-            self._minima.append((self._window_start, self._window_least))
-            self._window_start, self._window_least = local, offset
+            self._minima.append((self._window_start, self._window_min))
+            self._window_start, self._window_min = local, offset
 
     @property
     def drift_ppm(self) -> float:
-        """How much slower than ours the sender's clock runs [ppm]; NaN before enough is known."""
+        """How much slower than ours the sender's clock runs [ppm]; NaN before there are enough readings."""
         if len(self._minima) < 5:
             return float("nan")
-        time, least = np.array(self._minima).T
-        return float(1e6 * np.polyfit(time - time[0], least - least[0], 1)[0])
+        time, minimum = np.array(self._minima).T
+        return float(1e6 * np.polyfit(time - time[0], minimum - minimum[0], 1)[0])

@@ -1,4 +1,4 @@
-"""Whether the communication of one frame can be believed: AUTOSAR's E2E state machine (E2E_SMCheck).
+"""AUTOSAR's E2E state machine (E2E_SMCheck): whether the communication of one frame can be trusted.
 
 Source: AUTOSAR PRS_E2EProtocol (document 849), section on the E2E state machine: one window, in which OK
 and OKSOMELOST count as good, ERROR counts as bad, all others count as neither.
@@ -32,7 +32,7 @@ class E2EStateMachine:
         self.state = E2EState.NO_DATA
 
     def reset(self) -> None:
-        """Forget everything, as after a restart of the sender or of the bus."""
+        """Forget all checks, as after a restart of the sender or of the bus."""
         self._window.clear()
         self._ok = self._errors = 0
         self.state = E2EState.NO_DATA

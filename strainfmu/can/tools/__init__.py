@@ -1,1 +1,1 @@
-"""Bus tools: send, replay, record, inject faults."""
+"""Tools around the bridge: send strains, inject faults, record, replay, export a DBC file."""

@@ -1,1 +1,1 @@
-"""What is on the wire: frames, CRC, DBC files, signals."""
+"""The wire: frames, the signals in them, CRC and counter, profiles and DBC files."""

@@ -182,9 +182,12 @@ def test_gauges_are_left_out_and_used_again(strains: list[float], bad: list[int]
     assert [k for k, valid in enumerate(verdicts(strains)) if not valid] == bad
 
 
-def test_stuck_and_zero_can_be_switched_off() -> None:
-    off = BridgeSettings(stuck_cycles=0, zero_cycles=0)
-    assert all(verdicts([*moving(3), *[0.0] * 50], off))
+def test_constant_signals_can_be_allowed_but_zeros_are_always_found() -> None:
+    constant = BridgeSettings(stuck_cycles=0)
+    assert all(verdicts([200e-6] * 60, constant))
+    assert not any(verdicts([*moving(3), *[0.0] * 50], constant)[3:])
+    with pytest.raises(InputError, match="zero_cycles: expected a positive number, got 0"):
+        BridgeSettings(zero_cycles=0)
 
 
 # --- the door, the account, the bus
