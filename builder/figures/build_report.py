@@ -205,7 +205,7 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
 
 
 def pair_loss(inverse_map: InverseMap, *, growth: FloatArray, pairs: IntArray, pair_growth: FloatArray) -> Figure:
-    """Draw by how much the loss of two gauges raises the sigma that it raises most.
+    """Draw the growth of the sigma that the loss of two gauges raises most.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""The stages from a vehicle file to a map and a demonstration, each made once."""
+"""The stages from a vehicle file to a map and a demonstration, in memory and from file to file."""

@@ -1,6 +1,6 @@
-"""The whole way, from a vehicle file to an FMU flying in a system simulation.
+"""The demonstration: all stages from a vehicle file to an FMU that flies in a system simulation.
 
-Every link writes a file into one folder; a link whose inputs have not changed is not computed again.
+Every stage writes a file into one folder. A stage whose inputs have not changed is not run again.
 """
 
 from __future__ import annotations
@@ -43,22 +43,23 @@ from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
 
 ROUND_OFF = 1e-9
+"""By which a manoeuvre may exceed the range of the snapshots, in the unit of each quantity."""
 
 COMMUNICATION_STEP_SIZE = 0.01
 """Time between communication points of the demonstration flight [s]: 100 Hz."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class DemoResult:
-    """What a run of the whole way left behind.
+    """The result of a demonstration.
 
     Attributes
     ----------
     vehicle : name of the vehicle.
     folder : where the files are.
-    files : names of the files, in the order of the way, with what each holds.
-    reused : those that were up to date already.
-    score : how well the flown FMU did.
+    files : names of the files, in the order of the stages, with what each holds.
+    reused : files that were up to date.
+    score : accuracy of the flown FMU.
     """
 
     vehicle: str
@@ -69,7 +70,7 @@ class DemoResult:
 
 
 def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult:
-    """Go the whole way for one vehicle file and return what was made.
+    """Run all stages for one vehicle file and return the result.
 
     Raises
     ------
@@ -79,9 +80,8 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
         A file could not be written or an FMU failed.
     """
     vehicle = load_vehicle(vehicle_path)
-    # Refused before the long work, not after it.
     check_before_long_work(vehicle)
-    # The vehicle that flies is played by the Fourier model, whatever the map is built on.
+    # The Fourier model plays the vehicle that flies, whatever model the map is built on.
     refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
@@ -100,7 +100,7 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
 
 
 def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Reporter) -> None:
-    """Say where the manoeuvre leaves the range of the snapshots: there the stated sigmas need not hold."""
+    """Warn where the manoeuvre leaves the range of the snapshots: there the stated sigmas may not hold."""
     flown = trajectory.conditions
     ranges = (
         ("Mach number", flown[:, 0], vehicle.conditions.mach_number, ""),
@@ -108,12 +108,12 @@ def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Repo
         ("sideslip angle", np.degrees(flown[:, 2]), vehicle.conditions.sideslip_angle_deg, " deg"),
         ("altitude", 1e-3 * flown[:, 3], [vehicle.conditions.altitude_km], " km"),
     )
-    for name, values, known, unit in ranges:
+    for name, values, covered, unit in ranges:
         low, high = float(values.min()), float(values.max())
-        if low < min(known) - ROUND_OFF or high > max(known) + ROUND_OFF:
+        if low < min(covered) - ROUND_OFF or high > max(covered) + ROUND_OFF:
             reporter.note(
                 f"warning: the manoeuvre flies {name} {low:.4g} to {high:.4g}{unit}, the snapshots cover "
-                f"{min(known):.4g} to {max(known):.4g}{unit}: outside, sigmas need not hold"
+                f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
             )
 
 
@@ -250,7 +250,7 @@ def _save(draw: Callable[[], figures.Figure], path: Path) -> None:
 
 
 def _without_nan(value: Any) -> Any:
-    """Turn NaN, which JSON has no word for, into None."""
+    """Replace NaN, which JSON cannot represent, by None."""
     if isinstance(value, dict):
         return {key: _without_nan(item) for key, item in value.items()}
     return None if isinstance(value, float) and np.isnan(value) else value
@@ -267,4 +267,4 @@ def _summary(pipeline: Pipeline, score: FlightScore) -> None:
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
     inputs = {"flight": pipeline.made_from("flight.h5")}
-    pipeline.make("summary.json", "the table below, as numbers", inputs, make)
+    pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

@@ -1,4 +1,4 @@
-"""How well a flown estimator did against the truth its plant knows."""
+"""Accuracy of a flown estimator against the truth of its plant."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from strainfmu.cosim.recording import Recording
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 CONSTANT = 1e-9
-"""Range of a coefficient [1] that counts as none."""
+"""Range of a coefficient [1] below which it counts as constant."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FlightScore:
     """Errors of C_A, C_N, C_Y, M_P, M_Y over a flight of n samples.
 
     Attributes
     ----------
-    rms_error : (5,) root mean square of estimate less truth [1].
+    rms_error : (5,) root mean square of estimate minus truth [1].
     rms_error_of_range : (5,) the same over the range of the truth in this flight [1]; NaN where it is constant.
     mean_sigma : (5,) mean stated standard deviation [1].
-    coverage : (5,) share of samples with the truth inside +-3 sigma [1].
-    healthy : share of samples with health state OK [1].
+    coverage : (5,) fraction of samples with the truth within 3 sigma [1].
+    healthy : fraction of samples with health state OK [1].
     step_time : median wall-clock time of one step per instance [s].
     """
 
@@ -37,7 +37,7 @@ class FlightScore:
 
 
 def score_flight(recording: Recording, plant: str = "plant", estimator: str = "estimator") -> FlightScore:
-    """Compare what ``estimator`` put out with what ``plant`` flew."""
+    """Compare the estimates of the instance ``estimator`` with the truth of the instance ``plant``."""
     truth = np.stack([recording[f"{plant}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
     estimate = np.stack([recording[f"{estimator}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
     sigma = np.stack([recording[f"{estimator}.sigma.{name}"] for name in COEFFICIENT_NAMES], axis=1)

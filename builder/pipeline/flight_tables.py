@@ -1,8 +1,8 @@
-"""The independent model of the vehicle that flies in system simulations, as tables over (M, a_T).
+"""Flight model: the independent model of the vehicle in system simulations, as tables over (M, a_T).
 
 Every table is a tensor-product cubic spline through flows solved at the knots. In total incidence the knots
 are mirrored to negative values, where the flow is the same rolled by half a turn: harmonic m of the pressure
-changes by (-1)^m. So the spline has the right symmetry at a_T = 0 without a knot there.
+changes by (-1)^m. So the spline has the correct symmetry at a_T = 0 without a knot there.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
 
 
 def truth_engine(vehicle: Vehicle) -> EulerEngine:
-    """Return the solver of the vehicle that flies: Euler, whatever engine the map is built on."""
+    """Return the flow solver of the flight model: Euler, whatever engine the map is built on."""
     settings = vehicle.resolution.truth
     body = vehicle.body()
     surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
@@ -48,7 +48,7 @@ def truth_engine(vehicle: Vehicle) -> EulerEngine:
 def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
     """Return the amplitudes (n_x, max_harmonic + 1) of cos(m phi) in p/p_inf, phi from the leeward meridian.
 
-    The discrete cosine transform over the solver's cells; harmonics it cannot carry are zero.
+    The discrete cosine transform over the solver's cells; harmonics that they cannot resolve are zero.
     """
     ratio = pressure_at_stations(pieces(flow), surface)
     n_phi = ratio.shape[1]

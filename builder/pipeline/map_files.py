@@ -154,13 +154,13 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
 
 def _report(pipeline: Pipeline) -> None:
-    """Report what the map and its gauges can and cannot do: a page, and its numbers."""
+    """Make the report on the map and its gauges: a page, and its numbers."""
 
     @cache
     def report() -> BuildReport:
         snapshots, structure = _map_parts(pipeline)
         inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
-        with pipeline.reporter.stage("Report: what the gauges tell"):
+        with pipeline.reporter.stage("Report: what the gauges observe"):
             found = build_report(pipeline.vehicle, snapshots, structure, inverse_map)
         pipeline.reporter.note(build_page.blind_line(found))
         return found
@@ -180,7 +180,7 @@ def _report(pipeline: Pipeline) -> None:
         return
     pipeline.make(
         build_page.PAGE_NAME,
-        "report: what this layout sees, how sure the map is, what gauges are worth",
+        "report: what this layout observes, uncertainty of the map, value of the gauges",
         inputs,
         page,
     )

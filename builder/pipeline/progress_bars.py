@@ -1,4 +1,4 @@
-"""How long work is shown on a console."""
+"""Progress bars: stages and notes of long work on a console."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rich.progress import (
 
 
 class ConsoleReporter:
-    """Shows stages as progress bars and notes as lines."""
+    """A reporter that shows stages as progress bars and notes as lines."""
 
     def __init__(self, console: Console) -> None:
         self.console = console

@@ -28,7 +28,7 @@ from builder.vehicle.map_needs import check_map_size, used_layouts
 from strainfmu.estimator.inverse_map import InverseMap
 
 AnyProgress = bool | Reporter | None
-"""What is shown of long work: nothing (None, False), progress bars (True), or what a listener makes of it."""
+"""None or False for silence, True for progress bars, or a reporter of the caller's."""
 
 FLOW_TITLE = "Flow: snapshots"
 STRUCTURE_TITLE = "Structure: strain per pressure"

@@ -85,10 +85,10 @@ def _field(number: int) -> Callable[[Studies], str]:
 
 def _worst(studies: Studies) -> str:
     rows = [studies.case_1[f"{SAME_MESH}-{number}"].field_error for number in (1, 2)]
-    shares = [100.0 * float(np.mean(error > limit)) for error, limit in zip(rows, (0.30, 0.15), strict=True)]
+    percent = [100.0 * float(np.mean(error > limit)) for error, limit in zip(rows, (0.30, 0.15), strict=True)]
     return (
-        f"An extreme of 4,500 samples. On the converged model {shares[0]:.2f} % of them are above 30 % with "
-        f"Configuration 1, {shares[1]:.1f} % above 15 % with Configuration 2."
+        f"An extreme of 4,500 samples. On the converged model {percent[0]:.2f} % of them are above 30 % with "
+        f"Configuration 1, {percent[1]:.1f} % above 15 % with Configuration 2."
     )
 
 

@@ -25,7 +25,7 @@ def vehicle(tmp_path: Path) -> Path:
 
 
 def choose_engine(vehicle: Path, entries: str) -> None:
-    """Add the section that says where pressure comes from."""
+    """Add the section that names the source of pressure."""
     vehicle.write_text(vehicle.read_text(encoding="utf-8") + f"\n[aerodynamics]\n{entries}\n", encoding="utf-8")
 
 

@@ -132,7 +132,7 @@ def field(_: Path) -> dict[str, object]:
     project_on_modes(pressure[:2], prior.mean, modes)
     variance = field_variance(prior, solved)
     samples = posterior_samples(prior, solved, solved.mean_strain, 2, 0)
-    return {"shapes": shapes, "share": float(variance.fraction_removed.mean()), "samples": samples.shape}
+    return {"shapes": shapes, "fraction": float(variance.fraction_removed.mean()), "samples": samples.shape}
 
 
 def square(_: Path) -> dict[str, object]:

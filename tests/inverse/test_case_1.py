@@ -1,4 +1,4 @@
-"""The least-squares map: exact where it can be, unbiased, and independent of how strain is written."""
+"""The least-squares map: exact where it can be, unbiased, and independent of the unit of strain."""
 
 from __future__ import annotations
 

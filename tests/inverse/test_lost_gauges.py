@@ -114,7 +114,7 @@ def assert_equal_to(expected: np.ndarray, found: np.ndarray, tolerance: float = 
 
 @pytest.mark.parametrize("step", [9, pytest.param(1, marks=pytest.mark.slow)])
 def test_masked_step_is_that_of_the_map_rebuilt(maps: Maps, inverse_map: InverseMap, step: int) -> None:
-    """54 single gauges, 500 pairs and triples: loads, covariance, chi-square of a map built anew, to 1e-9.
+    """54 single gauges, 500 pairs and triples: loads, covariance, chi-square of a map built again, to 1e-9.
 
     Loads are compared to the largest of them, covariances in units of their own sigmas. All sets, or every ninth
     where there is no time; ``tests/runtime`` goes through all of them with maps made of random numbers.
@@ -158,9 +158,9 @@ def test_what_a_lost_gauge_reads_is_in_no_output(rubbish: float, inverse_map: In
         clean, dirty = strain.copy(), strain.copy()
         clean[[gauge, other]] = 0.0
         dirty[gauge], dirty[other] = rubbish, np.nan
-        asked = np.ones(N_GAUGES, dtype=bool)
-        asked[gauge] = False
-        found = estimator.estimate(dirty, Q, valid=asked)
+        valid = np.ones(N_GAUGES, dtype=bool)
+        valid[gauge] = False
+        found = estimator.estimate(dirty, Q, valid=valid)
         assert_same(found, estimator.estimate(clean, Q, valid=keep))
         assert np.all(np.isfinite([*found.coefficients, *found.coefficients_std, *found.standardised_residual]))
         assert found.health is HealthState.DEGRADED
@@ -188,7 +188,7 @@ def test_step_covers_and_its_chi_square_is_one(inverse_map: InverseMap) -> None:
 
 
 def isolable_bias(inverse_map: InverseMap) -> np.ndarray:
-    """(54,) bias of each gauge, in its sigmas, that is blamed on it in 99 % of cases."""
+    """(54,) bias of each gauge, in its sigmas, that is attributed to it in 99 % of cases."""
     precision = inverse_map.residual_whitening.T @ inverse_map.residual_whitening
     threshold = outlier_threshold(N_GAUGES, FALSE_ALARM_PROBABILITY)
     return minimal_isolable_bias(precision, correlations(precision), threshold, 0.01) / inverse_map.noise_std

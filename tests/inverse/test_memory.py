@@ -48,11 +48,11 @@ def test_half_a_million_nodes_need_no_square(tmp_path: Path) -> None:
     found = result("field", tmp_path)
     assert [shape[0] for shape in found["shapes"]] == [500_000] * 4
     assert found["samples"] == [2, 500_000]
-    assert 0.0 < found["share"] < 1.0
+    assert 0.0 < found["fraction"] < 1.0
 
 
 def test_the_limit_holds(tmp_path: Path) -> None:
-    """The same process with a square of 500,000 nodes, of single bytes, ends for want of memory."""
+    """The same process with a square of 500,000 nodes, of single bytes, ends for lack of memory."""
     finished = limited("square", tmp_path)
     assert finished.returncode != 0
     assert "MemoryError" in finished.stderr

@@ -60,7 +60,7 @@ def test_truncated_modes_have_the_strain_and_load_of_their_snapshots(case: Case,
 
 
 def test_shares_add_up_and_name_every_term(case: Case) -> None:
-    """Whitened shares sum to 1; the mean square strains to the trace of Gamma; of gauge noise alone it is 1."""
+    """Whitened fractions sum to 1; the mean square strains to the trace of Gamma; of gauge noise alone it is 1."""
     model = noise_model(case, N_MODES)
     model = NoiseModel((*model.terms, nuisance_modes("heat", np.ones((54, 1)), np.array([1e-6]))))
     rows = model.fractions()
@@ -147,7 +147,7 @@ def test_derivatives_predict_gauges_moved_in_body_axes(
     case: Case,
     derivatives: GaugeDerivatives,
 ) -> None:
-    """Positions and directions changed in body axes, placed and solved anew: change of strain within 5 %."""
+    """Positions and directions changed in body axes, placed and solved again: change of strain within 5 %."""
     layout, placed = structure.layouts["configuration_2"], structure.placed["configuration_2"]
     resolution, wall = vehicle.resolution.map, wall_of(vehicle)
     mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
@@ -187,7 +187,7 @@ def _around(position: np.ndarray) -> np.ndarray:
 def test_gauge_errors_are_covered_with_their_term_and_not_without(
     error: str, size: float, snapshots: Snapshots, held_out: Snapshots, case: Case, derivatives: GaugeDerivatives
 ) -> None:
-    """1 %, 2 mm, 1 deg at every gauge, 200 draws of gauges, 24 flights never seen.
+    """1 %, 2 mm, 1 deg at every gauge, 200 draws of gauges, 24 flights that no snapshot holds.
 
     3 sigma hold 99 % of each load with the term, and less than 95 % of some load without.
     """
@@ -315,7 +315,7 @@ def test_noise_that_does_not_fit_is_refused_before_anything_is_solved(
 def test_nuisance_file_of_a_vehicle_is_listed_and_widens_the_uncertainty(
     tmp_path: Path, vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
-    """Nose hotter than base, 20 um/m at the first station: the term stands in the map with its share."""
+    """Nose hotter than base, 20 um/m at the first station: the map holds the term with its fraction."""
     layout = structure.layouts["configuration_2"]
     strain = 20.0 * (1.0 - layout.position[:, 0] / 3.6)
     rows = [f"{name},{value:.6f}" for name, value in zip(layout.names, strain, strict=True)]

@@ -43,7 +43,7 @@ def test_error_of_r_modes_is_the_energy_left_out(r: int, snapshots: Snapshots) -
 
 
 def test_five_modes_hold_99_percent(snapshots: Snapshots) -> None:
-    """The published share for five modes over the same conditions."""
+    """The published energy of five modes over the same conditions."""
     energy = proper_orthogonal_decomposition(snapshots.pressure).energy
     assert energy[4] > 0.99
     assert np.all(np.diff(energy) >= 0.0)

@@ -76,7 +76,7 @@ def test_both_models_give_the_same_terms(
 def test_the_map_counts_them_and_knows_less(
     uncertain: Vehicle, snapshots: Snapshots, solid: MappedStructure
 ) -> None:
-    """Listed with their shares; no load is surer than without."""
+    """Listed with their fractions; no sigma of a load is smaller than without."""
     without = uncertain.model_copy(update={"noise": Noise(std_um_per_m=0.4)})
     plain, counted = (build_inverse_map(one, snapshots, solid) for one in (without, uncertain))
     names = [term["name"] for term in counted.provenance["noise_terms"]]
@@ -85,7 +85,7 @@ def test_the_map_counts_them_and_knows_less(
 
 
 def test_turned_gauges_are_the_tensor(uncertain: Vehicle, solid: MappedStructure) -> None:
-    """e(45 deg) + e(-45 deg) = e_axial + e_hoop where a row has both: one strain tensor at one place.
+    """e(45 deg) + e(-45 deg) = e_axial + e_hoop where a row has both: one strain tensor at one position.
 
     To 0.3 % of the largest: strain is recovered from the mesh direction by direction.
     """

@@ -175,7 +175,7 @@ def test_a_vehicle_shows_itself_in_a_notebook() -> None:
     shown = Text(builder.load_vehicle(builder.IC3X)._repr_html_())
     for part in ("IC3X surrogate", "3.6 m", "4 mm", "54 gauges", "90: M 5 to 7", "euler", "1 % of the median"):
         assert part in shown.text, part
-    assert shown.circles == 27  # 9 stations at three heights; of two gauges at one place one is drawn
+    assert shown.circles == 27  # 9 stations at three heights; of two gauges at one position one is drawn
 
 
 def test_a_vehicle_with_gauges_from_a_table_shows_itself(ogive: builder.Vehicle) -> None:

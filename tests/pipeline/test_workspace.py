@@ -15,7 +15,7 @@ pytestmark = pytest.mark.fast
 
 
 class Maker:
-    """Writes a text and counts how often it was asked to."""
+    """Writes a text and counts how often."""
 
     def __init__(self, text: str = "result") -> None:
         self.text, self.times = text, 0

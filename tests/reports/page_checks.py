@@ -1,4 +1,4 @@
-"""What a reader's browser would find in a page: tags, names, tables, and whether it asks for anything else."""
+"""What a reader's browser would find in a page: tags, names, tables, and whether it loads anything else."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ CASE_1 = MapEntry(modes=4)
 CASE_2 = MapEntry(case=2, gamma=2.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReportCase:
     """A vehicle, what its map is made of, and the map."""
 

@@ -84,7 +84,7 @@ def test_json_and_csv_hold_what_the_page_shows(report: BuildReport, html: str, t
 
 
 def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> None:
-    """Sigma, 3 sigma and range of each coefficient; shares add up to 100 %; every gauge has its row."""
+    """Sigma, 3 sigma and range of each coefficient; fractions add up to 100 %; every gauge has its row."""
     tables, one = report_tables(report), case.inverse_map
     area, length, q = one.reference_area, one.reference_length, one.nominal_dynamic_pressure
     std = np.sqrt(np.diag(one.load_covariance)) / (q * area * np.array([1, 1, 1, length, length]))

@@ -84,7 +84,7 @@ def test_gamma_of_every_rule(parts: Parts) -> None:
 
 
 def test_classes_of_the_modes_are_those_of_their_waves(parts: Parts) -> None:
-    """Another way to the same shares: cosines and sines of each ring by FFT, sorted by Symmetry.waves."""
+    """The same fractions in another way: cosines and sines of each ring by FFT, sorted by Symmetry.waves."""
     case = case_of(parts, CASE_2)
     grid, solved = case.structure.surface, case.solution.solved
     choice = gamma_choice(case.inverse_map, case.problem, case.solution, grid)
@@ -98,14 +98,14 @@ def test_classes_of_the_modes_are_those_of_their_waves(parts: Parts) -> None:
     twice = np.where((m == 0) | (2 * m == grid.n_roll), 1.0, 2.0)
     parts_of_waves = ((False, waves.real), (True, waves.imag))
     energy = {sine: np.einsum("nxm,x->nm", part**2, weight) for sine, part in parts_of_waves}
-    shares = np.stack(
+    fractions = np.stack(
         [
             sum((energy[sine] * twice) @ one.waves(m, np.full(len(m), sine)) for sine in (False, True))
             for one in SYMMETRIES
         ],
         axis=1,
     )
-    np.testing.assert_allclose(choice.mode_classes, shares / shares.sum(axis=1, keepdims=True), atol=1e-12)
+    np.testing.assert_allclose(choice.mode_classes, fractions / fractions.sum(axis=1, keepdims=True), atol=1e-12)
     assert np.ptp(np.argmax(choice.mode_classes, axis=1)) > 0
 
 
@@ -120,6 +120,6 @@ def test_a_coefficient_that_does_not_change_has_no_share_of_range(parts: Parts) 
     changed = case.inverse_map.coefficient_range.copy()
     changed[2] = [-1e-17, 1e-17]
     one = replace(case.inverse_map, coefficient_range=changed)
-    share = coefficient_sources(one, case.problem, case.solution).std_of_range
-    assert np.isinf(share[2])
-    assert np.isfinite(np.delete(share, 2)).all()
+    fraction = coefficient_sources(one, case.problem, case.solution).std_of_range
+    assert np.isinf(fraction[2])
+    assert np.isfinite(np.delete(fraction, 2)).all()

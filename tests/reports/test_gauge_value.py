@@ -74,17 +74,17 @@ def test_what_is_not_identified_is_infinite(parts: Parts) -> None:
 
 
 def test_states_that_no_gauge_sees_change_nothing(parts: Parts) -> None:
-    """Five gauges, 18 states, and the same map on the five states seen: growth to 1e-7, causes still add up."""
+    """Five gauges, 18 states, and the same map on its five observable states: growth to 1e-7, sources add up."""
     case, kept = case_of(parts, CASE_2), [0, 1, 9, 14, 22]
     five = with_gauges(case.problem, kept)
     solution = solve(five)
     whole = map_of_some(case, five, solution, kept)
-    seen = on_observable_states(whole)
-    assert seen.state_operator.shape == (5, 5)
-    np.testing.assert_allclose(gauge_value(seen).growth, gauge_value(whole).growth, rtol=1e-7)
-    np.testing.assert_allclose(gauge_value(seen).pair_growth, gauge_value(whole).pair_growth, rtol=1e-7)
-    causes = coefficient_sources(seen, five, solution)
-    np.testing.assert_allclose(causes.variance.sum(axis=0), causes.std**2, rtol=1e-9)
+    observable = on_observable_states(whole)
+    assert observable.state_operator.shape == (5, 5)
+    np.testing.assert_allclose(gauge_value(observable).growth, gauge_value(whole).growth, rtol=1e-7)
+    np.testing.assert_allclose(gauge_value(observable).pair_growth, gauge_value(whole).pair_growth, rtol=1e-7)
+    sources = coefficient_sources(observable, five, solution)
+    np.testing.assert_allclose(sources.variance.sum(axis=0), sources.std**2, rtol=1e-9)
 
 
 def test_leverage_is_the_diagonal_of_the_hat_matrix(parts: Parts) -> None:

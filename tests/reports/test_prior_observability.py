@@ -32,7 +32,7 @@ EVEN_ODD = [str(one) for one in SYMMETRIES].index("even in y, odd in z")
 
 
 def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorObservability, float]:
-    """cos(phi) of 300 Pa and sin(2 phi) of 100 Pa, over four gauges that feel 1, cos and sin; and their share."""
+    """cos(phi) of 300 Pa and sin(2 phi) of 100 Pa over gauges that feel 1, cos, sin; fraction of the second."""
     phi = np.tile(grid.roll_angle, STATIONS)
     random = np.random.default_rng(5)
     first = random.normal(size=40)
@@ -57,21 +57,21 @@ def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorObserv
         entry=entry,
     )
     # Both waves have a mean square of 1/2 over the area.
-    share = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
-    return prior_observability(problem, solve(problem), grid), share
+    fraction = (100.0**2 * second @ second) / (300.0**2 * first @ first + 100.0**2 * second @ second)
+    return prior_observability(problem, solve(problem), grid), fraction
 
 
 @pytest.mark.parametrize("grid", [GRID, ODD_GRID], ids=["24 roll angles", "25 roll angles"])
 def test_blind_share_of_a_constructed_case(grid: SurfaceGrid) -> None:
-    """sin(2 phi) is odd in y and z: its share by the amplitudes; uncorrelated, nothing of it becomes known."""
-    observed, share = constructed(correlated=False, grid=grid)
-    assert observed.class_fraction[ODD_ODD] == pytest.approx(share, rel=1e-9)
-    assert observed.class_fraction[EVEN_ODD] == pytest.approx(1.0 - share, rel=1e-9)
+    """sin(2 phi) is odd in y and z: its fraction by the amplitudes; uncorrelated, none of it is removed."""
+    observed, fraction = constructed(correlated=False, grid=grid)
+    assert observed.class_fraction[ODD_ODD] == pytest.approx(fraction, rel=1e-9)
+    assert observed.class_fraction[EVEN_ODD] == pytest.approx(1.0 - fraction, rel=1e-9)
     assert observed.class_fraction.sum() == pytest.approx(1.0, rel=1e-12)
     assert observed.class_strain[ODD_ODD] < 1e-12 * observed.class_strain[EVEN_ODD]
     assert observed.class_removed[ODD_ODD] == pytest.approx(0.0, abs=1e-6)
     assert observed.class_removed[EVEN_ODD] > 0.999
-    assert observed.removed == pytest.approx(1.0 - share, abs=1e-3)
+    assert observed.removed == pytest.approx(1.0 - fraction, abs=1e-3)
     assert observed.mode_classes[0, EVEN_ODD] == pytest.approx(1.0, abs=1e-9)
     assert observed.mode_classes[1, ODD_ODD] == pytest.approx(1.0, abs=1e-9)
     empty = np.isnan(observed.class_removed)
@@ -79,9 +79,9 @@ def test_blind_share_of_a_constructed_case(grid: SurfaceGrid) -> None:
 
 
 def test_blind_pressure_is_inferred_from_what_flies_with_it() -> None:
-    """One amplitude for both waves: the unseen one is known as well as the seen one."""
-    observed, share = constructed(correlated=True)
-    assert observed.class_fraction[ODD_ODD] == pytest.approx(share, rel=1e-9)
+    """One amplitude for both waves: the unobserved one is known as well as the observed one."""
+    observed, fraction = constructed(correlated=True)
+    assert observed.class_fraction[ODD_ODD] == pytest.approx(fraction, rel=1e-9)
     assert observed.class_strain[ODD_ODD] < 1e-12 * observed.class_strain[EVEN_ODD]
     assert observed.class_removed[ODD_ODD] == pytest.approx(observed.class_removed[EVEN_ODD], rel=1e-9)
     assert observed.class_removed[ODD_ODD] > 0.999
@@ -123,7 +123,7 @@ def test_mirrors_of_a_free_mesh_are_those_of_the_grid() -> None:
 
 
 def test_a_body_without_symmetry_has_no_classes(parts: Parts) -> None:
-    """A bent surface: shares are not given, the rest is."""
+    """A bent surface: fractions are not given, the rest is."""
     case = case_of(parts, CASE_1)
     mesh = mesh_of_grid(case.structure.surface)
     bent = replace(mesh, point=mesh.point + np.outer(0.1 * mesh.point[:, 0] ** 2, [0.0, 1.0, 1.0]))

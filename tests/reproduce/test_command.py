@@ -51,7 +51,7 @@ def test_coarse_grids_keep_the_source_s_findings(quick_run: tuple[Path, str]) ->
 
 
 class _Page(HTMLParser):
-    """Collects what a page asks for from elsewhere, and its pictures and headings."""
+    """Collects what a page loads from elsewhere, and its pictures and headings."""
 
     def __init__(self) -> None:
         super().__init__()

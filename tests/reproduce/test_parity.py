@@ -1,4 +1,4 @@
-"""The table of published numbers is whole, and says what it should about a number."""
+"""The table of published numbers: as printed, with reasons and criteria for its entries only."""
 
 from __future__ import annotations
 

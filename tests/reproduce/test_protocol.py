@@ -54,12 +54,12 @@ def test_configuration_2_is_configuration_1_with_its_mirror_images() -> None:
     vehicle = with_all_gauges(load_vehicle(IC3X))
     mesh = shell_mesh(vehicle.body(), wall_of(vehicle), 0.05)
     layout = place_layouts(vehicle, mesh, [ALL])[0][ALL]
-    place = dict(zip(layout.names, layout.position, strict=True))
+    position = dict(zip(layout.names, layout.position, strict=True))
     for reading in READINGS:
         first = reading.configuration(1)
-        mirrored = {(name[:4], *np.round(place[name] * [1.0, -1.0, -1.0], 9)) for name in first}
+        mirrored = {(name[:4], *np.round(position[name] * [1.0, -1.0, -1.0], 9)) for name in first}
         added = set(reading.configuration(2)) - set(first)
-        assert {(name[:4], *np.round(place[name], 9)) for name in added} == mirrored
+        assert {(name[:4], *np.round(position[name], 9)) for name in added} == mirrored
 
 
 def test_layouts_fit_the_vehicle_and_45_has_as_many_gauges() -> None:

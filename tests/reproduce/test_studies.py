@@ -130,8 +130,8 @@ def test_odd_part_is_a_projection_onto_sines_of_even_harmonics(grid: SurfaceGrid
 
     for hidden in (np.sin(2 * phi), np.sin(4 * phi)):
         np.testing.assert_allclose(odd_part(field(hidden), grid), field(hidden), atol=1e-12)
-    for seen in (np.ones_like(phi), np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(3 * phi)):
-        np.testing.assert_allclose(odd_part(field(seen), grid), 0.0, atol=1e-12)
+    for observable in (np.ones_like(phi), np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(3 * phi)):
+        np.testing.assert_allclose(odd_part(field(observable), grid), 0.0, atol=1e-12)
     random = np.random.default_rng(2).normal(size=grid.n_nodes)
     np.testing.assert_allclose(odd_part(odd_part(random, grid), grid), odd_part(random, grid), atol=1e-13)
 

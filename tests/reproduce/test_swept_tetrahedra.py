@@ -64,9 +64,9 @@ def test_strain_of_a_linear_displacement_is_exact(sector: SweptSector) -> None:
 def test_cyclic_solution_is_that_of_the_full_mesh(sector: SweptSector) -> None:
     vehicle = load_vehicle(IC3X)
     mesh = full_mesh(sector)
-    place = triangulated_surface(mesh, INTERNAL)
-    chosen = np.linspace(0, len(place.triangle) - 1, 5).astype(int)
-    point = place.point[place.triangle[chosen]].mean(axis=1)
+    inner = triangulated_surface(mesh, INTERNAL)
+    chosen = np.linspace(0, len(inner.triangle) - 1, 5).astype(int)
+    point = inner.point[inner.triangle[chosen]].mean(axis=1)
     rows = element_strain_rows(mesh, gauges_at(point, np.tile([1.0, 0.0, 0.0], (5, 1))))
     material, support = wall_of(vehicle).material, Clamped(SUPPORT)
     by_sectors = solve_strain(sector, material, None, support, rows, None).strain_operator
