@@ -82,9 +82,9 @@ def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
     bias = detectable_bias(one)
     assert row[1] == f"{one.gauge_position[0, 0]:.4g}"
     assert row[5:] == ["0.3", f"{1e6 * bias[0]:.3g}", f"{1e6 * one.strain_range[0]:.3g}"]
-    share = {line[0]: line for line in lines if line[:1] and line[0].startswith(("C_", "M_"))}
+    row_of = {line[0]: line for line in lines if line[:1] and line[0].startswith(("C_", "M_"))}
     sigma = np.sqrt(one.load_covariance[0, 0]) / (one.nominal_dynamic_pressure * one.reference_area)
-    assert share["C_A"][3] == f"{sigma:.4f}"
+    assert row_of["C_A"][3] == f"{sigma:.4f}"
     assert ("gamma, found by" in printed) == (one.case == 2)
     assert not list(tmp_path.glob("*figures*"))
 
