@@ -11,7 +11,7 @@ import numpy as np
 from fmpy import extract
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
@@ -27,21 +27,25 @@ CYCLE_TIME = 0.01
 
 
 class NumpyStep:
-    """``Estimator.estimate``: all gauges, and the first three lost."""
+    """``Estimator.step`` with all gauges and without three; ``estimate`` of 10,000 samples in one call."""
 
     def setup(self) -> None:
         inverse_map = synthetic_inverse_map(n_gauges=N_GAUGES)
         self.estimator = Estimator(inverse_map)
         self.strain, self.pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
+        self.samples = np.tile(self.strain, (10_000, 1))
         self.broken = self.strain.copy()
         self.broken[:LOST] = np.nan
-        self.estimator.estimate(self.broken, self.pressure)  # prepares the later steps without these gauges
+        self.estimator.step(self.broken, self.pressure)  # prepares the later steps without these gauges
 
     def time_all_gauges(self) -> None:
-        self.estimator.estimate(self.strain, self.pressure)
+        self.estimator.step(self.strain, self.pressure)
 
     def time_gauges_lost(self) -> None:
-        self.estimator.estimate(self.broken, self.pressure)
+        self.estimator.step(self.broken, self.pressure)
+
+    def time_10000_samples(self) -> None:
+        self.estimator.estimate(self.samples, self.pressure)
 
 
 class NativeStep:
@@ -96,7 +100,7 @@ class BusCycles:
         self.stack.close()
 
     def time_100_cycles(self) -> None:
-        core = BridgeCore(self.layout, self.step, BridgeSettings(), start=0.0)
+        core = bridge_core(self.layout, self.step, BridgeSettings(), start=0.0)
         for number, frames in enumerate(self.cycles):
             for frame in frames:
                 core.receive(frame)

@@ -119,7 +119,7 @@ def test_missing_strains_are_left_out_and_counted(
     data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
     code, out, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv")
     assert (code, errors) == (0, "")
-    assert "1 strains without a value in 1 gauges, most in 'G2'" in out
+    assert "1 strains without a value in 1 gauges, the largest number in 'G2' (1)" in out
     assert "1 samples without a dynamic pressure" in out
     found = read_csv(tmp_path / "o.csv")
     expected = Estimator(synthetic_inverse_map(1)).estimate(strain[3], pressure[3])

@@ -215,7 +215,7 @@ def test_score_by_hand() -> None:
 
 def test_send_needs_exactly_one_source(run: Run, synthetic: SyntheticFiles) -> None:
     code, _, errors = run("send", synthetic.map_1, "--interface", "virtual", "--channel", "s1")
-    assert (code, errors) == (2, "strainfmu: --plant, --scenario, --data: one of them wanted\n")
+    assert (code, errors) == (2, "strainfmu: expected one of --plant, --scenario, --data\n")
 
 
 def test_send_over_a_virtual_bus(run: Run, synthetic: SyntheticFiles) -> None:
