@@ -1,4 +1,4 @@
-"""The FMI 3.0 front over another model than the estimator: the plant gives the outputs that it gives in FMI 2.0."""
+"""The FMI 3.0 front over the plant, which is not its first model: the outputs are those of FMI 2.0."""
 
 from __future__ import annotations
 
