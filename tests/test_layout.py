@@ -19,6 +19,12 @@ PACKAGES = ("strainfmu", "builder", "fmus")
 
 TOP_LEVEL = ("pyproject.toml", "strainfmu", "builder", "tests", "fmus", "README.md")
 
+MAX_POSITIONAL = 6
+"""Arguments a call may pass by position."""
+
+POSITIONAL_ONLY = {"CFUNCTYPE", "add_row", "revolve", "rotate"}
+"""Functions of other packages that take many arguments by position alone (ctypes, rich, Gmsh)."""
+
 
 def sources(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
     """Yield the Python files of the folders, by their paths in the project, parsed."""
@@ -60,6 +66,44 @@ def test_array_types_are_defined_in_one_module() -> None:
             if any(name_of(target).endswith("Array") for target in targets):
                 defining.add(path.as_posix())
     assert defining == {"strainfmu/arrays.py"}
+
+
+def test_long_calls_name_their_arguments() -> None:
+    long = [
+        f"{path}:{node.lineno}: {name_of(node)} with {len(node.args)} arguments by position"
+        for path, tree in sources(*PACKAGES)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and len(node.args) > MAX_POSITIONAL and name_of(node) not in POSITIONAL_ONLY
+    ]
+    assert long == []
+
+
+def test_dataclasses_of_arrays_compare_by_identity() -> None:
+    """``==`` of dataclasses compares their fields as tuples, which raises ValueError for arrays."""
+    wrong = [
+        f"{path}:{node.lineno}: {node.name}"
+        for path, tree in sources(*PACKAGES)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef) and compares_fields(node) and any(map(holds_array, node.body))
+    ]
+    assert wrong == []
+
+
+def compares_fields(node: ast.ClassDef) -> bool:
+    """Return whether a class is a dataclass without ``eq=False``."""
+    for decorator in node.decorator_list:
+        if name_of(decorator) == "dataclass":
+            options = decorator.keywords if isinstance(decorator, ast.Call) else []
+            return not any(one.arg == "eq" and ast.unparse(one.value) == "False" for one in options)
+    return False
+
+
+def holds_array(field: ast.stmt) -> bool:
+    """Return whether a statement of a class declares a field that holds arrays; functions do not."""
+    if not isinstance(field, ast.AnnAssign) or name_of(field.annotation) in ("Callable", "ClassVar"):
+        return False
+    names = {name_of(node) for node in ast.walk(field.annotation) if isinstance(node, ast.expr)}
+    return any(name.endswith("Array") or name in ("ndarray", "csr_array", "csc_array") for name in names)
 
 
 def test_the_version_stands_in_one_place() -> None:

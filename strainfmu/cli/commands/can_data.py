@@ -42,7 +42,16 @@ def replay(
 
         strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-be --cycle-time 20
     """
-    given = _given_options(profile, dbc, mapping, cycle_time, id_base, result_base, extended, dynamic_pressure)
+    given = _given_options(
+        profile=profile,
+        dbc=dbc,
+        mapping=mapping,
+        cycle_time=cycle_time,
+        id_base=id_base,
+        result_base=result_base,
+        extended=extended,
+        dynamic_pressure=dynamic_pressure,
+    )
     _replay(Console(), log, fmu, output, given)
 
 
@@ -104,6 +113,7 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
 
 
 def _given_options(
+    *,
     profile: str | None,
     dbc: Path | None,
     mapping: Path | None,

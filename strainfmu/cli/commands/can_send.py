@@ -107,7 +107,16 @@ def send(
     from strainfmu.can.tools.sender import planned_faults
 
     planned = planned_faults(fault or (), faults, seed=seed, n_cycles=round(duration / layout.cycle_time))
-    samples = _samples(names, plant, scenario, files, data, dynamic_pressure, layout.cycle_time, duration)
+    samples = _samples(
+        names,
+        plant=plant,
+        scenario=scenario,
+        files=files,
+        data=data,
+        dynamic_pressure=dynamic_pressure,
+        cycle_time=layout.cycle_time,
+        duration=duration,
+    )
     console = Console()
     with samples as opened:
         sent, score = _send(options, layout, opened, planned, duration)
@@ -124,6 +133,7 @@ def send(
 
 def _samples(
     names: tuple[str, ...],
+    *,
     plant: Path | None,
     scenario: Path | None,
     files: Path | None,
