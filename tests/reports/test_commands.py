@@ -115,4 +115,4 @@ def test_ranges_for_a_reader(case: ReportCase) -> None:
     assert found["altitude"].text == "22 km"
     assert found["|strain| of the gauge that strains most"].maximum == 1e6 * case.inverse_map.strain_range.max()
     older = replace(case.inverse_map, provenance={"altitude_m": 22e3})
-    assert valid_ranges(older)[0] == ValidRange(quantity="altitude", least=22.0, greatest=22.0, unit="km")
+    assert valid_ranges(older)[0] == ValidRange(quantity="altitude", minimum=22.0, maximum=22.0, unit="km")
