@@ -40,9 +40,9 @@ typedef enum {
 /* What every model begins with. */
 typedef struct {
     const char *guid;
-    uint32_t checksum; /* of its resource */
-    Mode mode;         /* set by the front */
-    double time;       /* [s], set by set_time and step */
+    uint32_t checksum;       /* of its resource */
+    Mode mode;               /* set by the front */
+    double time;             /* [s], set by model_set_time and model_step */
     unsigned time_reference; /* value reference of the independent variable in FMI 3.0; arrays have those below it */
 } Model;
 
@@ -58,7 +58,7 @@ static inline size_t selected(const Selection *selection, size_t k) {
 
 /* Exact partial derivatives of real outputs by real inputs and parameters. */
 typedef struct {
-    /* Position of a variable among the inputs, or among the outputs; SIZE_MAX for any other variable. */
+    /* Index of a variable among the inputs, or among the outputs; SIZE_MAX for any other variable. */
     size_t (*input_index)(const Model *model, size_t variable);
     size_t (*output_index)(const Model *model, size_t variable);
     /* The direction to derive along, by input index, set to zero; it belongs to the model. */

@@ -11,7 +11,8 @@
 /* Number of bytes of a serialised state. */
 size_t state_size(const Instance *instance);
 
-/* Write the state of an instance to *state: into the FMU state of its resource that is there, or a new one; a status. */
+/* Write the state of an instance to *state: into the FMU state of its resource that is there, or a new one. Return a
+   status. */
 int state_get(Instance *instance, void **state);
 
 /* Return to a state of this or another instance of the same FMU. A status. */

@@ -18,7 +18,7 @@ static int lists_given(Instance *instance, const char *function, int modes, cons
         && (nvr == 0 || (instance_given(instance, function, vr) && instance_given(instance, function, value)));
 }
 
-/* Integers and Booleans are both int in C. */
+/* fmi2GetReal, fmi2SetReal and the like. Integers and Booleans are both int in C. */
 #define GET(Type, get)                                                                                         \
     fmi2Status fmi2Get##Type(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2##Type value[]) { \
         Instance *s = c;                                                                                       \
@@ -27,7 +27,7 @@ static int lists_given(Instance *instance, const char *function, int modes, cons
             return fmi2Error;                                                                                  \
         }                                                                                                      \
         const Selection which = selection_of(vr, nvr);                                                         \
-        return get(s->model, &which, value, text)                                              \
+        return get(s->model, &which, value, text)                                                              \
                  ? fmi2OK                                                                                      \
                  : (fmi2Status)instance_error(s, "fmi2Get" #Type ": %s", text);                                \
     }
@@ -40,7 +40,7 @@ static int lists_given(Instance *instance, const char *function, int modes, cons
             return fmi2Error;                                                                                        \
         }                                                                                                            \
         const Selection which = selection_of(vr, nvr);                                                               \
-        return set(s->model, &which, value, text)                                                    \
+        return set(s->model, &which, value, text)                                                                    \
                  ? fmi2OK                                                                                            \
                  : (fmi2Status)instance_error(s, "fmi2Set" #Type ": %s", text);                                      \
     }

@@ -16,20 +16,20 @@ static fmi3Status not_offered(const Instance *instance, const char *function) {
     return (fmi3Status)instance_not_offered(instance, function);
 }
 
-#define GET(Type)                                                                                                   \
-    fmi3Status fmi3Get##Type(fmi3Instance instance, const fmi3ValueReference valueReferences[],                     \
-                             size_t nValueReferences, fmi3##Type values[], size_t nValues) {                        \
-        (void)values;                                                                                               \
-        (void)nValues;                                                                                              \
-        return no_variables(instance, "fmi3Get" #Type, valueReferences, nValueReferences);                          \
+#define GET(Type)                                                                               \
+    fmi3Status fmi3Get##Type(fmi3Instance instance, const fmi3ValueReference valueReferences[], \
+                             size_t nValueReferences, fmi3##Type values[], size_t nValues) {    \
+        (void)values;                                                                           \
+        (void)nValues;                                                                          \
+        return no_variables(instance, "fmi3Get" #Type, valueReferences, nValueReferences);      \
     }
 
-#define SET(Type)                                                                                                   \
-    fmi3Status fmi3Set##Type(fmi3Instance instance, const fmi3ValueReference valueReferences[],                     \
-                             size_t nValueReferences, const fmi3##Type values[], size_t nValues) {                  \
-        (void)values;                                                                                               \
-        (void)nValues;                                                                                              \
-        return no_variables(instance, "fmi3Set" #Type, valueReferences, nValueReferences);                          \
+#define SET(Type)                                                                                  \
+    fmi3Status fmi3Set##Type(fmi3Instance instance, const fmi3ValueReference valueReferences[],    \
+                             size_t nValueReferences, const fmi3##Type values[], size_t nValues) { \
+        (void)values;                                                                              \
+        (void)nValues;                                                                             \
+        return no_variables(instance, "fmi3Set" #Type, valueReferences, nValueReferences);         \
     }
 
 GET(Float32)

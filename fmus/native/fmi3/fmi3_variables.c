@@ -88,60 +88,60 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
     return array->count > 0 && model_type_of(s->model, array->first) == type;
 }
 
-#define GET(Name, variables, get)                                                                                      \
-    fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],                        \
-                             size_t nValueReferences, fmi3##Name values[], size_t nValues) {                           \
-        static const char NAME[] = "fmi3Get" #Name;                                                                    \
-        Instance *s = instance;                                                                                        \
-        char text[MODEL_TEXT_SIZE];                                                                                    \
-        if (!lists_fit(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, nValues)) {                  \
-            return fmi3Error;                                                                                          \
-        }                                                                                                              \
-        for (size_t i = 0; i < nValueReferences; i++) {                                                                \
-            const Selection array = fmi3_array(s, valueReferences[i]);                                                 \
-            if (!is_of(s, &array, variables)) {                                                                        \
-                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                                   \
-            }                                                                                                          \
-            for (size_t k = 0; k < array.count; k += CHUNK) {                                                          \
-                int chunk[CHUNK];                                                                                      \
-                const Selection which = chunk_of(&array, k);                                                           \
-                if (!get(s->model, &which, chunk, text)) {                                             \
-                    return fmi3_wrong_type(s, NAME, valueReferences[i]);                                               \
-                }                                                                                                      \
-                for (size_t j = 0; j < which.count; j++) {                                                             \
-                    *values++ = (fmi3##Name)chunk[j];                                                                  \
-                }                                                                                                      \
-            }                                                                                                          \
-        }                                                                                                              \
-        return fmi3OK;                                                                                                 \
+#define GET(Name, variables, get)                                                                     \
+    fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],       \
+                             size_t nValueReferences, fmi3##Name values[], size_t nValues) {          \
+        static const char NAME[] = "fmi3Get" #Name;                                                   \
+        Instance *s = instance;                                                                       \
+        char text[MODEL_TEXT_SIZE];                                                                   \
+        if (!lists_fit(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, nValues)) { \
+            return fmi3Error;                                                                         \
+        }                                                                                             \
+        for (size_t i = 0; i < nValueReferences; i++) {                                               \
+            const Selection array = fmi3_array(s, valueReferences[i]);                                \
+            if (!is_of(s, &array, variables)) {                                                       \
+                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                  \
+            }                                                                                         \
+            for (size_t k = 0; k < array.count; k += CHUNK) {                                         \
+                int chunk[CHUNK];                                                                     \
+                const Selection which = chunk_of(&array, k);                                          \
+                if (!get(s->model, &which, chunk, text)) {                                            \
+                    return fmi3_wrong_type(s, NAME, valueReferences[i]);                              \
+                }                                                                                     \
+                for (size_t j = 0; j < which.count; j++) {                                            \
+                    *values++ = (fmi3##Name)chunk[j];                                                 \
+                }                                                                                     \
+            }                                                                                         \
+        }                                                                                             \
+        return fmi3OK;                                                                                \
     }
 
-#define SET(Name, set)                                                                                                 \
-    fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],                        \
-                             size_t nValueReferences, const fmi3##Name values[], size_t nValues) {                     \
-        static const char NAME[] = "fmi3Set" #Name;                                                                    \
-        Instance *s = instance;                                                                                        \
-        char text[MODEL_TEXT_SIZE];                                                                                    \
-        if (!lists_fit(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values, nValues)) {                  \
-            return fmi3Error;                                                                                          \
-        }                                                                                                              \
-        for (size_t i = 0; i < nValueReferences; i++) {                                                                \
-            const Selection array = fmi3_array(s, valueReferences[i]);                                                 \
-            if (array.count == 0) {                                                                                    \
-                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                                   \
-            }                                                                                                          \
-            for (size_t k = 0; k < array.count; k += CHUNK) {                                                          \
-                int chunk[CHUNK];                                                                                      \
-                const Selection which = chunk_of(&array, k);                                                           \
-                for (size_t j = 0; j < which.count; j++) {                                                             \
-                    chunk[j] = (int)*values++;                                                                         \
-                }                                                                                                      \
-                if (!set(s->model, &which, chunk, text)) {                                             \
-                    return refused(s, NAME, valueReferences[i], text);                                                 \
-                }                                                                                                      \
-            }                                                                                                          \
-        }                                                                                                              \
-        return fmi3OK;                                                                                                 \
+#define SET(Name, set)                                                                                \
+    fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],       \
+                             size_t nValueReferences, const fmi3##Name values[], size_t nValues) {    \
+        static const char NAME[] = "fmi3Set" #Name;                                                   \
+        Instance *s = instance;                                                                       \
+        char text[MODEL_TEXT_SIZE];                                                                   \
+        if (!lists_fit(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values, nValues)) { \
+            return fmi3Error;                                                                         \
+        }                                                                                             \
+        for (size_t i = 0; i < nValueReferences; i++) {                                               \
+            const Selection array = fmi3_array(s, valueReferences[i]);                                \
+            if (array.count == 0) {                                                                   \
+                return fmi3_wrong_type(s, NAME, valueReferences[i]);                                  \
+            }                                                                                         \
+            for (size_t k = 0; k < array.count; k += CHUNK) {                                         \
+                int chunk[CHUNK];                                                                     \
+                const Selection which = chunk_of(&array, k);                                          \
+                for (size_t j = 0; j < which.count; j++) {                                            \
+                    chunk[j] = (int)*values++;                                                        \
+                }                                                                                     \
+                if (!set(s->model, &which, chunk, text)) {                                            \
+                    return refused(s, NAME, valueReferences[i], text);                                \
+                }                                                                                     \
+            }                                                                                         \
+        }                                                                                             \
+        return fmi3OK;                                                                                \
     }
 
 GET(Int32, INTEGER, model_get_integers)

@@ -57,7 +57,7 @@ static void disturb(SystemModel *model) {
             value = model->minimum[i] + (double)(draw() % (uint32_t)(model->maximum[i] - model->minimum[i] + 1.0));
         }
         const Selection one = {NULL, i, 1};
-        const int whole = (int)value;
+        const int whole = real ? 0 : (int)value;
         if (real) {
             model_set_reals(&model->base, &one, &value, text);
         } else if (model->type[i] == INTEGER) {
