@@ -96,10 +96,10 @@ class ColumnPlan:
         """Refuse infinity: NaN is how a file says that there is no value, an overflow says something else."""
         infinite = np.argwhere(np.isinf(table))
         if len(infinite):
-            row, place = (int(index) for index in infinite[0])
+            row, column = (int(one) for one in infinite[0])
             raise InputError(
-                f"{self.path}: column '{self.names[self.columns[place]]}', row {first_row + row}: "
-                f"expected a finite number or NaN, got {table[row, place]:g}"
+                f"{self.path}: column '{self.names[self.columns[column]]}', row {first_row + row}: "
+                f"expected a finite number or NaN, got {table[row, column]:g}"
             )
 
     def _check_time(self, time: FloatArray, first_row: int) -> None:
@@ -150,8 +150,8 @@ def plan_columns(
     time = _only(
         path, [i for i, name in enumerate(names) if name.lower() in _TIME_NAMES], what="time", names=names
     )
-    places = _gauge_columns(path, names, gauge_names)
-    factors = [strain_factor(path, headings[i], given[i]) for i in places]
+    indices = _gauge_columns(path, names, gauge_names)
+    factors = [strain_factor(path, headings[i], given[i]) for i in indices]
     pressure = None
     if fixed_pressure is None:
         found = [i for i, name in enumerate(names) if _last(name) == "dynamic_pressure"]
@@ -165,7 +165,7 @@ def plan_columns(
         names=tuple(names),
         time=time,
         time_factor=time_factor(path, headings[time], given[time]),
-        strain=places,
+        strain=indices,
         strain_factor=np.array(factors),
         dynamic_pressure=pressure,
         pressure_factor=1.0 if pressure is None else pressure_factor(path, headings[pressure], given[pressure]),
@@ -220,15 +220,15 @@ def _gauge_columns(path: Path, names: Sequence[str], gauge_names: Sequence[str])
             own[name].append(column)
         elif match := _INDEX.fullmatch(_last(name)):
             by_number.setdefault(int(match[1]), []).append(column)
-    places = []
+    indices = []
     for number, gauge in enumerate(gauge_names, start=1):
         found = [*own[gauge], *by_number.get(number, ())]
         if not found:
             raise InputError(
                 f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {_some(names)}"
             )
-        places.append(_only(path, found, what=gauge, names=names))
-    return tuple(places)
+        indices.append(_only(path, found, what=gauge, names=names))
+    return tuple(indices)
 
 
 def _only(path: Path, found: Sequence[int], what: str, names: Sequence[str]) -> int:

@@ -52,7 +52,7 @@ def column_file(
     plan = plan_columns(
         path, names, gauge_names=gauge_names, fixed_pressure=fixed, units=[units[name] for name in names]
     )
-    used = [names[place] for place in plan.columns]
+    used = [names[index] for index in plan.columns]
     n = len(columns[used[0]])
     for name in used:
         if len(columns[name]) != n:

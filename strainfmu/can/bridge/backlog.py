@@ -1,24 +1,24 @@
-"""Which cycles are answered when there is no time for all: the newest, not the old ones behind each other."""
+"""The backlog of a bridge that is too slow for its input: it answers the newest cycles and skips old ones."""
 
 from __future__ import annotations
 
 _CAUGHT_UP = 1.0
-"""Wait [cycles] from which on cycles are answered again."""
+"""Wait [cycles] below which cycles are answered again."""
 
-_MOST_SKIPPED = 25
-"""Cycles in a row that are not answered: the next says what the strains are by then, be it STALE."""
+_MAX_SKIPPED = 25
+"""Maximum number of cycles skipped in a row: the next is answered, even if its strains are STALE by then."""
 
 
 class Backlog:
-    """Tells by how long frames have waited whether their cycle is answered or skipped.
+    """Decides by the waiting time of its frames whether a cycle is answered or skipped.
 
-    A bridge that is behind and answers every cycle answers all of them too late. So once one has waited for half
-    of ``max_age``, cycles are skipped until one has waited for no more than one cycle: seldom and several at once,
-    because the answer behind a gap is at best DEGRADED.
+    A bridge that is behind and answers every cycle answers all of them too late. So once a cycle has waited for
+    half of ``max_age``, cycles are skipped until one has waited for at most one cycle. Gaps are rare and long,
+    because the answer after a gap is at best DEGRADED.
 
     Parameters
     ----------
-    max_age : largest age of strains that are used [cycles]; half of it is left for the answer itself.
+    max_age : maximum age of strains that are used [cycles]; half of it is left for the answer itself.
     cycle_time : [s].
     """
 
@@ -29,7 +29,7 @@ class Backlog:
         self._skipped = 0
 
     def is_answered(self, waited: float) -> bool:
-        """Tell whether the cycle is answered whose frames have waited for ``waited`` [s]."""
+        """Return whether a cycle is answered whose frames have waited for ``waited`` [s]."""
         self._behind = waited > (self._caught_up if self._behind else self._longest)
-        self._skipped = self._skipped + 1 if self._behind and self._skipped < _MOST_SKIPPED else 0
+        self._skipped = self._skipped + 1 if self._behind and self._skipped < _MAX_SKIPPED else 0
         return self._skipped == 0

@@ -1,4 +1,4 @@
-"""A python-can bus as the bridge needs it: opened with one clear line on failure, with room for bursts."""
+"""A python-can bus for the bridge: one clear line on failure, a receive buffer for bursts."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 RECEIVE_BUFFER = 4 << 20
-"""Bytes asked of the system for a socket's receive buffer: the default holds 166 CAN FD frames."""
+"""Size of a socket's receive buffer, requested of the system [bytes]: the default holds 166 CAN FD frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BusSettings:
-    """Which bus.
+    """Interface, channel and options of a bus.
 
     Attributes
     ----------
@@ -48,12 +48,12 @@ def open_bus(settings: BusSettings) -> Any:
     InputError
         python-can knows no such interface.
     StrainfmuError
-        The bus cannot be opened; the line says why.
+        The bus cannot be opened; the message gives the reason.
     """
     can = import_can()
     options = dict(settings.options)
     if settings.interface == "udp_multicast":
-        # Frames stay on this host unless asked otherwise.
+        # Frames stay on this host unless an option states otherwise.
         options = {"hop_limit": 0, "fd": settings.fd, **options}
     elif settings.fd and settings.interface not in ("virtual",):
         options = {"fd": True, **options}
@@ -69,7 +69,7 @@ def open_bus(settings: BusSettings) -> Any:
 
 
 def shut_down(bus: Any) -> None:
-    """Shut ``bus`` down; whatever it says, it is gone."""
+    """Shut ``bus`` down and ignore its errors."""
     try:
         bus.shutdown()
     except Exception:  # a bus that failed fails here again, each interface in its own way
@@ -77,7 +77,7 @@ def shut_down(bus: Any) -> None:
 
 
 def kernel_drops(bus: Any) -> int | None:
-    """Return how many datagrams the system dropped before ``bus`` took them; None where that is not known.
+    """Return the number of datagrams that the system dropped ahead of ``bus``; None where that is not known.
 
     Source: column "drops" of Linux's /proc/net/udp and udp6, found by the socket's inode.
     """
@@ -97,7 +97,7 @@ def kernel_drops(bus: Any) -> int | None:
 
 
 def _enlarge_receive_buffer(bus: Any) -> None:
-    """Ask for a larger receive buffer where the bus is a socket; buses without one are left alone."""
+    """Request a larger receive buffer where the bus is a socket."""
     try:
         handle = bus.fileno()
         duplicate = socket.socket(fileno=os.dup(handle)) if handle >= 0 else None
@@ -113,7 +113,7 @@ def _enlarge_receive_buffer(bus: Any) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return an error and what is behind it on one line."""
+    """Return an error and its causes on one line."""
     texts = [error_line(error)]
     cause = error.__cause__ or error.__context__
     while cause is not None and len(texts) < 3:
@@ -125,7 +125,7 @@ def _reason(error: BaseException) -> str:
 
 
 def _advice(settings: BusSettings) -> str:
-    """Return what most often helps."""
+    """Return the most frequent remedy."""
     if settings.interface == "udp_multicast":
         return "; without a default route: ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
     return ""

@@ -1,4 +1,4 @@
-"""Results as UDP datagrams of JSON, for displays: never blocks, what cannot go at once is dropped and counted."""
+"""Results as UDP datagrams of JSON, for displays; those that cannot be sent at once are dropped and counted."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 LAYOUT_PERIOD = 1.0
-"""Time between two datagrams that say where the gauges are [s]: so long does a new display wait for them."""
+"""Period of the datagrams with the positions of the gauges [s]: the longest wait of a new display."""
 
 _PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) deg)?")
 
 
 @dataclass(frozen=True)
 class GaugePlace:
-    """Where a gauge is: ``x`` [m] aft of the nose tip, ``roll_angle`` [deg]; None where it is not known."""
+    """Position of a gauge: ``x`` [m] aft of the nose tip, ``roll_angle`` [deg]; None where it is not known."""
 
     name: str
     x: float | None = None
@@ -36,7 +36,7 @@ class GaugePlace:
 
 
 def gauge_places(fmu: Path) -> tuple[GaugePlace, ...]:
-    """Return where the gauges of an estimator FMU are, from the descriptions of its inputs.
+    """Return the positions of the gauges of an estimator FMU, from the descriptions of its inputs.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def parsed_address(text: str, option: str) -> tuple[str, int]:
     Raises
     ------
     InputError
-        It is none.
+        The text has another form.
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit() or not 0 <= int(port) < 65536:
@@ -70,13 +70,13 @@ def parsed_address(text: str, option: str) -> tuple[str, int]:
 
 
 class Publisher:
-    """Sends every result, or at most ``rate`` a second; a change of quality goes out at once.
+    """Sends every result, or at most ``rate`` per second; a change of quality is sent at once.
 
     Parameters
     ----------
     address : host and port.
-    gauges : n_d places, order of the strains.
-    account, bus_state : say what they are now.
+    gauges : n_d positions, order of the strains.
+    account, bus_state : return the present account and state.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class Publisher:
         self.sent = self.dropped = 0
 
     def result(self, result: CycleResult) -> None:
-        """Send a result, unless one went out just before."""
+        """Send a result, unless one was sent just before."""
         now = time.monotonic()
         if now < self._next and result.quality is self._quality:
             return
@@ -144,7 +144,7 @@ class Publisher:
     def _send(self, content: dict[str, Any]) -> None:
         try:
             self._socket.sendto(json.dumps(content, separators=(",", ":")).encode(), self._target)
-        except OSError:  # the system's buffer is full, the datagram too long, or nobody is there
+        except OSError:  # the system's buffer is full, the datagram is too long, or no one listens
             self.dropped += 1
             return
         self.sent += 1
@@ -155,5 +155,5 @@ def _named(values: Sequence[float]) -> dict[str, float | None]:
 
 
 def _finite(value: float) -> float | None:
-    """Return the number, None for what JSON cannot hold."""
+    """Return the number, None where JSON has none for it."""
     return value if isfinite(value) else None

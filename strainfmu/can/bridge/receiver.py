@@ -1,4 +1,4 @@
-"""One thread that receives, and the bounded queue behind it. Nothing that a bus does ends the thread silently."""
+"""The receiving thread and the bounded queue behind it. No failure of a bus ends the thread silently."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message
 from strainfmu.can.wire.libraries import error_line, import_can
 
 RECEIVE_TIMEOUT = 0.1
-"""Longest wait in one call [s]: so long does a stop take at most."""
+"""Maximum wait in one call [s], and so the maximum time to stop."""
 
 AT_ONCE = 64
-"""Messages at most between two looks at the queue."""
+"""Maximum number of messages between two turns of the queue."""
 
 ERRORS_PER_SECOND = 200
-"""Failed receptions within a second after which the bus is taken for broken; single ones are passed over."""
+"""Failed receptions within a second after which the bus counts as broken; single ones are ignored."""
 
 
 @dataclass(frozen=True)
 class BusFault:
-    """The bus cannot be received from any more.
+    """End of reception from a bus.
 
     Attributes
     ----------
     reason : one line.
-    time : when it was found [s].
+    time : of the failure [s].
     """
 
     reason: str
@@ -40,17 +40,17 @@ class BusFault:
 
 
 class FrameQueue:
-    """A bounded queue between the receiving and the stepping thread; a full one drops the oldest cycle.
+    """A bounded queue between the receiving and the stepping thread; when full, it drops the oldest cycle.
 
     Parameters
     ----------
     capacity : frames.
-    cycle : frames of a cycle: so many are dropped at once, that one cycle is lost and not the ends of two, and so
+    cycle : frames of a cycle. So many are dropped at once, so that one cycle is lost and not parts of two, and so
         many are taken at once.
     """
 
     def __init__(self, capacity: int, cycle: int) -> None:
-        # Whoever stamps and queues a frame holds it, so that no frame is older than a time already handed out.
+        # Held while frames are stamped and queued, so that no frame is older than a time already returned.
         self.lock = threading.RLock()
         self._items: deque[Frame | BusFault] = deque()
         self._capacity, self._cycle = max(capacity, cycle), cycle
@@ -58,7 +58,7 @@ class FrameQueue:
         self.highest = 0
 
     def put(self, items: Iterable[Frame | BusFault]) -> int:
-        """Add ``items``, then wake who waits for them; return how many frames were dropped for them."""
+        """Add ``items`` and wake the waiting thread; return the number of frames dropped for them."""
         with self._ready:
             dropped = 0
             for item in items:
@@ -71,7 +71,7 @@ class FrameQueue:
         return dropped
 
     def take(self, timeout: float, clock: Clock) -> tuple[list[Frame | BusFault], float]:
-        """Wait up to ``timeout`` [s] for an item; return a cycle's worth and a time no later item is before."""
+        """Wait up to ``timeout`` [s]; return at most a cycle of items and a time that no later item precedes."""
         with self._ready:
             if not self._items and timeout > 0.0:
                 self._ready.wait(timeout)
@@ -80,11 +80,15 @@ class FrameQueue:
 
 
 class Receiver:
-    """Receives from one bus until it is stopped or the bus fails, then says so through the queue.
+    """Receives from one bus until it is stopped, or until the bus fails, which it reports through the queue.
 
-    ``account`` holds the frames that went no further than here; it may be read once the thread has ended, or
-    roughly while it runs. ``on_received`` is told every frame, in the order of their times. Behind the first
-    message others are let gather for ``gather`` [s].
+    ``account`` holds the frames that were refused or dropped here; it is exact once the thread has ended, and
+    approximate while it runs.
+
+    Parameters
+    ----------
+    on_received : called with every frame, in the order of their times.
+    collect_time : after the first message of a batch, further ones are collected for this time [s].
     """
 
     def __init__(
@@ -94,10 +98,10 @@ class Receiver:
         acceptance: Acceptance,
         clock: Clock,
         on_received: Callable[[Frame], None] | None = None,
-        gather: float = 0.0,
+        collect_time: float = 0.0,
     ) -> None:
         self._bus, self._queue, self._acceptance, self._clock = bus, queue, acceptance, clock
-        self._gather = gather
+        self._collect_time = collect_time
         self._on_received = on_received
         self.account = FrameAccount()
         self.failures = 0
@@ -121,29 +125,29 @@ class Receiver:
             failures: list[Exception] = []
             try:
                 self._receive(messages)
-            except Exception as error:  # whatever a backend raises, the bridge must know of it
+            except Exception as error:  # whatever a backend raises, the bridge must learn of it
                 failures.append(error)
             try:
                 failures += self._take(messages)
-            except Exception as error:  # a thread that ended unseen would be silence for ever
+            except Exception as error:  # a thread that ended unnoticed would mean silence for ever
                 failures.append(error)
             if any(self._is_broken(failure) for failure in failures):
                 return
 
     def _receive(self, messages: list[Any]) -> None:
-        """Wait for a message, and put it and what waits behind it into ``messages``."""
+        """Wait for a message; put it and those that wait behind it into ``messages``."""
         message = self._bus.recv(RECEIVE_TIMEOUT)
-        if message is not None and self._gather > 0.0:
-            # Two threads that take turns by the message wait for each other longer than all messages take.
-            time.sleep(self._gather)
+        if message is not None and self._collect_time > 0.0:
+            # Two threads that alternate message by message wait longer for each other than the messages take.
+            time.sleep(self._collect_time)
         while message is not None:
             messages.append(message)
             message = self._bus.recv(0.0) if len(messages) < AT_ONCE else None
 
     def _take(self, messages: Sequence[Any]) -> list[MalformedFrame]:
-        """Queue the frames that are not refused here, all at once: to wake the stepping thread costs most.
+        """Queue the frames that are accepted, all at once: waking the stepping thread is what costs most.
 
-        Messages that are no frames are passed over, and returned.
+        Messages that are no frames are skipped; their errors are returned.
         """
         frames: list[Frame] = []
         malformed: list[MalformedFrame] = []
@@ -155,15 +159,15 @@ class Receiver:
                     frames.append(from_message(message, self._clock()))
                 except MalformedFrame as error:
                     malformed.append(error)
-            dropped = self._queue.put([frame for frame in frames if self._is_let_in(frame)])
+            dropped = self._queue.put([frame for frame in frames if self._is_accepted(frame)])
             if dropped:
-                # The core never sees them: so they are received, and settled, here.
+                # They never reach the core, so they are counted here.
                 self.account.received += dropped
                 self.account.settle(FrameClass.OVERRUN, frames[-1].time, dropped)
         return malformed
 
-    def _is_let_in(self, frame: Frame) -> bool:
-        """Tell of a frame; refuse it here, or tell that it is to be queued."""
+    def _is_accepted(self, frame: Frame) -> bool:
+        """Report a frame to ``on_received``; return whether it is to be queued, and count it here if not."""
         if self._on_received is not None:
             self._on_received(frame)
         refused = self._acceptance.refused(frame)
@@ -174,21 +178,21 @@ class Receiver:
         return False
 
     def _is_broken(self, error: Exception) -> bool:
-        """Count a failed reception; tell whether the bus is to be given up, and say so to the bridge."""
+        """Count a failed reception; if the bus is to be given up, report it to the bridge and return True."""
         now = self._clock()
         self.failures += 1
         self.last_failure = error_line(error)
         self._failure_times.append(now)
         full = len(self._failure_times) == ERRORS_PER_SECOND
         too_many = full and now - self._failure_times[0] < 1.0
-        passed_over = isinstance(error, MalformedFrame | import_can().CanError)
-        if not too_many and passed_over and self._is_open():
+        is_ignored = isinstance(error, MalformedFrame | import_can().CanError)
+        if not too_many and is_ignored and self._is_open():
             return False
         self._queue.put([BusFault(self.last_failure, now)])
         return True
 
     def _is_open(self) -> bool:
-        """Tell whether the bus still has its socket; a bus without one is believed."""
+        """Return whether the bus still has its socket; a bus without one counts as open."""
         try:
             return bool(self._bus.fileno() >= 0)
         except (NotImplementedError, AttributeError):

@@ -1,4 +1,4 @@
-"""When a lost bus is opened again: exponential back-off between bounds, a bounded number of times."""
+"""The times at which a lost bus is opened again: exponential back-off, a bounded number of attempts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class BackOffSettings:
     ----------
     first, longest : waiting time before the first attempt, and the longest ever [s]; it doubles in between.
     attempts : attempts in a row before the bridge gives up.
-    settle : time [s] a bus must work before the count starts anew.
+    settle : time [s] a bus must work before the count starts again.
     """
 
     first: float = 0.1
@@ -38,7 +38,7 @@ class BackOff:
         return self._failures > self._settings.attempts
 
     def failed(self, now: float) -> None:
-        """Note that the bus, or an attempt to open it, failed: :attr:`due` is when to try next."""
+        """Note that the bus, or an attempt to open it, failed; :attr:`due` is the time of the next attempt."""
         if self._opened is not None and now - self._opened >= self._settings.settle:
             self._failures = 0
         self._opened = None

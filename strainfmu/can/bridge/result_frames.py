@@ -1,4 +1,4 @@
-"""Results as frames: one FD frame per cycle and one status frame, or eight frames of 8 bytes."""
+"""The composition of result and status frames from results and the state of the bridge."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _NOTHING = [nan] * 5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BridgeStatus:
-    """What goes out ten times a second beside the results.
+    """Contents of the status frames, which are sent every STATUS_PERIOD.
 
     Attributes
     ----------
     last_valid : the last result of quality VALID or UNPROTECTED, or None.
-    account : all frames so far.
-    cycles : results so far.
+    account : of all frames so far.
+    cycles : number of results so far.
     """
 
     time: float
@@ -80,7 +80,7 @@ class _ResultFrame:
         self._counter = 0
 
     def compose(self, values: Mapping[str, float]) -> Frame:
-        """Return the next frame of ``values`` by signal; those that it has not are 0."""
+        """Return the next frame with ``values`` by signal; signals without a value are 0."""
         layout, counter = self._layout, self._counter
         self._counter = (counter + 1) % self._protection.counter_modulus
         data = self._plan.encode([values.get(name, 0.0) for name in self._names])
@@ -94,7 +94,7 @@ class _ResultFrame:
 
 
 def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
-    """Return the values of all signals of a result, NaN for what is not there."""
+    """Return the values of all signals of a result, NaN where it has none."""
     published = result.quality.has_coefficients
     coefficients = result.coefficients.tolist() if published else _NOTHING
     deviations = result.coefficients_std.tolist() if published else _NOTHING
@@ -128,7 +128,7 @@ def _status_values(status: BridgeStatus, configuration: int) -> dict[str, float]
     }
     return {
         **dict(zip(LAST_NAMES, coefficients, strict=True)),
-        # Counts wrap; every layout takes as many of the low bits as it has.
+        # Counts wrap: every layout takes as many of the low bits as its signal has.
         **{name: count % 2**32 for name, count in counts.items()},
         **{f"{name}16": count % 2**16 for name, count in counts.items()},
         "LastAge": min(age, 2**32 - 2.0) if not isnan(age) else nan,

@@ -31,7 +31,7 @@ def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tu
     Parameters
     ----------
     form : "fd", "classic-le" or "classic-be".
-    cycle_time : nominal period of the results [s]. Status frames have none: they go out every STATUS_PERIOD.
+    cycle_time : nominal period of the results [s]. Status frames have none: they are sent every STATUS_PERIOD.
     """
     if form == "fd":
         layouts = _fd_layouts(cycle_time)
@@ -51,7 +51,7 @@ def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tu
 
 def _quality(start: int) -> SignalLayout:
     return SignalLayout(
-        name="Quality", start=start, length=4, choices=_QUALITY_CHOICES, comment="How far to believe it"
+        name="Quality", start=start, length=4, choices=_QUALITY_CHOICES, comment="How far to trust it"
     )
 
 

@@ -1,4 +1,4 @@
-"""The bridge on a bus: receiver, queue, core and transmitter wired together, and reopened when the bus fails.
+"""The run loop of the bridge: receiver, queue, core and transmitter on a bus, which is reopened when it fails.
 
 One thread receives; the caller's thread steps and sends. Results go to the bus first, then to ``on_result``, which
 must not block.
@@ -34,14 +34,14 @@ from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.errors import StrainfmuError
 
 QUEUED_CYCLES = 50
-"""Cycles that wait at most: above that, the oldest are dropped."""
+"""Maximum number of waiting cycles; beyond it the oldest are dropped."""
 
-GATHER, LONGEST_GATHER = 0.2, 2e-4
-"""For how long frames are let gather behind the first: cycles, and at most [s]."""
+COLLECT, MAX_COLLECT = 0.2, 2e-4
+"""Time for which frames are collected after the first: in cycles, and its maximum [s]."""
 
 _LONGEST_WAIT = 0.1
 _LATENCIES = 200_000
-"""Latencies kept for the percentiles: the latest."""
+"""Number of latencies kept for the percentiles, the latest ones."""
 
 
 class Bridge:
@@ -49,14 +49,14 @@ class Bridge:
 
     Parameters
     ----------
-    core : of the input and the estimator.
-    open_bus : opens the bus, again after it failed.
+    core : judges the input and steps the estimator.
+    open_bus : opens the bus, also after it failed.
     result_layouts : frames that it sends.
     configuration : number of the gauge assignment, 0 for none.
     clock : the one clock of the whole run [s].
-    on_result : told every result after it was sent.
-    on_frame : told every frame that was received and not refused at the door.
-    on_received, on_sent : told every frame with its time, all in the order of their times; must not block.
+    on_result : called with every result after it was sent.
+    on_frame : called with every frame that the receiver accepted.
+    on_received, on_sent : called with every frame and its time, all in the order of their times; must not block.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Bridge:
         self._core, self._open_bus, self._clock = core, open_bus, clock
         self._frames = ResultFrames(result_layouts, configuration)
         self._own_keys = [layout.key for layout in result_layouts]
-        self._transmitter = Transmitter(None if on_sent is None else self._tell_sent)
+        self._transmitter = Transmitter(None if on_sent is None else self._report_sent)
         n_frames = len(core.layout.frames)
         self._queue = FrameQueue(queued_cycles * n_frames, n_frames)
         self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
@@ -86,7 +86,7 @@ class Bridge:
         self.known = clock()
         self._bus: Any = None
         self._receiver: Receiver | None = None
-        self._door = FrameAccount()
+        self._past_receivers = FrameAccount()
         self._drops = 0
         self._drops_known = False
         self._malformed = 0
@@ -102,16 +102,16 @@ class Bridge:
         self._cpu = process_time()
 
     def stop(self) -> None:
-        """Have :meth:`run` end; may be called from a signal handler or another thread."""
+        """End :meth:`run`; may be called from a signal handler or another thread."""
         self._stop = True
 
     def run(self, duration: float | None = None) -> BridgeSummary:
-        """Run until stopped, or for ``duration`` [s]; return what it was.
+        """Run until stopped, or for ``duration`` [s]; return the summary.
 
         Raises
         ------
         StrainfmuError
-            The bus cannot be opened at first, is lost and cannot be opened again, or the FMU failed for good.
+            The bus cannot be opened, is lost and cannot be opened again, or the FMU failed for good.
         """
         self._connect()
         end = float("inf") if duration is None else self._clock() + duration
@@ -129,7 +129,7 @@ class Bridge:
         return self.summary()
 
     def summary(self) -> BridgeSummary:
-        """Return what the run has been so far."""
+        """Return the summary of the run so far."""
         return BridgeSummary(
             duration=self._clock() - self._start,
             cpu=process_time() - self._cpu,
@@ -147,12 +147,12 @@ class Bridge:
         )
 
     def _turn(self, end: float) -> None:
-        """Wait for frames or for what is due, and deal with it."""
+        """Wait for frames or for the next event, and process it."""
         now = self._clock()
         due = min(self._core.next_event, self._next_status, end)
         items, known = self._queue.take(min(max(due - now, 0.0), _LONGEST_WAIT), self._clock)
         self.known = known
-        self._watch_door()
+        self._watch_receiver()
         is_answered = not items or self._backlog.is_answered(self._clock() - items[-1].time)
         for item in items:
             if isinstance(item, BusFault):
@@ -161,7 +161,7 @@ class Bridge:
             if self._on_frame is not None:
                 self._on_frame(item)
             self._publish(self._core.receive(item, is_answered))
-        # Only up to where all frames are known, so that a recording of them gives the same results.
+        # Only up to the time by which all frames are known, so that a recording gives the same results.
         self._publish(self._core.advance(known))
         now = self._clock()
         if now >= self._next_status:
@@ -172,7 +172,7 @@ class Bridge:
             self._reconnect(now)
 
     def _publish(self, results: list[CycleResult]) -> None:
-        """Send results, then count and hand them on."""
+        """Send results, then count them and pass them on."""
         limit = self._core.settings.max_age * self._core.layout.cycle_time
         for judged in results:
             result = published(judged, self._clock(), limit)
@@ -188,8 +188,8 @@ class Bridge:
             if not working:
                 self._lose_bus(self._transmitter.last_failure, self._clock())
 
-    def _tell_sent(self, frame: Frame) -> None:
-        """Tell of a frame that was sent, under the receiver's lock: in order of time with what it tells."""
+    def _report_sent(self, frame: Frame) -> None:
+        """Report a sent frame under the receiver's lock, so that sent and received frames are in order of time."""
         with self._queue.lock:
             if self._on_sent is not None:
                 self._on_sent(replace(frame, time=self._clock()))
@@ -207,11 +207,11 @@ class Bridge:
             drift_ppm=self._core.drift_ppm,
         )
         self._transmitter.send(self._frames.of_status(status))
-        # Without catching up: a status that is late is of no use.
+        # Without catching up: a late status is useless.
         self._next_status = max(self._next_status + STATUS_PERIOD, now)
 
-    def _watch_door(self) -> None:
-        """Tell the core of frames that were dropped or shed before it."""
+    def _watch_receiver(self) -> None:
+        """Report to the core that frames were dropped or shed ahead of it."""
         if self._receiver is None:
             return
         classes = self._receiver.account.classes
@@ -223,18 +223,18 @@ class Bridge:
     # --- the bus ------------------------------------------------------------------------------------------------
 
     def _connect(self) -> None:
-        """Open a new bus, and receive from it."""
+        """Open a new bus and receive from it."""
         core = self._core
         self._bus = self._open_bus()
-        door = Acceptance(core.layout, self._own_keys, core.settings)
-        gather = min(GATHER * core.layout.cycle_time, LONGEST_GATHER)
+        acceptance = Acceptance(core.layout, self._own_keys, core.settings)
+        collect_time = min(COLLECT * core.layout.cycle_time, MAX_COLLECT)
         self._receiver = Receiver(
             self._bus,
             self._queue,
-            acceptance=door,
+            acceptance=acceptance,
             clock=self._clock,
             on_received=self._on_received,
-            gather=gather,
+            collect_time=collect_time,
         )
         self._shed = 0
         self._transmitter.use(self._bus)
@@ -245,7 +245,7 @@ class Bridge:
         self._transmitter.use(None)
         if self._receiver is not None:
             self._receiver.stop()
-            self._door = self._door.plus(self._receiver.account)
+            self._past_receivers = self._past_receivers.plus(self._receiver.account)
             self._malformed += self._receiver.failures
             self._receiver = None
         if self._bus is not None:
@@ -256,7 +256,7 @@ class Bridge:
             self._bus = None
 
     def _lose_bus(self, reason: str, now: float) -> None:
-        """Give up a bus that failed; another is opened after a while."""
+        """Give up a bus that failed; it is opened again after a while."""
         if self._bus is None:
             return
         self._last_fault = reason
@@ -271,7 +271,7 @@ class Bridge:
         Raises
         ------
         StrainfmuError
-            It was tried often enough.
+            The number of attempts is used up.
         """
         try:
             self._connect()
@@ -289,12 +289,12 @@ class Bridge:
 
     @property
     def skips(self) -> list[tuple[float, float]]:
-        """When the bridge stood still so long that it passed over status results: due at, advanced to [s]."""
+        """Intervals in which the bridge stood still and passed over status results: due at, advanced to [s]."""
         return self._core.skips
 
     @property
     def unanswered(self) -> list[tuple[float, float]]:
-        """When it was too slow to answer all cycles: times of the first and the last frame skipped [s]."""
+        """Intervals in which it was too slow to answer all cycles: first and last frame skipped [s]."""
         return self._core.unanswered
 
     @property
@@ -303,6 +303,6 @@ class Bridge:
         return self._core.bus_state
 
     def account(self) -> FrameAccount:
-        """Return the account of the door and of the core so far."""
-        total = self._door.plus(self._core.account)
+        """Return the account of all receivers and of the core so far."""
+        total = self._past_receivers.plus(self._core.account)
         return total if self._receiver is None else total.plus(self._receiver.account)

@@ -1,4 +1,4 @@
-"""From the options of the command line to a bridge that is ready to run."""
+"""The set-up of a bridge: from the options of the command line to a bridge that is ready to run."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
 @dataclass(frozen=True, kw_only=True)
 class BridgeOptions:
-    """What a user states; times in seconds.
+    """Options of a user; times in seconds.
 
     Attributes
     ----------
     bus_options : "key=value" of the interface.
-    profile : used where no ``dbc`` is given, with ``cycle_time`` [s] and ``identifiers.base``.
+    profile : of the input where no ``dbc`` is given, with ``cycle_time`` [s] and ``identifiers.base``.
     dbc, mapping : the user's DBC file and its mapping, both or none.
     dynamic_pressure : fixed [Pa], or None to take it from its frame.
     result_form : one of RESULT_FORMS, None for the input's.
@@ -53,12 +53,12 @@ class BridgeOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Taps:
-    """What is told of a running bridge, and its clock; nothing of it may block.
+    """The clock of a running bridge and the functions that it calls, which must not block.
 
     Attributes
     ----------
-    on_received, on_sent : told every frame with its time, in the order of their times.
-    on_result : told every result after it was sent.
+    on_received, on_sent : called with every frame and its time, in the order of their times.
+    on_result : called with every result after it was sent.
     """
 
     clock: Clock = monotonic
@@ -69,7 +69,7 @@ class Taps:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadyBridge:
-    """A bridge, and what there is to say about it; its core began at ``start`` [s] by its clock."""
+    """A bridge and its description; its core began at ``start`` [s] by its clock."""
 
     bridge: Bridge
     n_gauges: int
@@ -79,7 +79,7 @@ class ReadyBridge:
 
 @contextmanager
 def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> Iterator[ReadyBridge]:
-    """Load the FMU, wire a bridge to it, and free the FMU at the end.
+    """Load the FMU, connect a bridge to it, and free the FMU at the end.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
 
 
 def form_of_profile(profile: str) -> str:
-    """Return the form of results that goes with a profile."""
+    """Return the form of results for a profile."""
     return {"fd64": "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
 
 
@@ -189,7 +189,7 @@ def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
 
 
 def bus_settings(options: BridgeOptions) -> BusSettings:
-    """Return the bus, its options as numbers where they are numbers."""
+    """Return the bus; options that are numbers become numbers."""
     chosen: dict[str, object] = {}
     for item in options.bus_options:
         key, equals, text = item.partition("=")

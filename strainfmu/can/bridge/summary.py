@@ -1,4 +1,4 @@
-"""The summary of a run as a table."""
+"""The summary of a run, and its table."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 
 @dataclass(eq=False, kw_only=True)
 class BridgeSummary:
-    """What a run was.
+    """Summary of a run.
 
     Attributes
     ----------
     duration, cpu : of the run, and processor time of the whole process in it [s].
-    account : every frame.
+    account : of all frames.
     qualities : results by quality.
     latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
     sent, send_failures, malformed, reconnects : frames sent and not sent, failed receptions, buses reopened.
-    kernel_drops : datagrams that the system dropped, None where not known.
-    queue_highest : most frames that ever waited.
+    kernel_drops : datagrams that the system dropped, None where that is not known.
+    queue_highest : maximum number of waiting frames.
     drift_ppm : how much slower than ours the sender's clock ran; NaN if not known.
-    last_fault : the last thing that went wrong on the bus.
+    last_fault : last failure of the bus.
     """
 
     duration: float
@@ -51,10 +51,10 @@ class BridgeSummary:
 
 
 def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
-    """Return what a run was, row by row."""
+    """Return the rows of the table of a run."""
     rows = [("duration", f"{summary.duration:.1f} s")]
-    share = 100.0 * summary.cpu / summary.duration if summary.duration > 0.0 else 0.0
-    rows.append(("processor time", f"{summary.cpu:.2f} s, {share:.1f} % of one core"))
+    load = 100.0 * summary.cpu / summary.duration if summary.duration > 0.0 else 0.0
+    rows.append(("processor time", f"{summary.cpu:.2f} s, {load:.1f} % of one core"))
     rows += [(f"results {quality.name}", f"{n}") for quality, n in sorted(summary.qualities.items())]
     rows += [(f"frames: {name}", f"{count}") for name, count in summary.account.rows()]
     rows.append(("frames: not accounted for", f"{summary.account.unaccounted}"))
@@ -68,7 +68,7 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
     drops = "not known" if summary.kernel_drops is None else str(summary.kernel_drops)
     rows.append(("dropped by the system", drops))
     rows.append(("failed receptions", f"{summary.malformed}"))
-    rows.append(("most frames waiting", f"{summary.queue_highest}"))
+    rows.append(("maximum of frames waiting", f"{summary.queue_highest}"))
     if not isnan(summary.drift_ppm):
         rows.append(("sender's clock slower by", f"{summary.drift_ppm:.1f} ppm"))
     if summary.reconnects or summary.last_fault:

@@ -1,4 +1,4 @@
-"""The one owner of what the bridge sends."""
+"""The transmitter: the only place from which the bridge sends."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.libraries import error_line, import_can
 
 FAILURES_IN_A_ROW = 20
-"""Failed transmissions in a row after which the bus is taken for broken."""
+"""Failed transmissions in a row after which the bus counts as broken."""
 
 SEND_TIMEOUT = 0.0
-"""Never wait for a bus [s]: a result that cannot go now is old when it could."""
+"""Time to wait for a bus [s]: none, as a result that cannot be sent now would be old later."""
 
 
 class Transmitter:
-    """Sends frames on one bus after another; counts what fails, and tells ``on_sent`` what does not."""
+    """Sends frames on one bus after another; counts failures, and calls ``on_sent`` with every frame sent."""
 
     def __init__(self, on_sent: Callable[[Frame], None] | None = None) -> None:
         self._on_sent = on_sent
@@ -34,7 +34,7 @@ class Transmitter:
         self._in_a_row = 0
 
     def send(self, frames: Iterable[Frame]) -> bool:
-        """Send ``frames``, each at most once; return False when the bus is to be taken for broken."""
+        """Send ``frames``, each at most once; return False when the bus counts as broken."""
         if self._bus is None:
             return True
         for frame in frames:

@@ -50,14 +50,14 @@ class StrainDecoder:
         # Position of each gauge in the raw numbers of all frames.
         columns = np.cumsum([0, *(len(raw) for raw in self._nothing)])[:-1].tolist()
         owners = {
-            gauge: (slot, place, factor)
+            gauge: (slot, index, factor)
             for slot, frame in enumerate(frames)
-            for place, gauge, factor in zip(frame.places, frame.gauges, frame.to_strain, strict=True)
+            for index, gauge, factor in zip(frame.indices, frame.gauges, frame.to_strain, strict=True)
         }
         by_gauge = [owners[gauge] for gauge in range(layout.n_gauges)]
-        signals = [frames[slot].layout.signals[place] for slot, place, _ in by_gauge]
+        signals = [frames[slot].layout.signals[index] for slot, index, _ in by_gauge]
         self._slot = np.array([slot for slot, _, _ in by_gauge], dtype=np.intp)
-        self._column = np.array([columns[slot] + place for slot, place, _ in by_gauge], dtype=np.intp)
+        self._column = np.array([columns[slot] + index for slot, index, _ in by_gauge], dtype=np.intp)
         self._scale = np.array([signal.scale for signal in signals])
         self._offset = np.array([signal.offset for signal in signals])
         self._to_strain = np.array([factor for _, _, factor in by_gauge])
@@ -111,9 +111,9 @@ class StrainDecoder:
         """Return the worst status of the sender in a cycle."""
         status = trailer_status
         for arrival in arrivals:
-            place = self._status[arrival.slot]
-            if place is not None:
-                status = max(status, unsigned(arrival.raw, place))
+            index = self._status[arrival.slot]
+            if index is not None:
+                status = max(status, unsigned(arrival.raw, index))
         return status
 
     def _without_value(self, raw: IntArray) -> BoolArray:
@@ -129,7 +129,7 @@ class StrainDecoder:
 
 def _is_linear(frame: InputFrame) -> bool:
     """Return whether the values of all strains are int64 times a scale plus an offset, and none overflows."""
-    signals = [frame.layout.signals[place] for place in frame.places]
+    signals = [frame.layout.signals[index] for index in frame.indices]
     whole = all(s.kind == SIGNED or (s.kind == UNSIGNED and s.length < 64) for s in signals)
     return whole and all(isfinite(abs(s.scale) * 2.0**s.length + abs(s.offset)) for s in signals)
 

@@ -97,11 +97,11 @@ class Reception:
         if slot is None or trailer is None:
             return TrailerVerdict()
         arrival, check = arrivals.get(slot), self._checks[slot]
-        complete = all(place in arrivals for place in range(self.n_strain))
+        complete = all(index in arrivals for index in range(self.n_strain))
         if arrival is None or check is None or not complete:
             self._machines[slot].add(E2EStatus.NO_NEW_DATA)
             return TrailerVerdict(FrameClass.UNVERIFIED, Cause.CYCLE_CRC | Cause.PARTIAL_CYCLE)
-        covered = b"".join(arrivals[place].frame.data for place in range(self.n_strain))
+        covered = b"".join(arrivals[index].frame.data for index in range(self.n_strain))
         status = check.check(arrival.frame.data, covered)
         self._machines[slot].add(status)
         status_of_sender = 0 if trailer.status is None else unsigned(arrival.raw, trailer.status)

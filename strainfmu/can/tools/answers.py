@@ -86,7 +86,7 @@ def score_answers(
     """
     plan = SignalPlan(layout)
     values = np.array([plan.physical(plan.raw(data)) for data in received]).reshape(-1, len(layout.signals))
-    column = {signal.name: place for place, signal in enumerate(layout.signals)}
+    column = {signal.name: index for index, signal in enumerate(layout.signals)}
     qualities = Counter(Quality(int(value)).name for value in values[:, column["Quality"]])
     ticks = values[:, column["SampleTime"]]
     cycles = np.rint(ticks * 1e-6 / cycle_time).astype(int)

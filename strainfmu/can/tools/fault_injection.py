@@ -82,7 +82,7 @@ class FaultySender:
             status=sample.status,
         )
         spacing = 0.2 * self._layout.cycle_time / len(frames)
-        frames = [replace(frame, time=time + place * spacing) for place, frame in enumerate(frames)]
+        frames = [replace(frame, time=time + index * spacing) for index, frame in enumerate(frames)]
         self._history.append(frames)
         del self._history[:-60]
         self.bus_off = any(fault.kind is FaultKind.BUS_OFF for fault in self._active)
@@ -217,7 +217,7 @@ class FaultySender:
     def _end_of_range(self, frames: list[Frame], fault: Fault) -> list[Frame]:
         """Put one gauge to the end of its range, under a right CRC: the converter is overdriven, not the bus."""
         item = self._layout.strain_frames[fault.seed % len(self._layout.strain_frames)]
-        signal = item.layout.signals[item.places[fault.seed % len(item.places)]]
+        signal = item.layout.signals[item.indices[fault.seed % len(item.indices)]]
         raw = int.from_bytes(np.float32(2.0e15).tobytes(), "little") if signal.kind == FLOAT else 0x7FFF
         return self._rewritten(frames, item, bits=signal.bits, raw=raw)
 
@@ -230,8 +230,8 @@ class FaultySender:
             data = frame.data
             if frame.key == item.layout.key and len(data) == item.layout.length:
                 number = int.from_bytes(data, "little")
-                for place, bit in enumerate(bits):
-                    number = number & ~(1 << bit) | (raw >> place & 1) << bit
+                for index, bit in enumerate(bits):
+                    number = number & ~(1 << bit) | (raw >> index & 1) << bit
                 data = number.to_bytes(len(data), "little")
                 if item.layout.protection is not None:
                     data = protect(data, item.layout.protection, data[2])
@@ -252,11 +252,11 @@ class FaultySender:
             if item is None or len(data) != item.layout.length:
                 changed.append(frame)
                 continue
-            if item.places:
+            if item.indices:
                 # The strains of this frame in another order.
-                bits = [bit for place in item.places for bit in item.layout.signals[place].bits]
+                bits = [bit for index in item.indices for bit in item.layout.signals[index].bits]
                 first, last = min(bits) // 8, max(bits) // 8 + 1
-                size = len(item.layout.signals[item.places[0]].bits) // 8
+                size = len(item.layout.signals[item.indices[0]].bits) // 8
                 data[first:last] = data[first + size : last] + data[first : first + size]
             if fault.kind is FaultKind.CONFIGURATION and item.configuration is not None:
                 first = item.layout.signals[item.configuration].bits[0] // 8

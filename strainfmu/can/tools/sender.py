@@ -86,11 +86,11 @@ def send_flight(
             break
         begin = cycle * layout.cycle_time
         frames = sender.cycle(cycle, begin, strain=sample.strain, dynamic_pressure=sample.dynamic_pressure)
-        for place, frame in enumerate(frames):
+        for index, frame in enumerate(frames):
             wait = start + frame.time - clock()
             if wait > _SHORTEST_SLEEP:
                 sleep(wait)
-            if place == 0:
+            if index == 0:
                 sent.lateness.append(max(clock() - start - begin, 0.0))
             try:
                 bus.send(to_message(frame))

@@ -1,4 +1,4 @@
-"""End-to-end protection of one frame: the CRC, the counter and where they lie (AUTOSAR E2E profiles 1 and 5).
+"""CRC and counter of a protected frame (AUTOSAR E2E profiles 1 and 5).
 
 Profile 5: CRC-16/CCITT-FALSE over what follows the CRC, then the DataID, low byte first; CRC in bytes 0 and 1, low
 byte first; counter 0..255 in byte 2. Profile 1: CRC-8/SAE-J1850 with start value and final XOR both 0 over DataID
@@ -31,12 +31,12 @@ _TABLE_8: Final = _crc_8_table()
 
 @dataclass(frozen=True)
 class Protection:
-    """How one frame is protected.
+    """End-to-end protection of one frame.
 
     Attributes
     ----------
     profile : 1 or 5, the AUTOSAR E2E profile.
-    data_id : 16 bit number that both ends know and the frame does not hold: it tells one frame from another.
+    data_id : 16 bit number known to both ends and not in the frame; it distinguishes frames.
     """
 
     profile: int
@@ -54,7 +54,7 @@ class Protection:
 
 
 def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b"") -> int:
-    """Return the CRC of ``data`` without its CRC field, and of ``covered``, bytes of other frames, behind it."""
+    """Return the CRC of ``data`` without its CRC field, followed by ``covered``, bytes of other frames."""
     if protection.profile == 1:
         crc = _TABLE_8[protection.data_id & 0xFF]
         crc = _TABLE_8[crc ^ (protection.data_id >> 8)]
@@ -66,17 +66,17 @@ def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b""
 
 
 def crc_in(data: bytes | bytearray, protection: Protection) -> int:
-    """Return the CRC that ``data`` holds."""
+    """Return the CRC in ``data``."""
     return data[0] if protection.profile == 1 else data[0] | data[1] << 8
 
 
 def counter_in(data: bytes | bytearray, protection: Protection) -> int:
-    """Return the counter that ``data`` holds."""
+    """Return the counter in ``data``."""
     return data[1] & 0x0F if protection.profile == 1 else data[2]
 
 
 def protect(data: bytes, protection: Protection, counter: int, covered: bytes = b"") -> bytes:
-    """Return ``data`` with counter (modulo its range) and CRC put in."""
+    """Return ``data`` with counter (modulo its range) and CRC written into it."""
     protected = bytearray(data)
     counter %= protection.counter_modulus
     if protection.profile == 1:

@@ -1,4 +1,4 @@
-"""A user's DBC file, read by cantools, and the mapping beside it, read as TOML."""
+"""Readers of a user's DBC file (by cantools) and of the mapping beside it (TOML)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def load_mapping(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        It is missing, no TOML, or holds an entry that does not exist.
+        It is missing, or no TOML.
     """
     try:
         mapping = tomllib.loads(path.read_text("utf-8"))
@@ -46,7 +46,7 @@ def load_database(path: Path) -> Any:
 
 
 def _text(content: bytes) -> str:
-    """Return a DBC file's text: UTF-8, or else Windows-1252, whose letters beyond ASCII are hardly ever UTF-8."""
+    """Return a DBC file's text: UTF-8, else Windows-1252, whose letters beyond ASCII are hardly ever UTF-8."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -66,5 +66,5 @@ def database_of(text: str, name: str) -> Any:
     cantools = import_cantools()
     try:
         return cantools.database.load_string(text, database_format="dbc")
-    except Exception as error:  # its parser raises what it meets
+    except Exception as error:  # its parser raises exceptions of many types
         raise InputError(f"{name}: cannot be read as a DBC file: {error_line(error)[:300]}") from error

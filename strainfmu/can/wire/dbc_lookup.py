@@ -1,4 +1,4 @@
-"""A DBC file and the mapping beside it, looked up together: every error names the entry of the mapping."""
+"""Look-ups in a DBC file and the mapping beside it; every error names the entry of the mapping."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ class MappedDatabase:
         return table
 
     def check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
-        """Refuse an entry for what is not in use: a word that was meant for something else would go unheard."""
+        """Refuse an entry for a frame or signal that is not in use: it would be ignored silently."""
         unknown = sorted(set(self.table(table, optional=True)) - set(in_use))
         if unknown:
             known = ", ".join(sorted(in_use))[:200]
             raise InputError(f"{self._name}: {table}: expected a {kind} in use ({known}), got '{unknown[0]}'")
 
     def signal(self, path: Any, where: str) -> tuple[Any, Any]:
-        """Return message and signal that "Message.Signal" names."""
+        """Return the message and the signal of "Message.Signal"."""
         message_name, dot, signal_name = path.partition(".") if isinstance(path, str) else ("", "", "")
         if not dot:
             raise InputError(f"{self._name}: {where}: expected 'Message.Signal', got {path!r}")
@@ -80,7 +80,7 @@ class MappedDatabase:
         return message, signals[0]
 
     def _message(self, name: str, where: str) -> Any:
-        """Return the one frame of that name; its identifier must be its own, too."""
+        """Return the only frame of that name; no other frame may have its identifier."""
         known = self._database.messages
         found = [message for message in known if message.name == name]
         if not found:
@@ -100,7 +100,7 @@ class MappedDatabase:
         return message
 
     def factor(self, message: Any, signal: Any, units: Mapping[str, float], what: str) -> float:
-        """Return the factor to SI of a signal's unit; the mapping's word goes before the DBC file's."""
+        """Return the factor to SI of a signal's unit; the mapping takes precedence over the DBC file."""
         path = f"{message.name}.{signal.name}"
         self.signals_with_unit.add(path)
         unit = self.table("units", optional=True).get(path, signal.unit or "")
@@ -112,7 +112,7 @@ class MappedDatabase:
         return units[unit.strip()]
 
     def protection(self, message: Any) -> Protection | None:
-        """Return the end-to-end protection that the mapping states, or else the DBC file's attributes."""
+        """Return the end-to-end protection stated by the mapping, otherwise by the DBC file's attributes."""
         where = f"{self._name}: end_to_end.{message.name}"
         stated = self.table("end_to_end", optional=True).get(message.name)
         if stated is None:
@@ -126,17 +126,19 @@ class MappedDatabase:
         profile, data_id = stated["profile"], stated["data_id"]
         if profile in (0, "") and profile is not False:
             return None
-        least = {1: 2, 5: 3}.get(profile) if isinstance(profile, int) else None
-        if least is None or isinstance(profile, bool):
+        min_length = {1: 2, 5: 3}.get(profile) if isinstance(profile, int) else None
+        if min_length is None or isinstance(profile, bool):
             raise InputError(f"{where}: profile {profile!r} found, 1 or 5 allowed")
         if not isinstance(data_id, int) or isinstance(data_id, bool) or not 0 <= data_id <= 0xFFFF:
             raise InputError(f"{where}: data_id {data_id!r} found, 0 to 65535 allowed")
-        if message.length < least:
-            raise InputError(f"{where}: a frame of {message.length} bytes found, CRC and counter need {least}")
+        if message.length < min_length:
+            raise InputError(
+                f"{where}: a frame of {message.length} bytes found, CRC and counter need {min_length}"
+            )
         return Protection(profile, data_id)
 
     def start_value(self, message: Any, signal: Any) -> int:
-        """Return the number that a configuration must be: the signal's start value, or else the file's default."""
+        """Return the required number of a configuration: the signal's start value, else the file's default."""
         value = signal.raw_initial
         if value is None:
             definition = self._database.dbc.attribute_definitions.get(START_VALUE)

@@ -1,7 +1,7 @@
-"""A user's DBC file and a mapping of its signals to gauges, made into the frames that the bridge reads.
+"""The frames that the bridge reads, from a user's DBC file and a mapping of its signals to gauges.
 
-The mapping is TOML; docs/howto/run_bridge.md describes it. Frames are decoded by our plan, which tests hold
-against cantools.
+The mapping is TOML; docs/reference/can.md describes it. Our signal plan decodes the frames; tests compare it with
+cantools.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequen
 
 
 class _Mapper:
-    """One mapping on its way to a layout."""
+    """Makes the layout of one mapping."""
 
     def __init__(self, database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> None:
         self._file = MappedDatabase(database, mapping, name)
         self._database, self._mapping, self._name = database, mapping, name
-        self._gauges = {gauge: place for place, gauge in enumerate(gauge_names)}
-        self._gauges |= {f"strain[{place + 1}]": place for place in range(len(gauge_names))}
+        self._gauges = {gauge: index for index, gauge in enumerate(gauge_names)}
+        self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         self._names = tuple(gauge_names)
         self._frames_in_use: set[str] = set()
 
@@ -55,10 +55,10 @@ class _Mapper:
             by_message.setdefault((message.name, selector_value(signal, self._name)), []).append(
                 (self._gauge(gauge), signal)
             )
-        gauges = [place for items in by_message.values() for place, _ in items]
-        for place, gauge in enumerate(self._names):
-            if gauges.count(place) != 1:
-                found = "none" if place not in gauges else f"{gauges.count(place)}"
+        gauges = [index for items in by_message.values() for index, _ in items]
+        for index, gauge in enumerate(self._names):
+            if gauges.count(index) != 1:
+                found = "none" if index not in gauges else f"{gauges.count(index)}"
                 raise InputError(f"{self._name}: strain: expected one signal for gauge '{gauge}', got {found}")
         frames = tuple(self._strain_frame(*key, items) for key, items in sorted(by_message.items(), key=_by_name))
         timed = [frame.sample_time is not None for frame in frames]
@@ -94,17 +94,17 @@ class _Mapper:
         if len({signal.name for signal in used}) < len(used):
             twice = next(s.name for s in used if [t.name for t in used].count(s.name) > 1)
             raise InputError(f"{self._name}: strain: signal '{message_name}.{twice}' found for two gauges")
-        extra, places = self._extras(message, selector, len(used))
-        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, places=places)
+        extra, indices = self._extras(message, selector, len(used))
+        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, indices=indices)
         return InputFrame(
             layout=layout,
-            places=tuple(range(len(used))),
+            indices=tuple(range(len(used))),
             gauges=tuple(gauge for gauge, _ in items),
             to_strain=tuple(factors),
-            sample_time=places.get("sample_time"),
-            tick=self._tick(message, extra, places=places, first=len(used)),
-            status=places.get("status"),
-            configuration=places.get("configuration"),
+            sample_time=indices.get("sample_time"),
+            tick=self._tick(message, extra, indices=indices, first=len(used)),
+            status=indices.get("status"),
+            configuration=indices.get("configuration"),
         )
 
     def _pressure_frame(self) -> InputFrame | None:
@@ -117,16 +117,18 @@ class _Mapper:
         message, signal = self._file.signal(table["signal"], "dynamic_pressure")
         factor = self._file.factor(message, signal, units=PRESSURE_UNITS, what="a unit of pressure")
         selector = selector_value(signal, self._name)
-        extra, places = self._extras(message, selector, 1)
-        layout = self._frame_layout(message, [signal, *extra], selector=selector, measured=[signal], places=places)
+        extra, indices = self._extras(message, selector, 1)
+        layout = self._frame_layout(
+            message, [signal, *extra], selector=selector, measured=[signal], indices=indices
+        )
         return InputFrame(
             layout=layout,
             dynamic_pressure=0,
             to_pascal=factor,
-            sample_time=places.get("sample_time"),
-            tick=self._tick(message, extra, places=places, first=1),
-            status=places.get("status"),
-            configuration=places.get("configuration"),
+            sample_time=indices.get("sample_time"),
+            tick=self._tick(message, extra, indices=indices, first=1),
+            status=indices.get("status"),
+            configuration=indices.get("configuration"),
         )
 
     def _frame_layout(
@@ -135,7 +137,7 @@ class _Mapper:
         signals: list[Any],
         selector: int | None,
         measured: list[Any],
-        places: Mapping[str, int],
+        indices: Mapping[str, int],
     ) -> FrameLayout:
         """Return our description of ``message`` with ``signals``, those ``measured`` with their value names."""
         where = f"{self._name}: frame '{message.name}'"
@@ -148,8 +150,8 @@ class _Mapper:
             multiplexer = signal_layout(switch), selector
             signals = [*signals, *([] if switch in signals else [switch])]
         layouts = [signal_layout(signal, with_names=signal in measured) for signal in signals]
-        if (place := places.get("configuration")) is not None:
-            layouts[place] = replace(layouts[place], initial=self._file.start_value(message, signals[place]))
+        if (index := indices.get("configuration")) is not None:
+            layouts[index] = replace(layouts[index], initial=self._file.start_value(message, signals[index]))
         layout = FrameLayout(
             name=message.name if selector is None else f"{message.name}[{selector}]",
             identifier=message.frame_id,
@@ -175,10 +177,10 @@ class _Mapper:
         return switch
 
     def _extras(self, message: Any, selector: int | None, first: int) -> tuple[list[Any], dict[str, int]]:
-        """Return the signals of ``message`` that are no strains, and their places from ``first`` on."""
+        """Return the signals of ``message`` that are no strains, and their indices from ``first`` on."""
         self._frames_in_use.add(message.name)
         signals: list[Any] = []
-        places: dict[str, int] = {}
+        indices: dict[str, int] = {}
         for role in ("sample_time", "status", "configuration"):
             table = self._file.table(role, optional=True)
             if message.name not in table:
@@ -200,15 +202,15 @@ class _Mapper:
                     f"{self._name}: {role}.{message.name}: expected a signal of {own}, got '{path}', which comes "
                     f"with multiplexer value {', '.join(map(str, signal.multiplexer_ids))}"
                 )
-            places[role] = first + len(signals)
+            indices[role] = first + len(signals)
             signals.append(signal)
-        return signals, places
+        return signals, indices
 
-    def _tick(self, message: Any, extra: list[Any], places: dict[str, int], first: int) -> float:
+    def _tick(self, message: Any, extra: list[Any], indices: dict[str, int], first: int) -> float:
         """Return the unit of the sample time [s]."""
-        if "sample_time" not in places:
+        if "sample_time" not in indices:
             return 1e-6
-        signal = extra[places["sample_time"] - first]
+        signal = extra[indices["sample_time"] - first]
         tick = self._file.factor(message, signal, units=TIME_UNITS, what="a unit of time") * float(signal.scale)
         if not tick > 0.0:
             raise InputError(f"{self._name}: signal '{message.name}.{signal.name}': scale {signal.scale} found")

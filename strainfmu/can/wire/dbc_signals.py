@@ -1,4 +1,4 @@
-"""What cantools found in a DBC file as our description of it: signals, multiplexer values, periods."""
+"""Signals, multiplexer values and periods of a DBC file, from cantools' description to ours."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _NO_VALUE = re.compile(
     r"|not[ _-]?(available|valid|defined)|no[ _-]?(data|value|signal)",
     re.IGNORECASE,
 )
-"""Found anywhere in the name of a value, these words say that it is none."""
+"""These words, anywhere in the name of a value, mark it as "no value"."""
 
 _ALL_WELL = re.compile(r"(?<![a-z])no[ _-]?(fail(ure)?|fault|error)", re.IGNORECASE)
 
 
 def period(message: Any, where: str) -> float | None:
-    """Return the cycle time of a frame [s], None if the DBC file does not give it."""
+    """Return the cycle time of a frame [s], None if the DBC file does not state it."""
     stated = message.cycle_time
     if not stated:
         return None
@@ -30,7 +30,7 @@ def period(message: Any, where: str) -> float | None:
 
 
 def signal_layout(signal: Any, with_names: bool = False) -> SignalLayout:
-    """Return our description of cantools' ``signal``; ``with_names`` looks for names of values that are none.
+    """Return our description of cantools' ``signal``; ``with_names`` evaluates the names of its values.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def _int64(number: int, signal: Any) -> int | None:
 
 
 def selector_value(signal: Any, name: str) -> int | None:
-    """Return the multiplexer's value that ``signal`` comes with, None if it always comes."""
+    """Return the multiplexer's value with which ``signal`` is sent, None if it is always sent."""
     identifiers = signal.multiplexer_ids
     if not identifiers:
         return None

@@ -13,7 +13,7 @@ from strainfmu.can.wire.profiles import BRIDGE, SENDER
 
 
 def dbc_text(layouts: Sequence[FrameLayout], comment: str) -> str:
-    """Return the DBC file of ``layouts``; ``comment`` says whose it is.
+    """Return the DBC file of ``layouts``; ``comment`` names its source.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def dbc_text(layouts: Sequence[FrameLayout], comment: str) -> str:
         version="",
         dbc_specifics=DbcSpecifics(attributes=attributes, attribute_definitions=definitions),
     )
-    # Read back once: the file is then a fixed point of cantools, and known to load.
+    # Read back once: the file is then a fixed point of cantools and certain to load.
     loaded: Any = load_string(database.as_dbc_string(), database_format="dbc")
     return str(loaded.as_dbc_string())
 

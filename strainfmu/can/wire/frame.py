@@ -1,4 +1,4 @@
-"""A CAN frame as the bridge sees it, whatever library received it."""
+"""A CAN frame, independent of the library that received it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ EXTENDED_FLAG = 1 << 31
 """Set in a key for 29 bit identifiers, as in SocketCAN's can_id and in DBC files."""
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
-"""Numbers of data bytes that a CAN FD frame can have (ISO 11898-1)."""
+"""Possible numbers of data bytes of a CAN FD frame (ISO 11898-1)."""
 
 _LARGEST_IDENTIFIER = (1 << 29) - 1
 
 
 class MalformedFrame(StrainfmuError, ValueError):
-    """What an interface handed over is no frame."""
+    """A message of an interface is no frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ class Frame:
     ----------
     identifier : 11 or 29 bit.
     data : 0 to 8 bytes, up to 64 of CAN FD.
-    time : when it was received, local monotonic clock [s].
+    time : of its reception, local monotonic clock [s].
     is_extended : 29 bit identifier.
     is_fd, bitrate_switch : CAN FD format, and its faster data phase.
     is_error, is_remote : an error report of the interface; a request without data.
@@ -62,8 +62,8 @@ def from_message(message: Any, time: float) -> Frame:
     Raises
     ------
     MalformedFrame
-        A field is not of its type, or no frame can hold it; python-can does not look at the types of what comes
-        in a datagram.
+        A field is of another type, or no frame can hold it; python-can does not check the types of fields that
+        come in a datagram.
     """
     identifier, data = message.arbitration_id, message.data
     if not isinstance(identifier, int) or not 0 <= identifier <= _LARGEST_IDENTIFIER:

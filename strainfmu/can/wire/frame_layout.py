@@ -1,4 +1,4 @@
-"""What the bytes of a frame mean: signals, as a DBC file describes them, and the frames that hold them."""
+"""Layouts: signals, as a DBC file describes them, the frames that hold them, and the input of a bridge."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class SignalLayout:
 
     Attributes
     ----------
-    start : bit number as in DBC: of the least significant bit if little, of the most if big endian;
+    start : bit number as in DBC: of the least significant bit if little, of the most significant if big endian;
         bit b of byte B has number 8 B + b.
     length : bits, 1 to 64; 16, 32 or 64 of a float.
     kind : UNSIGNED, SIGNED (two's complement) or FLOAT (IEEE 754).
     minimum, maximum : physical values outside are invalid; None for no limit.
-    not_available : raw value that stands for "no value", and is sent for it; a float says it by NaN.
+    not_available : raw value that stands for "no value", and is sent for it; a float has NaN for it.
     other_no_value : further raw values that stand for "no value".
     initial : raw value that a sender starts with and, of a configuration, must keep.
     """
@@ -50,12 +50,12 @@ class SignalLayout:
 
     @property
     def bits(self) -> tuple[int, ...]:
-        """Numbers of its bits from the least significant on."""
+        """Numbers of its bits, the least significant first."""
         if self.byte_order == LITTLE:
             return tuple(range(self.start, self.start + self.length))
         # Big endian runs from the most significant bit down through a byte, then on to the next byte's bit 7.
-        place = 8 * (self.start // 8) + 7 - self.start % 8
-        return tuple(8 * (p // 8) + 7 - p % 8 for p in range(place + self.length - 1, place - 1, -1))
+        index = 8 * (self.start // 8) + 7 - self.start % 8
+        return tuple(8 * (p // 8) + 7 - p % 8 for p in range(index + self.length - 1, index - 1, -1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ class FrameLayout:
     protection : end-to-end protection, None for none.
     cycle_time : nominal period [s], None if it is sent on demand.
     sender : name of the node that sends it.
-    multiplexer : signal and raw value that single this layout out among those of one identifier, or None.
+    multiplexer : signal and raw value that distinguish this layout from others of its identifier, or None.
     """
 
     name: str
@@ -88,30 +88,30 @@ class FrameLayout:
         """Identifier and its width in one number."""
         return frame_key(self.identifier, self.is_extended)
 
-    def place(self, name: str) -> int:
-        """Return the place of the signal ``name``."""
-        return next(place for place, signal in enumerate(self.signals) if signal.name == name)
+    def index_of(self, name: str) -> int:
+        """Return the index of the signal ``name``."""
+        return next(index for index, signal in enumerate(self.signals) if signal.name == name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class InputFrame:
-    """A frame that the bridge reads, and what its signals are to it; places count in ``layout.signals``.
+    """A frame that the bridge reads, and the roles of its signals; indices are those of ``layout.signals``.
 
     Attributes
     ----------
     layout : the frame.
-    places : (k,) places of strain signals.
+    indices : (k,) indices of the strain signals.
     gauges : (k,) gauge of each, from 0.
     to_strain : (k,) factor from the signal's unit to m/m.
-    dynamic_pressure : place of q_inf, or None; ``to_pascal`` its factor to Pa.
-    sample_time : place of the sender's clock, or None; ``tick`` its unit [s], its range is its length in bits.
-    status : place of the sender's own verdict (0 good, 1 degraded, others: do not use), or None.
-    configuration : place of the number that must be its signal's ``initial``, or None.
+    dynamic_pressure : index of q_inf, or None; ``to_pascal`` its factor to Pa.
+    sample_time : index of the sender's clock, or None; ``tick`` its unit [s], its range is its length in bits.
+    status : index of the sender's own status (0 good, 1 degraded, others: do not use), or None.
+    configuration : index of the number that must equal its signal's ``initial``, or None.
     is_trailer : the frame ends a cycle, and its CRC covers the data of all strain frames.
     """
 
     layout: FrameLayout
-    places: tuple[int, ...] = ()
+    indices: tuple[int, ...] = ()
     gauges: tuple[int, ...] = ()
     to_strain: tuple[float, ...] = ()
     dynamic_pressure: int | None = None
@@ -151,12 +151,12 @@ class InputLayout:
 
     @property
     def is_timed(self) -> bool:
-        """Every strain frame holds a sample time, by which cycles are told apart."""
+        """Every strain frame holds a sample time, which separates cycles."""
         return all(frame.sample_time is not None for frame in self.strain_frames)
 
     @property
     def is_protected(self) -> bool:
-        """Every byte that decides the result is under a CRC with counter."""
+        """A CRC with counter covers every byte that affects the result."""
         strains = self.trailer is not None or all(frame.layout.protection for frame in self.strain_frames)
         pressure = self.pressure_frame is None or self.pressure_frame.layout.protection is not None
         return strains and pressure

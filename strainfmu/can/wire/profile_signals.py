@@ -1,4 +1,4 @@
-"""Signals that the frames of the profiles are made of."""
+"""The signals in the frames of the profiles."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from strainfmu.can.wire.frame_layout import (
 )
 
 STRAIN_SCALE = 0.25
-"""um/m per bit of a 16 bit strain: +-8191.5 um/m, a quarter of a good gauge's noise."""
+"""Scale of a 16 bit strain [um/m per bit]: range +-8191.5 um/m, a bit is a quarter of a good gauge's noise."""
 
 LARGEST_FLOAT_STRAIN = 50_000.0
-"""um/m that foil gauges stand, 5 %: what a float says beyond is no strain."""
+"""Maximum strain of a foil gauge [um/m], 5 %; a float beyond is no strain."""
 
 LARGEST_DYNAMIC_PRESSURE = 1e7
-"""Pa; Mach 10 at sea level has 7.1 MPa."""
+"""Maximum dynamic pressure [Pa]; Mach 10 at sea level has 7.1 MPa."""
 
 
 def strain_signal(name: str, start: int, byte_order: str) -> SignalLayout:

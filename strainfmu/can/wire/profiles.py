@@ -1,4 +1,4 @@
-"""The four frame layouts that need no DBC file: fd64, classic-le, classic-be and float2.
+"""The four profiles, frame layouts that need no DBC file: fd64, classic-le, classic-be and float2.
 
 fd64: 27 gauges per CAN FD frame of 64 bytes, each frame under E2E profile 5. The others: plain frames of 8 bytes,
 as strain amplifiers send them (4 x 16 bit, 2 x float32), closed by a trailer whose CRC covers the whole cycle.
@@ -47,7 +47,7 @@ _MICRO = 1e-6
 
 @dataclass(frozen=True)
 class Identifiers:
-    """Where the frames of a profile lie.
+    """Identifiers of the frames of a profile.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Identifiers:
         Raises
         ------
         InputError
-            They overlap or do not exist.
+            Identifiers overlap or do not exist.
         """
         limit = EXTENDED_FLAG >> 2 if self.is_extended else 0x800
         for name, first, count in (("input", self.base, n_input), ("result", self.result_base, n_result)):
@@ -83,7 +83,7 @@ class Identifiers:
 
 
 def configuration_of(profile: str, gauge_names: Sequence[str]) -> int:
-    """Return the 16 bit number that tells one assignment of gauges to frames from another.
+    """Return the 16 bit number that identifies an assignment of gauges to frames.
 
     The first two bytes of the SHA-256 of profile and gauge names in their order; 0 and 65535 are not used.
     """
@@ -99,7 +99,7 @@ def profile_layout(
     Raises
     ------
     InputError
-        There is no such profile, or its frames do not fit onto the identifiers.
+        There is no such profile, or it needs more identifiers than there are.
     """
     if profile not in PROFILES:
         raise InputError(f"profile: expected one of {', '.join(PROFILES)}, got '{profile}'")
@@ -117,12 +117,12 @@ def profile_layout(
 
 
 def signal_names(gauge_names: Sequence[str]) -> list[str]:
-    """Return a distinct C name for every gauge, as DBC files want them."""
+    """Return a distinct C identifier for every gauge, as DBC files require."""
     names: list[str] = []
-    for place, gauge in enumerate(gauge_names, start=1):
+    for number, gauge in enumerate(gauge_names, start=1):
         name = re.sub(r"\W+", "_", gauge, flags=re.ASCII)[:28]
         if not re.match(r"[A-Za-z_]", name) or name in names:
-            name = f"gauge_{place}_{name}"[:32]
+            name = f"gauge_{number}_{name}"[:32]
         names.append(name)
     return names
 
@@ -133,7 +133,7 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
     frames = []
     for number, first in enumerate(range(0, len(names), GAUGES_PER_FD_FRAME)):
         chosen = names[first : first + GAUGES_PER_FD_FRAME]
-        strains = tuple(strain_signal(name, 64 + 16 * place, LITTLE) for place, name in enumerate(chosen))
+        strains = tuple(strain_signal(name, 64 + 16 * index, LITTLE) for index, name in enumerate(chosen))
         layout = FrameLayout(
             name=f"Strain{number + 1}",
             identifier=identifiers.base + 1 + number,
@@ -146,11 +146,11 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
             sender=SENDER,
             comment="Strains; all frames of a cycle have the same counter and sample time",
         )
-        places = tuple(range(len(head), len(head) + len(chosen)))
+        indices = tuple(range(len(head), len(head) + len(chosen)))
         frames.append(
             InputFrame(
                 layout=layout,
-                places=places,
+                indices=indices,
                 gauges=tuple(range(first, first + len(chosen))),
                 to_strain=(_MICRO,) * len(chosen),
                 sample_time=3,
@@ -190,11 +190,11 @@ def _classic(
     for number, first in enumerate(range(0, len(names), per_frame)):
         chosen = names[first : first + per_frame]
         if profile == "float2":
-            strains = tuple(float_strain_signal(name, 32 * place) for place, name in enumerate(chosen))
+            strains = tuple(float_strain_signal(name, 32 * index) for index, name in enumerate(chosen))
         else:
             strains = tuple(
-                strain_signal(name, 16 * place + (7 if order == BIG else 0), order)
-                for place, name in enumerate(chosen)
+                strain_signal(name, 16 * index + (7 if order == BIG else 0), order)
+                for index, name in enumerate(chosen)
             )
         layout = FrameLayout(
             name=f"Strain{number + 1}",
@@ -209,7 +209,7 @@ def _classic(
         gauges = tuple(range(first, first + len(chosen)))
         frames.append(
             InputFrame(
-                layout=layout, places=tuple(range(len(chosen))), gauges=gauges, to_strain=(_MICRO,) * len(chosen)
+                layout=layout, indices=tuple(range(len(chosen))), gauges=gauges, to_strain=(_MICRO,) * len(chosen)
             )
         )
     trailer = FrameLayout(

@@ -1,4 +1,4 @@
-"""All signals of a frame decoded and encoded, for any start, length, byte order and kind.
+"""The decoder and encoder of all signals of a frame, for any start, length, byte order and kind.
 
 Frames of whole bytes are decoded by one call of ``struct``, all others bit by bit through numpy. Frames are
 encoded as one long integer.
@@ -22,11 +22,11 @@ _FLOAT_TYPES = {16: "<f2", 32: "<f4", 64: "<f8"}
 _FLOATS = {16: struct.Struct("<e"), 32: struct.Struct("<f"), 64: struct.Struct("<d")}
 _UNSIGNED_CODES = {8: "B", 16: "H", 32: "I", 64: "q"}
 _SIGNED_CODES = {8: "b", 16: "h", 32: "i", 64: "q"}
-"""Codes of ``struct``; 64 bits always as what int64 makes of them."""
+"""Codes of ``struct``; 64 bits always as int64."""
 
 
 class SignalPlan:
-    """The signals of one frame, ready for the loop.
+    """The signals of one frame, prepared for repeated decoding and encoding.
 
     Raises
     ------
@@ -40,13 +40,13 @@ class SignalPlan:
         self.length = layout.length
         self.signals = layout.signals
         self._packed = _packed(layout)
-        index = [_gather(signal, 8 * layout.length) for signal in layout.signals]
+        index = [_bit_indices(signal, 8 * layout.length) for signal in layout.signals]
         self._index = np.array(index, dtype=np.intp).reshape(-1)
         # Only unsigned numbers of all 64 bits do not fit into int64.
         self._unsigned = np.array([s.kind == UNSIGNED and s.length == _WIDTH for s in layout.signals], dtype=bool)
         self._any_unsigned = bool(self._unsigned.any())
         self._floats = [
-            (place, _FLOAT_TYPES[s.length]) for place, s in enumerate(layout.signals) if s.kind == FLOAT
+            (index, _FLOAT_TYPES[s.length]) for index, s in enumerate(layout.signals) if s.kind == FLOAT
         ]
         self._scale = np.array([s.scale for s in layout.signals])
         self._offset = np.array([s.offset for s in layout.signals])
@@ -60,7 +60,7 @@ class SignalPlan:
         Raises
         ------
         ValueError
-            ``data`` has not the length of the frame.
+            The length of ``data`` is not that of the frame.
         """
         if self._packed is not None:
             if len(data) != self.length:
@@ -70,33 +70,33 @@ class SignalPlan:
         return np.packbits(self._bits[self._index], bitorder="little").view("<i8")
 
     def physical(self, raw: IntArray) -> FloatArray:
-        """Return the (k,) values of ``raw`` in the signals' units; NaN of a float that is none."""
+        """Return the (k,) values of ``raw`` in the signals' units; NaN of a float that is NaN."""
         number = raw.astype(np.float64)
         if self._any_unsigned:
             number = np.where(self._unsigned, raw.view("<u8").astype(np.float64), number)
-        for place, kind in self._floats:
-            number[place] = raw[place : place + 1].view(kind)[0]
-        with np.errstate(over="ignore", invalid="ignore"):  # what a float64 cannot hold is refused as out of range
+        for index, kind in self._floats:
+            number[index] = raw[index : index + 1].view(kind)[0]
+        with np.errstate(over="ignore", invalid="ignore"):  # a value beyond float64 is refused as out of range
             return number * self._scale + self._offset
 
-    def value(self, raw: IntArray, place: int) -> float:
+    def value(self, raw: IntArray, index: int) -> float:
         """Return the value of one signal of ``raw``, as :meth:`physical` does."""
-        signal, number = self.signals[place], float(raw[place])
+        signal, number = self.signals[index], float(raw[index])
         if signal.kind == FLOAT:
-            number = float(raw[place : place + 1].view(_FLOAT_TYPES[signal.length])[0])
+            number = float(raw[index : index + 1].view(_FLOAT_TYPES[signal.length])[0])
         elif signal.kind == UNSIGNED and number < 0.0:
-            number = float(int(raw[place]) + (1 << _WIDTH))
+            number = float(int(raw[index]) + (1 << _WIDTH))
         return number * signal.scale + signal.offset
 
     def encode(self, values: FloatArray | Sequence[float]) -> bytes:
         """Return the frame that holds the (k,) ``values`` [the signals' units], nearest raw number.
 
-        What is not finite or out of range becomes the signal's "not available".
+        A value that is not finite or out of range becomes the signal's "not available".
 
         Raises
         ------
         InputError
-            Such a value belongs to a signal that has no way to say so.
+            Such a value belongs to a signal without a "not available".
         """
         little = big = 0
         numbers = values.tolist() if isinstance(values, np.ndarray) else values
@@ -113,13 +113,13 @@ class SignalPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Encoder:
-    """One signal on its way into a frame taken for one integer, of the signal's byte order.
+    """Encoding of one signal into a frame that is one integer of the signal's byte order.
 
     Attributes
     ----------
-    shift, mask : where its least significant bit goes, and its bits.
+    shift, mask : bit number of its least significant bit, and its bits.
     low, high : smallest and largest value; ``raw_low``, ``raw_high`` : smallest and largest raw number.
-    packed : of a float, else None.
+    packed : format of a float, else None.
     """
 
     signal: SignalLayout
@@ -136,7 +136,7 @@ class _Encoder:
         """Return the raw number of ``value``; of a float its bit pattern."""
         signal = self.signal
         scaled = (value - signal.offset) / signal.scale
-        # Half a number more than there is, so that only what can be rounded is; false of NaN.
+        # Half a number beyond the range, so that only values in range are rounded; False of NaN.
         usable = self.low <= value <= self.high and self.raw_low - 0.5 <= scaled <= self.raw_high + 0.5
         if self.packed is not None:
             held = scaled if usable and abs(scaled) <= self.raw_high else nan
@@ -154,13 +154,13 @@ class _Encoder:
         return signal.not_available
 
 
-def unsigned(raw: IntArray, place: int) -> int:
-    """Return the raw number of an unsigned signal; of 64 bits too, which :meth:`SignalPlan.raw` gives as int64."""
-    return int(raw[place]) % (1 << _WIDTH)
+def unsigned(raw: IntArray, index: int) -> int:
+    """Return the raw number of an unsigned signal; 64 bits come as int64 from :meth:`SignalPlan.raw`."""
+    return int(raw[index]) % (1 << _WIDTH)
 
 
 def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
-    """Return how ``signal`` goes into a frame of ``n_bytes``."""
+    """Return the encoding of ``signal`` into a frame of ``n_bytes``."""
     lowest = signal.bits[0]
     is_big = signal.byte_order == BIG
     # Bits of a big endian integer count from the last byte on.
@@ -180,7 +180,7 @@ def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
 
 
 def _packed(layout: FrameLayout) -> struct.Struct | None:
-    """Return what unpacks a frame of whole bytes, of one byte order, signals in their order; None of others."""
+    """Return the format of a frame of whole bytes, one byte order, signals in order; None of other frames."""
     orders = {signal.byte_order for signal in layout.signals}
     if len(orders) != 1:
         return None
@@ -211,8 +211,8 @@ def _check(signal: SignalLayout, layout: FrameLayout) -> None:
         raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
 
 
-def _gather(signal: SignalLayout, padding: int) -> list[int]:
-    """Return which bit of the frame each of the 64 bits of the number is."""
+def _bit_indices(signal: SignalLayout, padding: int) -> list[int]:
+    """Return the bit of the frame for each of the 64 bits of the number."""
     bits = list(signal.bits)
     fill = bits[-1] if signal.kind == SIGNED else padding
     return bits + [fill] * (_WIDTH - len(bits))

@@ -1,4 +1,4 @@
-"""Strains as frames of a layout: what a sender does. Counters and CRCs are put in, times are the caller's."""
+"""The encoder of strains into the frames of a layout, with counters and CRCs; times are the caller's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from strainfmu.can.wire.signal_plan import SignalPlan
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Sample:
-    """What one cycle says: (n_d,) strains [m/m], q_inf [Pa], sender's clock [s], sender's status."""
+    """Values of one cycle: (n_d,) strains [m/m], q_inf [Pa], sender's clock [s], sender's status."""
 
     strain: FloatArray
     dynamic_pressure: float
@@ -47,7 +47,7 @@ class StrainEncoder:
         Raises
         ------
         InputError
-            A value does not fit into its signal, and the signal has no way to say so.
+            A value does not fit into its signal, and the signal has no "not available".
         """
         sample = _Sample(
             strain=np.asarray(strain, dtype=float),
@@ -70,8 +70,8 @@ class StrainEncoder:
         item = self._layout.frames[slot]
         layout = item.layout
         values = np.array([float(s.initial or 0) * s.scale + s.offset for s in layout.signals])
-        if item.places:
-            values[list(item.places)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
+        if item.indices:
+            values[list(item.indices)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
         if item.dynamic_pressure is not None:
             values[item.dynamic_pressure] = sample.dynamic_pressure / item.to_pascal
         if item.status is not None:
@@ -82,7 +82,7 @@ class StrainEncoder:
             values[item.sample_time] = ticks * signal.scale + signal.offset
         if layout.multiplexer is not None:
             selector, number = layout.multiplexer
-            values[layout.place(selector.name)] = number * selector.scale + selector.offset
+            values[layout.index_of(selector.name)] = number * selector.scale + selector.offset
         data = self._plans[slot].encode(values)
         if layout.protection is not None:
             data = protect(data, layout.protection, counter=cycle, covered=covered)

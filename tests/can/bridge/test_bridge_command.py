@@ -46,7 +46,7 @@ def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path
     [
         (["bridge", "nowhere.fmu", "--interface", "virtual", "--channel", "x"], "nowhere.fmu: no such FMU"),
         (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
-        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "'z' found"),
+        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "0x300, got 'z'"),
         (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
         (["dbc", "x.h5", "--cycle-time", "0.09"], "0.09 ms found, 0.1 to 10,000 ms allowed"),
     ],

@@ -64,21 +64,21 @@ def run(profile: str, service: float, n_cycles: int, stall: tuple[int, float] = 
     layout, truth, step = layout_of(profile, N), Truth(N, 1), Projection(N)
     encoder, per_cycle = StrainEncoder(layout), len(layout.frames)
     frames = [
-        replace(frame, time=k * CYCLE + 1e-5 * place)
+        replace(frame, time=k * CYCLE + 1e-5 * index)
         for k in range(n_cycles)
-        for place, frame in enumerate(encoder.encode(*truth.cycle(k), cycle=k, sample_time=k * CYCLE))
+        for index, frame in enumerate(encoder.encode(*truth.cycle(k), cycle=k, sample_time=k * CYCLE))
     ]
-    clock, place = Time(), 0
+    clock, index = Time(), 0
     queue = FrameQueue(QUEUED_CYCLES * per_cycle, per_cycle)
     backlog = Backlog(SETTINGS.max_age, CYCLE)
     over = Overloaded(bridge_core(layout, step, SETTINGS, start=0.0), sent=len(frames))
     while True:
-        while place < len(frames) and frames[place].time <= clock.now:
-            dropped = queue.put([frames[place]])
+        while index < len(frames) and frames[index].time <= clock.now:
+            dropped = queue.put([frames[index]])
             over.overrun += dropped
             if dropped:
                 over.core.note(Cause.OVERLOAD)
-            place += 1
+            index += 1
         items, known = queue.take(0.0, clock)
         is_answered = not items or backlog.is_answered(clock.now - items[-1].time)
         results = []
@@ -92,10 +92,10 @@ def run(profile: str, service: float, n_cycles: int, stall: tuple[int, float] = 
             over.results.append(published(result, clock.now, SETTINGS.max_age * CYCLE))
         if items and stall[0] == items[0].time // CYCLE:
             clock.now, stall = clock.now + stall[1] * CYCLE, (-1, 0.0)
-        if not items and place == len(frames):
+        if not items and index == len(frames):
             break
         if not items:
-            clock.now = max(clock.now, frames[place].time)
+            clock.now = max(clock.now, frames[index].time)
     over.core.finish(clock.now)
     for result in over.answers:
         check_answer(result, truth, step)

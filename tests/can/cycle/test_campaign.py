@@ -67,10 +67,10 @@ def test_every_fault_by_itself(kind: FaultKind) -> None:
 def test_any_two_faults_at_once_can_be_injected() -> None:
     """Faults act on what others have left of a frame: cut, inserted or taken away."""
     kinds = list(FaultKind)
-    pairs = [(a, b) for place, a in enumerate(kinds) for b in kinds[place + 1 :]]
+    pairs = [(a, b) for index, a in enumerate(kinds) for b in kinds[index + 1 :]]
     faults = [
-        Fault(kind=kind, start=5 + place, cycles=1, seed=place)
-        for place, pair in enumerate(pairs)
+        Fault(kind=kind, start=5 + index, cycles=1, seed=index)
+        for index, pair in enumerate(pairs)
         for kind in pair
     ]
     run = run_campaign(layout_of("classic-le", 4), faults, len(pairs) + 10)
@@ -81,8 +81,8 @@ def test_strains_that_are_both_repeated_and_held_back_are_old() -> None:
     for profile in PROFILES:
         pairs = ((FaultKind.DELAY, FaultKind.FREEZE), (FaultKind.FREEZE, FaultKind.CLOCK_JUMP))
         faults = [
-            Fault(kind=kind, start=40 + 80 * place, cycles=29, seed=3)
-            for place, pair in enumerate(pairs)
+            Fault(kind=kind, start=40 + 80 * index, cycles=29, seed=3)
+            for index, pair in enumerate(pairs)
             for kind in pair
         ]
         run = run_campaign(layout_of(profile, SIZES[profile]), faults, 230)
@@ -120,7 +120,7 @@ def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None)
 
     def run(make_core: MakeCore) -> Campaign:
         faults = [
-            Fault(kind=kind, start=40 + 80 * place, cycles=cycles, seed=place) for place, kind in enumerate(kinds)
+            Fault(kind=kind, start=40 + 80 * index, cycles=cycles, seed=index) for index, kind in enumerate(kinds)
         ]
         n_cycles = 40 + 80 * len(kinds) + cycles
         return run_campaign(layout_of("fd64"), faults, n_cycles, step=step, make_core=make_core)
@@ -211,7 +211,7 @@ def held_back(make_core: MakeCore) -> Campaign:
         kept.extend(frames)
         if 60 <= number < 110:
             return []
-        sent = [replace(frame, time=number * CYCLE + 20e-6 * place) for place, frame in enumerate(kept)]
+        sent = [replace(frame, time=number * CYCLE + 20e-6 * index) for index, frame in enumerate(kept)]
         kept.clear()
         return sent
 

@@ -37,11 +37,11 @@ def run(seconds: float, checks: int) -> list[int]:
         time = k * CYCLE * (1.0 + DRIFT)
         ticks = (round(k * CYCLE * 1e6) % 2**32).to_bytes(4, "little")
         lost = k % 997 == 500
-        for place, (frame, protection) in enumerate(zip(patterns[k % 1000], protections, strict=True)):
+        for index, (frame, protection) in enumerate(zip(patterns[k % 1000], protections, strict=True)):
             assert protection is not None
             data = protect(frame.data[:4] + ticks + frame.data[8:], protection, k)
-            if not (lost and place == 1):
-                for result in core.receive(replace(frame, data=data, time=time + 1e-5 * place)):
+            if not (lost and index == 1):
+                for result in core.receive(replace(frame, data=data, time=time + 1e-5 * index)):
                     valid += result.quality is Quality.VALID
         if k % 53 == 0:
             core.receive(

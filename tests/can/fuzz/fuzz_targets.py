@@ -45,10 +45,10 @@ def frames_from(data: bytes) -> None:
     core = bridge_core(layout, step, BridgeSettings(), start=0.0, own_keys=[0x380])
     keys = [frame.layout.identifier for frame in layout.frames] + [0x380, 0x7FF]
     encoder = StrainEncoder(layout)
-    place, time, number = 1, 0.0, 0
-    while place + 4 <= len(data):
-        which, flags, wait, length = data[place : place + 4]
-        place += 4
+    index, time, number = 1, 0.0, 0
+    while index + 4 <= len(data):
+        which, flags, wait, length = data[index : index + 4]
+        index += 4
         time += wait * 2e-4
         if which >= 250:  # a good cycle, so that states beyond the first are reached
             for frame in encoder.encode(
@@ -57,8 +57,8 @@ def frames_from(data: bytes) -> None:
                 core.receive(Frame(identifier=frame.identifier, data=frame.data, time=time, is_fd=frame.is_fd))
             number += 1
             continue
-        content = data[place : place + length % 65]
-        place += length % 65
+        content = data[index : index + length % 65]
+        index += length % 65
         frame = Frame(
             identifier=keys[which % len(keys)],
             data=content,
