@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
 
 # Gauss-Legendre on 0..1: exact for the cubic integrands of linear pressure on a linear meridian.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -49,3 +52,27 @@ def coefficient_scale(dynamic_pressure: float, reference: ReferenceQuantities) -
     """Return (5,) factors from loads [N, N m] to C_A, C_N, C_Y, M_P, M_Y at q_inf [Pa]."""
     force = 1.0 / (dynamic_pressure * reference.area)
     return force * np.array([1.0, 1.0, 1.0, 1.0 / reference.length, 1.0 / reference.length])
+
+
+def coefficient_scales_at(conditions: Iterable[FlightCondition], reference: ReferenceQuantities) -> FloatArray:
+    """Return (N, 5) factors from loads [N, N m] to coefficients, a row per flight condition."""
+    return np.array([coefficient_scale(one.dynamic_pressure, reference) for one in conditions])
+
+
+def coefficients_of(
+    net_pressure: FloatArray,
+    loads: FloatArray,
+    conditions: Iterable[FlightCondition],
+    reference: ReferenceQuantities,
+) -> FloatArray:
+    """Return (N, 5) C_A, C_N, C_Y, M_P, M_Y [1].
+
+    Parameters
+    ----------
+    net_pressure : (N, n_p) p - p_internal [Pa].
+    loads : (5, n_p) load operator [m2, m3].
+    conditions : N flight conditions.
+    reference : S and L.
+    """
+    coefficients: FloatArray = net_pressure @ loads.T * coefficient_scales_at(conditions, reference)
+    return coefficients

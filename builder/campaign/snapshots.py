@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.engine import Flow
-from builder.aero.loads import coefficient_scale, load_operator
+from builder.aero.loads import coefficients_of, load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
 from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.reference_quantities import ReferenceQuantities
@@ -134,10 +134,8 @@ class Snapshots:
             if grid is None
             else load_operator(grid, reference.moment_station)
         )
-        scale = np.array([coefficient_scale(c.dynamic_pressure, reference) for c in self.conditions()])
         net = self.pressure - self.internal_pressure[:, None]
-        coefficients: FloatArray = net @ loads.T * scale
-        return coefficients
+        return coefficients_of(net, loads, self.conditions(), reference)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale, load_operator
+from builder.aero.loads import coefficients_of, load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
@@ -236,7 +236,5 @@ def _load_operator(surface: SurfaceGrid | SurfaceMesh, moment_station: float) ->
 
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:
     """Return (N, 5) coefficients of the snapshots; ``loads`` is the load operator (5, n_p)."""
-    reference = vehicle.reference_quantities()
     net = snapshots.pressure - internal_pressure(vehicle, snapshots)
-    scale = [coefficient_scale(c.dynamic_pressure, reference) for c in snapshots.conditions()]
-    return net @ loads.T * np.array(scale)
+    return coefficients_of(net, loads, snapshots.conditions(), vehicle.reference_quantities())

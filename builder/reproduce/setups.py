@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale, load_operator
+from builder.aero.loads import coefficient_scales_at, coefficients_of, load_operator
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import area_weights
@@ -55,12 +55,11 @@ class Pressures:
 
     def coefficients(self, net: FloatArray, conditions: tuple[FlightCondition, ...]) -> FloatArray:
         """Return (N, 5) C_A, C_N, C_Y, M_P, M_Y of p - p_internal (N, n_p) [Pa]."""
-        coefficients: FloatArray = net @ self.loads.T * self.scale(conditions)
-        return coefficients
+        return coefficients_of(net, self.loads, conditions, self.reference)
 
     def scale(self, conditions: tuple[FlightCondition, ...]) -> FloatArray:
         """Return (N, 5) factors from loads [N, N m] to coefficients."""
-        return np.array([coefficient_scale(one.dynamic_pressure, self.reference) for one in conditions])
+        return coefficient_scales_at(conditions, self.reference)
 
 
 def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
