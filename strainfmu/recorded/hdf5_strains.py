@@ -102,7 +102,7 @@ def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterato
 
 
 def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]) -> None:
-    """Where the file names its gauges, hold them against the map's."""
+    """Compare the file's names of gauges, if it has any, with the map's."""
     if "gauge_names" not in file:
         return
     held = file["gauge_names"]
