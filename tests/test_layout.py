@@ -22,8 +22,8 @@ TOP_LEVEL = ("pyproject.toml", "strainfmu", "builder", "tests", "fmus", "README.
 MAX_POSITIONAL = 6
 """Arguments a call may pass by position."""
 
-POSITIONAL_ONLY = {"CFUNCTYPE", "add_row", "revolve", "rotate"}
-"""Functions of other packages that take many arguments by position alone (ctypes, rich, Gmsh)."""
+POSITIONAL_ONLY = {"CFUNCTYPE", "add_row"}
+"""Functions of other packages that take many arguments by position alone (ctypes, rich)."""
 
 
 def sources(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
