@@ -9,6 +9,7 @@ from collections.abc import Callable
 from math import radians
 from pathlib import Path
 
+import hypothesis
 import pytest
 from once import once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
@@ -17,6 +18,10 @@ from strainfmu.cli.main import main
 
 # Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# An example may be the first call of a compiled function, and other processes may use the machine.
+hypothesis.settings.register_profile("strainfmu", deadline=None)
+hypothesis.settings.load_profile("strainfmu")
 
 pytest_plugins = ["coarse_vehicle"]
 
