@@ -12,8 +12,6 @@ import numpy as np
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
 
-# --- measurement files of other makers -------------------------------------------------------------------------
-
 
 @contextmanager
 def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:

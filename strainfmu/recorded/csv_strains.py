@@ -23,9 +23,6 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?na
 """A number in a cell: ASCII digits and a decimal point, or NaN. float() accepts more, such as 1_0 for 10."""
 
 
-# --- CSV -------------------------------------------------------------------------------------------------------
-
-
 @contextmanager
 def csv_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as stream:

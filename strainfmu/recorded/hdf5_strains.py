@@ -23,9 +23,6 @@ from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_blo
 _SLASH = "%2F"
 
 
-# --- HDF5 ------------------------------------------------------------------------------------------------------
-
-
 @contextmanager
 def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
     try:

@@ -1,5 +1,4 @@
-"""The injection of seeded faults into a stream of strain frames, as sensors, senders, gateways and buses cause
-them.
+"""Seeded faults injected into a stream of strain frames, as sensors, senders, gateways and buses cause them.
 
 A faulty sender is driven cycle by cycle, in any time: a test in virtual time and a sender on a real bus inject the
 same faults.

@@ -56,7 +56,7 @@ def plant_samples(
             tempfile.TemporaryDirectory(prefix="strainfmu_", dir=parent, ignore_cleanup_errors=True)
         )
         unzip(path, Path(folder))
-        instance = Instance("plant", path, description, Path(folder))
+        instance = Instance("plant", path, description=description, folder=Path(folder))
         stack.callback(instance.close)
         instance.begin(duration + cycle_time)
         instance.end_initialization()
