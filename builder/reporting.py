@@ -1,4 +1,4 @@
-"""How long work tells what it is doing, without knowing who listens."""
+"""Reports of progress from long work, whoever receives them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Note = Callable[[str], None]
 
 
 class Reporter(Protocol):
-    """Listens to a chain of stages."""
+    """Receives the progress of the stages of a pipeline."""
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:
@@ -27,7 +27,7 @@ class Reporter(Protocol):
 
 
 class Silent:
-    """Listens and says nothing."""
+    """Receives progress and shows nothing."""
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:

@@ -1,4 +1,4 @@
-"""What the vehicle is made of: an isotropic material and a wall of constant thickness."""
+"""Wall of the vehicle: constant thickness, isotropic material, solid tip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a strain gauge sits on the inner surface and which strain it reads there."""
+"""Gauges on the inner surface: where each is and which strain it reads."""
 
 from __future__ import annotations
 
