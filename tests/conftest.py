@@ -33,7 +33,7 @@ TOGETHER = ("inverse", "reports")
 
 FIRST = (
     "acceptance/test_demo.py",
-    "can/test_campaign.py",
+    "can/cycle/test_campaign.py",
     "inverse",
     "reports",
     "campaign/test_resume.py",
@@ -41,8 +41,8 @@ FIRST = (
     "structure/test_structure_command.py",
     "campaign/test_reuse.py",
     "acceptance/test_bad_input.py",
-    "can/test_demo_bus.py",
-    "can/test_two_processes.py",
+    "can/tools/test_demo_bus.py",
+    "can/tools/test_two_processes.py",
 )
 """The longest groups, begun first so that no process is left with one at the end.
 
@@ -60,6 +60,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = item.path.relative_to(TESTS)
         groups[item] = path.parts[0] if path.parts[0] in TOGETHER else path.as_posix()
         item.add_marker(pytest.mark.xdist_group(groups[item]))
+    missing = [name for name in (*FIRST, *TOGETHER) if not (TESTS / name).exists()]
+    if missing:
+        raise pytest.UsageError(f"tests/conftest.py: not among the tests: {', '.join(missing)}")
     order = {name: position for position, name in enumerate(FIRST)}
     items.sort(key=lambda item: order.get(groups[item], len(FIRST)))
 
