@@ -1,4 +1,4 @@
-"""Reports of progress from long work, whoever receives them."""
+"""How long work tells what it is doing, without knowing who listens."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Note = Callable[[str], None]
 
 
 class Reporter(Protocol):
-    """Receives the progress of the stages of a pipeline."""
+    """Listens to a chain of stages."""
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:
@@ -27,7 +27,7 @@ class Reporter(Protocol):
 
 
 class Silent:
-    """Receives progress and shows nothing."""
+    """Listens and says nothing."""
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:

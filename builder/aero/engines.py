@@ -1,4 +1,4 @@
-"""The engines by name, and how each is made for a vehicle. A new engine is one entry of :data:`ENGINES`."""
+"""Which engines there are, and how each is made for a vehicle. A new engine is one entry of :data:`ENGINES`."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ class EngineKind:
 
     Attributes
     ----------
-    make : from the vehicle, a resolution, a level of ``--grid`` (None: the resolution's own cells) and a
-        function that takes notes.
-    long_work : a flow takes so long that processes are worth starting.
+    make : from the vehicle, a resolution, a level of ``--grid`` (None: the resolution's own cells) and a listener.
+    long_work : a flow takes so long that processes pay.
     """
 
     make: Callable[[Vehicle, Resolution, str | None, Note], Engine]
@@ -48,12 +47,12 @@ def make_engine(
 ) -> Engine:
     """Return the engine ``engine_name``, or the vehicle file's where that is None.
 
-    ``note`` takes, line by line, what was changed on a surface file.
+    ``note`` is told, line by line, what was changed on a surface file.
 
     Raises
     ------
     InputError
-        There is no such engine or grid level, or the vehicle file lacks an entry that the engine needs.
+        There is no such engine or grid level, or the vehicle file does not say what the engine needs.
     """
     name = engine_name or vehicle.aerodynamics.engine
     if name not in ENGINES:

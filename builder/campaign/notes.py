@@ -1,4 +1,4 @@
-"""Notes on a campaign, in the lines that a user reads."""
+"""What a campaign did, in the lines that a user reads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from builder.campaign.run import CampaignResult
 
 
 def campaign_notes(result: CampaignResult) -> list[str]:
-    """Return in a few lines what a campaign did and how accurate its flows are."""
+    """Say in a few lines what a campaign did and how sound its flows are."""
     snapshots, tally = result.snapshots, result.tally
     conditions, flows = len(snapshots.condition), int(snapshots.solved.sum())
     notes = [

@@ -1,4 +1,4 @@
-"""Choice of where flows are solved: threads, local processes, or the workers of a Dask scheduler."""
+"""Where flows are solved: threads of this process, local processes, or the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def solve_flows(
 
     Parameters
     ----------
-    note : takes one line about where the flows are solved.
+    note : told in one line where the flows are solved.
 
     Raises
     ------
@@ -55,17 +55,17 @@ def solve_flows(
     StrainfmuError
         The scheduler cannot be reached or is lost, or a worker has another version of the solver.
     """
-    missing = sorted(set(keys))
-    if not missing:
+    wanted = sorted(set(keys))
+    if not wanted:
         return
     scheduling = scheduling or Scheduling()
-    note = note or (lambda text: None)
+    tell = note or (lambda text: None)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if scheduling.address is None and _in_this_process(engine, len(missing), scheduling):
-        solved = _solve_in_threads(engine, missing, cores, note)
+    if scheduling.address is None and _in_this_process(engine, len(wanted), scheduling):
+        solved = _solve_in_threads(engine, wanted, cores, tell)
     else:
-        workers = min(scheduling.workers or cores, len(missing))
-        solved = solve_on_dask(engine, missing, scheduling.address, workers, note)
+        workers = min(scheduling.workers or cores, len(wanted))
+        solved = solve_on_dask(engine, wanted, scheduling.address, workers, tell)
     expected = fingerprint(engine.inputs())
     with closing(solved):
         for one in solved:

@@ -1,4 +1,4 @@
-"""The work of a campaign's worker; it needs this package installed, and no file of the user's."""
+"""What a worker of a campaign runs; it needs this package installed, and no file of the user's."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class SolvedFlow:
     Attributes
     ----------
     flow : the flow.
-    fingerprint : of the engine's inputs as the worker has them; another version of the solver has another.
+    fingerprint : of the engine's inputs as the worker sees them; another version of the solver has another.
     seconds : time it took [s].
     """
 

@@ -171,7 +171,7 @@ def _solid_model(
         density=None,
         support=Clamped(SUPPORT),
         rows=rows,
-        solver_name=None,
+        wanted=None,
         progress=progress,
     )
     surface = triangulated_surface(full_mesh(sector), EXTERNAL)

@@ -1,4 +1,4 @@
-"""Wall of the vehicle: constant thickness, isotropic material, solid tip."""
+"""What the vehicle is made of: an isotropic material and a wall of constant thickness."""
 
 from __future__ import annotations
 

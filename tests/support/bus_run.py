@@ -25,7 +25,7 @@ CYCLE = 0.01
 
 @dataclass
 class LiveRun:
-    """Results and summary of the bridge, and the notes of its recorder and publisher."""
+    """What the bridge published, its summary and what its watchers said."""
 
     results: list[CycleResult]
     summary: BridgeSummary

@@ -1,4 +1,4 @@
-"""Check that a legacy VTK file is whole: VTK's reader fills what is missing with whatever memory holds.
+"""Whether a legacy VTK file is whole: VTK's reader fills what is missing at the end with whatever memory holds.
 
 Format: "VTK File Formats", simple legacy formats (VTK User's Guide). Only the last block of a file can be cut
 short, so only its size is compared with what its heading declares.
@@ -69,11 +69,11 @@ def check_whole(path: Path, content: bytes) -> None:
         count = int(tuples[-1]) * components if tuples else 0
     if binary:
         size = _BYTES.get(groups["type"].decode(), 1) if groups.get("type") else 4
-        found, expected, what = len(block), int(count * size), "bytes"
+        found, wanted, what = len(block), int(count * size), "bytes"
     else:
-        found, expected, what = len(block.split(b"METADATA")[0].split()), count, "numbers"
-    if found < expected:
+        found, wanted, what = len(block.split(b"METADATA")[0].split()), count, "numbers"
+    if found < wanted:
         heading = last.group(0).split(b"\n")[0].decode("ascii", "replace")
-        raise InputError(f"{path}: cut short: {found} {what} found behind '{heading}', must be {expected}")
-    if not binary and found == expected and not content[-1:].isspace():
+        raise InputError(f"{path}: cut short: {found} {what} found behind '{heading}', must be {wanted}")
+    if not binary and found == wanted and not content[-1:].isspace():
         raise InputError(f"{path}: cut short: the last number has no line end behind it")

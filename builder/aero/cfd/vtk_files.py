@@ -48,7 +48,7 @@ class VtkSurface:
 
 
 def require_vtk() -> None:
-    """Refuse to go on without VTK; the message names the extra to install.
+    """Say which extra to install if VTK is not there.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The flow through all side faces of one step (compiled)."""
+"""What flows through the side faces in one step (compiled)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Resolution of a cross-plane, and the levels of it by name."""
+"""How finely a cross-plane is resolved."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class MarchingGrid:
 
 
 def marching_grid_of(resolution: Resolution) -> MarchingGrid:
-    """Return the grid of a resolution in a vehicle file."""
+    """Return the grid that an entry of a vehicle file asks for."""
     return MarchingGrid(n_radial=resolution.radial_cells, n_circumferential=resolution.circumferential_cells)
 
 

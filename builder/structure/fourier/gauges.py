@@ -1,4 +1,4 @@
-"""Gauges on the inner surface: where each is and which strain it reads."""
+"""Where a strain gauge sits on the inner surface and which strain it reads there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Back ends: a name, a licence, the command that installs it, and a function that factorises."""
+"""What a back end is: a name, a licence, how to get it, and a function that factorises."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class BackEnd:
 
     Attributes
     ----------
-    name : the name that a user gives.
+    name : the name a user asks for.
     licence : of the binding over that of the library.
     install : the command that installs it.
-    installed : returns whether it is there.
+    installed : tells whether it is there.
     factor : prepares a problem; imports the library when called.
     """
 
@@ -34,7 +34,7 @@ class BackEnd:
     factor: Callable[[SparseProblem], Factor]
 
     def missing(self) -> InputError:
-        """Return the error for a named back end that is not installed."""
+        """Return the error for a wanted back end that is not there."""
         return InputError(f"solver '{self.name}' is not installed: {self.install} (licence: {self.licence})")
 
 

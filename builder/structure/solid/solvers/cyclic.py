@@ -1,5 +1,4 @@
-"""Solver of structures of equal sectors: one small complex system per harmonic, SuperLU each, harmonics side by
-side.
+"""Structures of equal sectors: one small complex system per harmonic, SuperLU each, harmonics side by side.
 
 No factor and no field over the whole structure is kept, so memory grows with one sector and with the result.
 SuperLU releases Python's lock, so threads suffice.
@@ -83,7 +82,7 @@ class CyclicSolver:
     def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
         """Return displacements (n_dof, k) [m] under loads (n_dof, k) [N], both along body axes.
 
-        Every call factorises again, so give all loads at once.
+        Every call factorises anew, so give all loads at once.
 
         Raises
         ------
@@ -128,7 +127,7 @@ class CyclicSolver:
 
         Returns
         -------
-        (n_d, n_sectors * n_columns), sector by sector: strain per unit of the load's columns.
+        (n_d, n_sectors * n_columns), sector by sector: strain per unit of what the load's columns stand for.
 
         Raises
         ------
@@ -139,9 +138,7 @@ class CyclicSolver:
         """
         problem = self.problem
         if not rows.shape[0] or rows.shape[1] != problem.n_dof or not np.isfinite(rows.data).all():
-            raise InputError(
-                f"gauge rows {rows.shape}: must be at least one row of {problem.n_dof} finite columns"
-            )
+            raise InputError(f"gauge rows {rows.shape}: some rows of {problem.n_dof} finite columns are wanted")
         shifted = shifted_rows(problem.sector, rows)
         reduced = CircularOperator(
             n_sectors=problem.n_sectors,

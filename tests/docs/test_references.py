@@ -1,0 +1,87 @@
+"""Names on the pages: paths, modules and files that README and documentation speak of exist."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from snippets import ROOT, pages
+
+pytestmark = pytest.mark.fast
+
+TOP = ("strainfmu", "builder", "fmus", "tests", "docs")
+PATH = re.compile(rf"(?<![\w./-])((?:{'|'.join(TOP)})/[\w./*-]+)")
+DOTTED = re.compile(r"(?<![\w./-])((?:strainfmu|builder)(?:\.\w+)+)(?![\w/-])")
+FILE = re.compile(r"`(?:[\w/]+/)?(\w+\.(?:py|c|h))`")
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[\w-]+)?\)")
+
+SCHEMAS = {"strainfmu.inverse_map", "strainfmu.snapshots", "strainfmu.structure", "strainfmu.recording"}
+SCHEMAS |= {"strainfmu.flight_model"}
+"""Names of the files' schemas, which look like modules."""
+
+
+@cache
+def file_names() -> frozenset[str]:
+    """Return the names of all files of the packages, tests and documentation."""
+    return frozenset(path.name for top in TOP for path in (ROOT / top).rglob("*.*"))
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_paths_exist(page: Path) -> None:
+    missing = []
+    for found in PATH.findall(page.read_text(encoding="utf-8")):
+        path = found.rstrip(".")
+        if path.startswith("docs/_build"):  # what a build of the site writes
+            continue
+        if not (list(ROOT.glob(path)) if "*" in path else (ROOT / path).exists()):
+            missing.append(path)
+    assert not missing
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_to_files_lead_somewhere(page: Path) -> None:
+    gallery = ROOT / "docs" / "gallery"  # made by the build
+    targets = [page.parent / link for link in LINK.findall(page.read_text(encoding="utf-8"))]
+    missing = []
+    for target in targets:
+        if gallery in target.resolve().parents:
+            target = ROOT / "docs" / "gallery_src" / f"{target.name}.py"
+            if target.name == "index.py":
+                continue
+        if not target.exists():
+            missing.append(target)
+    assert not missing
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_modules_and_their_names_exist(page: Path) -> None:
+    missing = []
+    for name in DOTTED.findall(page.read_text(encoding="utf-8")):
+        if name not in SCHEMAS and not _exists(name):
+            missing.append(name)
+    assert not missing
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_named_alone_exist(page: Path) -> None:
+    named = set(FILE.findall(page.read_text(encoding="utf-8")))
+    assert not named - file_names()
+
+
+def _exists(dotted: str) -> bool:
+    """Tell whether ``dotted`` is a module, or a name in one."""
+    parts = dotted.split(".")
+    for length in range(len(parts), 0, -1):
+        try:
+            thing = import_module(".".join(parts[:length]))
+        except ModuleNotFoundError:
+            continue
+        for name in parts[length:]:
+            if not hasattr(thing, name) and name not in getattr(thing, "__annotations__", {}):
+                return False
+            thing = getattr(thing, name, None)
+        return True
+    return False

@@ -1,0 +1,131 @@
+"""Snippets of README and of every page of the documentation, run as they are written.
+
+Each page has a folder of its own. It holds what the pages take for granted: a finished ``demo``, the vehicles that
+are shipped, and the vehicle file of the second tutorial. Blocks of a page run one after the other; those in Python
+share their names.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from snippets import KINDS, ROOT, Snippet, pages, snippets
+
+PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}
+RUNNING = {name: found for name, found in PAGES.items() if any(s.kind != "skip" for s in found)}
+HEAD_START = 3.0
+"""Seconds that a block in the background has before the next one begins."""
+
+
+def environment() -> dict[str, str]:
+    """Return what a user's shell has: the commands of this installation ahead of others."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("STRAINFMU_", "COVERAGE_"))}
+    path = f"{Path(sys.executable).parent}{os.pathsep}{kept['PATH']}"
+    return kept | {"PATH": path, "MPLBACKEND": "Agg", "COLUMNS": "120"}
+
+
+def run_shell(snippet: Snippet, folder: Path, env: dict[str, str]) -> None:
+    """Run a block as one script that ends at its first failing line."""
+    command = ["bash", "-e", "-o", "pipefail", "-c", snippet.text]
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=1800, check=False)
+    expected = int(snippet.value) if snippet.kind == "fails" else 0
+    assert done.returncode == expected, f"{snippet}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+
+
+def run_python(snippet: Snippet, names: dict[str, Any]) -> None:
+    """Run a block here; a traceback shows the line of the page."""
+    code = compile("\n" * (snippet.line - 1) + snippet.text, str(ROOT / snippet.page), "exec")
+    exec(code, names)
+
+
+def run_page(name: str, folder: Path, *, slow: bool) -> None:
+    """Run the blocks of a page in ``folder``, those marked slow only if ``slow``."""
+    names: dict[str, Any] = {"__name__": "__main__"}
+    behind: subprocess.Popen[bytes] | None = None
+    for snippet in PAGES[name]:
+        if snippet.kind in ("skip", "clone") or (snippet.kind in ("slow", "background") and not slow):
+            continue
+        if snippet.kind == "background":
+            command = ["bash", "-c", f"exec {snippet.text}"]
+            behind = subprocess.Popen(command, cwd=folder, env=environment())
+            time.sleep(HEAD_START)
+            continue
+        if snippet.kind == "file":
+            (folder / snippet.value).write_text(snippet.text, encoding="utf-8")
+        elif snippet.language == "sh":
+            run_shell(snippet, folder, environment())
+        else:
+            run_python(snippet, names)
+        if behind is not None:
+            behind.send_signal(signal.SIGINT)
+            assert behind.wait(timeout=60) == 0, snippet
+            behind = None
+
+
+@pytest.fixture
+def folder(tmp_path: Path, ic3x_demo: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of one page, which is the working directory."""
+    shutil.copytree(ic3x_demo, tmp_path / "demo")
+    shutil.copytree(ROOT / "builder" / "vehicles", tmp_path / "builder" / "vehicles")
+    for snippet in PAGES["docs/tutorials/your_vehicle.md"]:
+        if snippet.kind == "file":
+            (tmp_path / snippet.value).write_text(snippet.text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", RUNNING)
+def test_page(name: str, folder: Path) -> None:
+    run_page(name, folder, slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [name for name, found in RUNNING.items() if any(s.kind in ("slow", "background") for s in found)]
+)
+def test_page_with_what_takes_long(name: str, folder: Path) -> None:
+    run_page(name, folder, slow=True)
+
+
+@pytest.mark.slow
+def test_first_command_of_the_readme(tmp_path: Path) -> None:
+    (snippet,) = [s for s in PAGES["README.md"] if s.kind == "clone"]
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "-q", str(ROOT), str(clone)], check=True)
+    env = {name: value for name, value in environment().items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    run_shell(snippet, clone, env)
+    assert (clone / "demo" / "estimator.fmu").exists()
+
+
+@pytest.mark.fast
+def test_marks_are_known_and_what_is_skipped_has_a_reason() -> None:
+    for snippet in [snippet for found in PAGES.values() for snippet in found]:
+        assert snippet.kind in (*KINDS, "run"), snippet
+        assert snippet.kind != "skip" or len(snippet.value.split()) >= 3, f"{snippet}: give a reason"
+    skipped = [s for found in PAGES.values() for s in found if s.kind == "skip"]
+    assert len(skipped) <= 20, [str(s) for s in skipped]
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.name)
+def test_toml_on_a_page_is_toml_and_commands_stand_in_blocks_that_are_run(page: Path) -> None:
+    lines = page.read_text(encoding="utf-8").splitlines()
+    assert not [line for line in lines if line.startswith(("    strainfmu ", "\tstrainfmu "))]
+    block: list[str] | None = None
+    for line in lines:
+        if line.startswith("```toml"):
+            block = []
+        elif line.startswith("```") and block is not None:
+            tomllib.loads("\n".join(block))
+            block = None
+        elif block is not None:
+            block.append(line)
