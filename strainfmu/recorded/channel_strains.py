@@ -17,6 +17,7 @@ from strainfmu.recorded.sample_blocks import StrainFile, column_file
 
 @contextmanager
 def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    """Open an MF4 file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     try:
         from asammdf import MDF
     except ImportError as error:
@@ -48,6 +49,7 @@ def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
 
 @contextmanager
 def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    """Open a TDMS file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     try:
         from nptdms import TdmsFile
     except ImportError as error:

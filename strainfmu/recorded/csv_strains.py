@@ -28,6 +28,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?na
 
 @contextmanager
 def csv_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    """Open a CSV file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         sample = stream.readline()
         delimiter = max(",;\t", key=sample.count)

@@ -28,6 +28,7 @@ _SLASH = "%2F"
 
 @contextmanager
 def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+    """Open an HDF5 file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     try:
         file = h5py.File(path, "r")
     except OSError as error:

@@ -49,6 +49,7 @@ class MappedDatabase:
             raise InputError(f"{name}: expected one of {', '.join(sorted(_TABLES))}, got entry '{unknown[0]}'")
 
     def table(self, name: str, optional: bool = False) -> Mapping[str, Any]:
+        """Return the table ``name``, empty if it is ``optional`` and missing."""
         table = self._mapping.get(name, {} if optional else None)
         if not isinstance(table, Mapping) or (not table and not optional):
             raise InputError(f"{self._name}: expected a table [{name}]")

@@ -53,6 +53,7 @@ def float_strain_signal(name: str, start: int) -> SignalLayout:
 
 
 def sample_time_signal(start: int, byte_order: str = LITTLE) -> SignalLayout:
+    """Return the sender's clock of 32 bits."""
     return SignalLayout(
         name="SampleTime",
         start=start,
@@ -64,6 +65,7 @@ def sample_time_signal(start: int, byte_order: str = LITTLE) -> SignalLayout:
 
 
 def status_signal(start: int, length: int) -> SignalLayout:
+    """Return the sender's own status."""
     return SignalLayout(
         name="Status",
         start=start,
@@ -74,6 +76,7 @@ def status_signal(start: int, length: int) -> SignalLayout:
 
 
 def configuration_signal(start: int, configuration: int) -> SignalLayout:
+    """Return the number of the gauge assignment."""
     return SignalLayout(
         name="Configuration",
         start=start,
@@ -111,6 +114,7 @@ def header_1() -> tuple[SignalLayout, SignalLayout]:
 
 
 def pressure_signal(start: int, byte_order: str) -> SignalLayout:
+    """Return the dynamic pressure, a float of 32 bits."""
     return SignalLayout(
         name="DynamicPressure",
         start=start,
