@@ -32,6 +32,8 @@ COMPILER_FLAGS = (
     "-DNDEBUG",
     # Without fused multiply-adds every platform computes the same bits.
     "-ffp-contract=off",
+    # The cost of a step does not follow where the linker puts its loops (measured without: up to 3 %).
+    "-falign-loops=32",
     # sqrt becomes one instruction, and nothing of libm is needed.
     "-fno-math-errno",
     "-Wall",

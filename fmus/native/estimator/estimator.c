@@ -21,8 +21,9 @@ static const char *const SETTING_NAMES[] = {
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges;
-    const size_t n_doubles =
-        CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + n + N_SCALAR_INPUTS + n + 3 * panel_length(n);
+    const size_t n_inputs = n + N_SCALAR_INPUTS;
+    const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + n
+                           + 3 * panel_length(n);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n;
     const size_t n_bytes = n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float);
     e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 2) * n);
@@ -40,10 +41,11 @@ static int allocate(Estimator *e) {
     }
     workspace_arrays(map, &e->work, &doubles, &indices);
     e->input = doubles;
-    e->residual = e->input + n + N_SCALAR_INPUTS;
+    e->residual = e->input + n_inputs;
     e->z = e->residual + n;
     e->whitened = e->z + panel_length(n);
     e->d_whitened = e->whitened + panel_length(n);
+    e->direction = e->d_whitened + panel_length(n);
     e->valid = flags + CACHED_MASKS * n;
     e->mask = e->valid + n;
     return 1;

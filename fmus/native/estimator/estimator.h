@@ -43,6 +43,7 @@ enum {
 };
 
 typedef struct {
+    Model base; /* for the FMI fronts, filled in by estimator_model.c */
     Map map;
     unsigned char *bytes; /* of map.bin */
     void *memory;         /* of all arrays below */
@@ -59,6 +60,9 @@ typedef struct {
     double *residual;
     double *z, *whitened, *d_whitened; /* (panel_length(n_gauges)) */
     float *narrow;                     /* (n_gauges) whitened */
+    double *direction;                 /* (n_gauges + N_SCALAR_INPUTS) of derivatives, for estimator_model.c, */
+    double derivative[N_OUTPUTS];      /* which keeps the outputs' derivatives along it, */
+    int reported_health;               /* and the last health that was reported */
 } Estimator;
 
 /* Make an estimator of the map in bytes [length], and own them: they are freed here if that fails. Return NULL with a

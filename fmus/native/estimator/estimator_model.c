@@ -3,7 +3,6 @@
    Numbers are outputs, strains, valid flags, then the scalar inputs and settings. */
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "../core/model.h"
@@ -11,16 +10,8 @@
 
 #define TIME_REFERENCE 21u /* of the independent variable in FMI 3.0 */
 
-typedef struct {
-    Model base;
-    Estimator *estimator;
-    double *direction; /* (n_gauges + N_SCALAR_INPUTS) of derivatives */
-    double derivative[N_OUTPUTS];
-    int reported_health;
-} EstimatorModel;
-
 static Estimator *estimator_of(const Model *model) {
-    return ((const EstimatorModel *)model)->estimator;
+    return (Estimator *)(uintptr_t)model; /* its first member */
 }
 
 static size_t n_inputs(const Estimator *e) {
@@ -28,10 +19,7 @@ static size_t n_inputs(const Estimator *e) {
 }
 
 void model_destroy(Model *model) {
-    EstimatorModel *own = (EstimatorModel *)model;
-    estimator_free(own->estimator);
-    free(own->direction);
-    free(own);
+    estimator_free(estimator_of(model));
 }
 
 Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
@@ -39,27 +27,16 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
     if (e == NULL) {
         return NULL;
     }
-    EstimatorModel *own = calloc(1, sizeof *own);
-    double *direction = calloc(n_inputs(e), sizeof *direction);
-    if (own == NULL || direction == NULL) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        free(own);
-        free(direction);
-        estimator_free(e);
-        return NULL;
-    }
-    own->base = (Model){.guid = e->map.guid,
-                        .checksum = e->map.checksum,
-                        .mode = INSTANTIATED,
-                        .time_reference = TIME_REFERENCE};
-    own->estimator = e;
-    own->direction = direction;
-    return &own->base;
+    e->base = (Model){.guid = e->map.guid,
+                      .checksum = e->map.checksum,
+                      .mode = INSTANTIATED,
+                      .time_reference = TIME_REFERENCE};
+    return &e->base;
 }
 
 void model_reset(Model *model) {
     estimator_reset(estimator_of(model));
-    ((EstimatorModel *)model)->reported_health = OK;
+    estimator_of(model)->reported_health = OK;
 }
 
 void model_set_time(Model *model, double time) {
@@ -84,16 +61,16 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
     static const char *const STATES[] = {
         "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT",
     };
-    EstimatorModel *own = (EstimatorModel *)model;
-    const double *output = estimator_outputs(own->estimator);
+    Estimator *e = estimator_of(model);
+    const double *output = estimator_outputs(e);
     const int health = (int)output[HEALTH_STATE];
-    if (health == own->reported_health) {
+    if (health == e->reported_health) {
         return 0;
     }
     snprintf(text, MODEL_TEXT_SIZE,
              "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
              model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
-    own->reported_health = health;
+    e->reported_health = health;
     return 1;
 }
 
@@ -252,14 +229,14 @@ static size_t output_index(const Model *model, size_t variable) {
 }
 
 static double *clear_direction(Model *model) {
-    EstimatorModel *own = (EstimatorModel *)model;
-    return memset(own->direction, 0, n_inputs(own->estimator) * sizeof *own->direction);
+    Estimator *e = estimator_of(model);
+    return memset(e->direction, 0, n_inputs(e) * sizeof *e->direction);
 }
 
 static const double *along_direction(Model *model) {
-    EstimatorModel *own = (EstimatorModel *)model;
-    estimator_derivative(own->estimator, own->direction, own->derivative);
-    return own->derivative;
+    Estimator *e = estimator_of(model);
+    estimator_derivative(e, e->direction, e->derivative);
+    return e->derivative;
 }
 
 /* State: inputs and settings as float64, a byte per gauge for valid. Masks and outputs follow from them. */

@@ -18,7 +18,7 @@ TOLERANCE = 1e-12
 the largest term, and terms are up to 100 times their sum."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """One set of inputs."""
 
