@@ -1,4 +1,4 @@
-"""What a map is made from: one march of the Euler solver and one structure, both of the shipped vehicle."""
+"""Cost of the parts of a map: one march of the Euler solver and one structure, both of the shipped vehicle."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
-from strainfmu.cosim.step import open_step
+from strainfmu.cosim.estimator_source import open_step
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator

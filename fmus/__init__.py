@@ -1,1 +1,1 @@
-"""What an FMU is made of: slaves, documentation and licences that the export copies into it."""
+"""Material of FMUs: slaves, documentation and licences that the export copies into them."""

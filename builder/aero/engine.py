@@ -1,4 +1,4 @@
-"""What every source of surface pressure looks like: a flight condition in, pressure at the surface nodes out.
+"""Interface of every source of surface pressure: a flight condition in, pressure at the surface nodes out.
 
 Engines: :class:`builder.aero.euler_engine.EulerEngine` (the marching solver),
 :class:`builder.aero.newtonian.NewtonianEngine` (any closed surface), :class:`builder.aero.cfd.table.TableEngine`

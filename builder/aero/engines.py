@@ -1,4 +1,4 @@
-"""Which engines there are, and how each is made for a vehicle. A new engine is one entry of :data:`ENGINES`."""
+"""Registry of the engines, and how each is made for a vehicle. A new engine is one entry of :data:`ENGINES`."""
 
 from __future__ import annotations
 

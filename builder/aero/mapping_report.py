@@ -1,4 +1,4 @@
-"""How well two surfaces of a body agree, what a transfer between them loses, and when that is refused."""
+"""Quality of a mapping: how well two surfaces agree, what a transfer loses, and when it is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the flow solver's wall pressure to the pressure at the vehicle's surface nodes.
+"""Pressure at the vehicle's surface nodes from the flow solver's wall pressure.
 
 On a body of revolution the flow depends on Mach number and total incidence alone; angle of attack and
 sideslip only roll it. So one solution, laid on the stations of the surface grid, serves every condition

@@ -1,4 +1,4 @@
-"""What a campaign did, in the lines that a user reads."""
+"""Summary of a campaign, in the lines that a user reads."""
 
 from __future__ import annotations
 

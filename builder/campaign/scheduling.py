@@ -1,4 +1,4 @@
-"""Where flows are solved: threads of this process, local processes, or the workers of a Dask scheduler."""
+"""Schedulers of flows: threads of this process, local processes, or the workers of a Dask scheduler."""
 
 from __future__ import annotations
 

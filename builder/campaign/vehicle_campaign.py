@@ -1,4 +1,4 @@
-"""What a vehicle file asks of a campaign."""
+"""Campaign of a vehicle file: its engine, conditions and settings."""
 
 from __future__ import annotations
 

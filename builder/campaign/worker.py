@@ -1,4 +1,4 @@
-"""What a worker of a campaign runs; it needs this package installed, and no file of the user's."""
+"""Task of a campaign's worker; it needs this package installed, and no file of the user's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All studies of both cases in all set-ups, and the measurements that explain them: the content of the report."""
+"""Studies of both cases in all set-ups, and the measurements that explain them: the contents of the report."""
 
 from __future__ import annotations
 

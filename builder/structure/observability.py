@@ -1,4 +1,4 @@
-"""What pressure a gauge layout can see: its response per harmonic round the axis, per symmetry, in all.
+"""Observability of pressure by a gauge layout: its response per harmonic round the axis, per symmetry, in all.
 
 Everything is asked over smooth pressures: Legendre polynomials of x over the length of the surface times
 cos(m phi) and sin(m phi), phi the roll angle from +z towards +y. They are made orthogonal, of mean square 1 Pa2

@@ -1,4 +1,4 @@
-"""What the vehicle is made of: an isotropic material and a wall of constant thickness."""
+"""Wall of the vehicle: an isotropic material and a constant thickness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong in a vehicle file, in one line: which entry, what was found, what is allowed."""
+"""Faults of a vehicle file, in one line each: which entry, what was found, what is allowed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a map needs of a vehicle file: its gauge layouts, and enough gauges and conditions for its modes."""
+"""Requirements of a map on a vehicle file: its gauge layouts, and enough gauges and conditions for its modes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long one step takes, and what of it is the mathematics."""
+"""Benchmark of one step: the mathematics, the numpy estimator, and FMUs of every kind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a co-simulation recorded, on disk and in memory."""
+"""Recording of a co-simulation, on disk and in memory."""
 
 from __future__ import annotations
 

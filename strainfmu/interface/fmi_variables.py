@@ -1,4 +1,4 @@
-"""What the interface of an FMU is made of: variables and their units, for FMI 2.0 and 3.0."""
+"""Elements of an FMU's interface: variables and their units, for FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the bridge said last, and the last minute of it: datagrams in, JSON for the page out."""
+"""State of the live page: the last result of the bridge and the last minute of it; datagrams in, JSON out."""
 
 from __future__ import annotations
 

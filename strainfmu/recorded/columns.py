@@ -1,4 +1,4 @@
-"""Which column of a table is which gauge, and in which unit."""
+"""Assignment of a table's columns to gauges, with units."""
 
 from __future__ import annotations
 

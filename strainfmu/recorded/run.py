@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.step import ReadyStep, StepRefused, health_name, open_step
+from strainfmu.cosim.estimator_source import ReadyStep, open_step
+from strainfmu.cosim.step import StepRefused, health_name
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.output import check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains

@@ -1,4 +1,4 @@
-"""From values in cells to pressure that is linear over each triangle, without smearing jumps.
+"""Reconstruction of cell values as pressure that is linear over each triangle, without smearing jumps.
 
 Each cell gets the gradient that fits its neighbours best (weighted least squares), held back so that no corner
 leaves the range of the neighbours. That is exact for a field that is linear over a plane; at a shock or an edge of

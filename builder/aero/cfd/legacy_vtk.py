@@ -1,4 +1,4 @@
-"""Whether a legacy VTK file is whole: VTK's reader fills what is missing at the end with whatever memory holds.
+"""Completeness check of legacy VTK files: VTK's reader fills what is missing at the end with arbitrary memory.
 
 Format: "VTK File Formats", simple legacy formats (VTK User's Guide). Only the last block of a file can be cut
 short, so only its size is compared with what its heading declares.

@@ -1,4 +1,4 @@
-"""From tip to base: conical start, then marching along the surface.
+"""March from tip to base: conical start, then step by step along the surface.
 
 The flow over the tip is conical. It is relaxed, first on half the grid, then on the whole, and then marched over
 ever larger cones until nothing changes, which after the relaxation is seldom more than one leg. A body that

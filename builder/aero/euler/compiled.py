@@ -1,4 +1,4 @@
-"""How this folder's functions are compiled."""
+"""Compilation of this folder's functions by numba."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What flows through the side faces in one step (compiled)."""
+"""Fluxes through the side faces in one step (compiled)."""
 
 from __future__ import annotations
 

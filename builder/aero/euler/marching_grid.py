@@ -1,4 +1,4 @@
-"""How finely a cross-plane is resolved."""
+"""Resolution of a cross-plane."""
 
 from __future__ import annotations
 

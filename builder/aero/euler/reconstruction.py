@@ -1,4 +1,4 @@
-"""From cell averages to states at faces (compiled).
+"""Reconstruction of states at faces from cell averages (compiled).
 
 Slopes are taken of p, rho and of the cross-flow velocity's cylindrical components less the free stream's: so
 an axisymmetric flow stays axisymmetric and a uniform stream uniform. u follows from total enthalpy.

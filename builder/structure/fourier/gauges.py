@@ -1,4 +1,4 @@
-"""Where a strain gauge sits on the inner surface and which strain it reads there."""
+"""Strain gauges on the inner surface: their position, and the strain that they measure there."""
 
 from __future__ import annotations
 

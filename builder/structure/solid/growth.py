@@ -1,4 +1,4 @@
-"""How time and memory grow with the size of the structural model: from a vehicle to Z_p, mesh by mesh.
+"""Growth of time and memory with the size of the structural model: from a vehicle to Z_p, mesh by mesh.
 
 Each case runs in a process of its own, so that its peak of memory is its own. Run as a module, this file is that
 process.

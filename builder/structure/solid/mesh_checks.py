@@ -1,4 +1,4 @@
-"""What a mesh must satisfy before anything is computed on it; each fault is one line."""
+"""Checks of a mesh before anything is computed on it; each fault is one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which mesh a vehicle's structure is computed on: swept, made by Gmsh, or brought along."""
+"""Choice of the mesh of a vehicle's structure: swept, made by Gmsh, or imported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mesh is like, as rows for print: counts, quality of elements, volumes, areas, masses."""
+"""Summary of a mesh as rows for print: counts, quality of elements, volumes, areas, masses."""
 
 from __future__ import annotations
 

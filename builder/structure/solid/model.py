@@ -1,4 +1,4 @@
-"""From a body, its wall and its gauges to Z_p on a three-dimensional mesh, stage by stage.
+"""Three-dimensional model: from a body, its wall and its gauges to Z_p, stage by stage.
 
 mesh -> checks and report -> locking check -> gauges -> supports and solution -> mesh error. What the gauges do not
 touch (checks, report, locking) is taken from a file made before on the same mesh.

@@ -1,4 +1,4 @@
-"""What holds the body: surfaces that do not move, slide or rest on springs; or nothing, in free flight.
+"""Supports of the body: surfaces that do not move, slide or rest on springs; or none, in free flight.
 
 Constraints are kept exactly: the displacement is u = free q with q the free motions, so a solver sees
 free^T A free alone. At each held node the free motions are unit vectors, turned where the held directions are.

@@ -10,7 +10,7 @@ import numpy as np
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
-from strainfmu.cosim.step import open_step
+from strainfmu.cosim.estimator_source import open_step
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 
 LOG_COLUMNS = (

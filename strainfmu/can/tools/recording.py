@@ -1,4 +1,4 @@
-"""Everything on the bus into a log: BLF, ASC or candump's log, by a thread of its own, on disk within a second.
+"""Recording of everything on the bus: BLF, ASC or candump's log, by a thread of its own, on disk within a second.
 
 Beside the log lies LOG.json: the bridge's options, its start and its end, so that a replay is the run again.
 """

@@ -1,4 +1,4 @@
-"""What a virtual sender sends: a plant FMU, a flown scenario, or recorded strains, sample by sample."""
+"""Sources of a virtual sender: a plant FMU, a flown scenario, or recorded strains, sample by sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an artefact holds, shown on the console: ``strainfmu inspect``."""
+"""Inspection of an artefact of any kind: ``strainfmu inspect``."""
 
 from __future__ import annotations
 

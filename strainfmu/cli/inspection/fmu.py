@@ -1,4 +1,4 @@
-"""What an FMU holds, shown on the console: ``strainfmu inspect X.fmu``, of this project's FMUs and any other."""
+"""Inspection of an FMU, of this project's and any other: ``strainfmu inspect X.fmu``."""
 
 from __future__ import annotations
 

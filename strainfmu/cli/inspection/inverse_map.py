@@ -1,4 +1,4 @@
-"""What a map holds, shown on the console and drawn: ``strainfmu inspect map.h5``."""
+"""Inspection of a map, as tables and figures: ``strainfmu inspect map.h5``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a structure holds, shown on the console and drawn: ``strainfmu inspect structure.h5``."""
+"""Inspection of a structure, as tables and figures: ``strainfmu inspect structure.h5``."""
 
 from __future__ import annotations
 

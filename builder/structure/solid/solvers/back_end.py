@@ -1,4 +1,4 @@
-"""What a back end is: a name, a licence, how to get it, and a function that factorises."""
+"""Interface of a solver back end: a name, a licence, how to get it, and a function that factorises."""
 
 from __future__ import annotations
 
