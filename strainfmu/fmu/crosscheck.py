@@ -82,7 +82,13 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
     lines = [*(f"{name},{value:g}" for name, value in options.items()), f"RelTol,{RELATIVE_TOLERANCE:g}"]
     write_bytes_atomically(folder / f"{model}_ref.opt", ("\n".join(lines) + "\n").encode())
     results = [
-        _result(name, description.fmiVersion, folder / f"{model}.fmu", folder / f"{model}_in.csv", table)
+        _result(
+            name,
+            fmi_version=description.fmiVersion,
+            fmu=folder / f"{model}.fmu",
+            inputs=folder / f"{model}_in.csv",
+            reference=table,
+        )
         for name in IMPORTERS
     ]
     tolerance = experiment.tolerance if experiment is not None else None
@@ -99,7 +105,7 @@ def check_results(results: Sequence[ImporterResult]) -> None:
         raise StrainfmuError(f"cross-check: {', '.join(failed)} failed")
 
 
-def _result(name: str, fmi_version: str, fmu: Path, inputs: Path, reference: Table) -> ImporterResult:
+def _result(name: str, *, fmi_version: str, fmu: Path, inputs: Path, reference: Table) -> ImporterResult:
     """Run one importer in a process of its own and compare."""
     package, versions, _ = IMPORTERS[name]
     try:

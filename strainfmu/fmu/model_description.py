@@ -137,12 +137,12 @@ def _model_structure(interface: Sequence[Variable]) -> Element:
         step_kinds = [variable.dependencies_kind] * len(variable.depends_on)
         initial_kinds = step_kinds + ["dependent"] * len(variable.initially_depends_on)
         initially = variable.depends_on + variable.initially_depends_on
-        outputs.append(_unknown(index, variable.name, variable.depends_on, step_kinds))
-        unknowns.append(_unknown(index, variable.name, initially, initial_kinds))
+        outputs.append(_unknown(index, variable.name, depends_on=variable.depends_on, kinds=step_kinds))
+        unknowns.append(_unknown(index, variable.name, depends_on=initially, kinds=initial_kinds))
     return structure
 
 
-def _unknown(index: Mapping[str, int], name: str, depends_on: Sequence[str], kinds: Sequence[str]) -> Element:
+def _unknown(index: Mapping[str, int], name: str, *, depends_on: Sequence[str], kinds: Sequence[str]) -> Element:
     """Return one Unknown; an empty list of dependencies states that there are none."""
     attributes = {
         "index": str(index[name]),

@@ -111,17 +111,19 @@ def _model_structure(interface: Sequence[Variable]) -> Element:
     outputs = [variable for variable in interface if variable.causality == "output"]
     for variable in outputs:
         kinds = [variable.dependencies_kind] * len(variable.depends_on)
-        structure.append(_unknown("Output", references, variable.name, variable.depends_on, kinds))
+        structure.append(
+            _unknown("Output", references, name=variable.name, depends_on=variable.depends_on, kinds=kinds)
+        )
     for variable in outputs:
         known = variable.depends_on + variable.initially_depends_on
         kinds = [variable.dependencies_kind] * len(variable.depends_on)
         kinds += ["dependent"] * len(variable.initially_depends_on)
-        structure.append(_unknown("InitialUnknown", references, variable.name, known, kinds))
+        structure.append(_unknown("InitialUnknown", references, name=variable.name, depends_on=known, kinds=kinds))
     return structure
 
 
 def _unknown(
-    tag: str, references: Mapping[str, int], name: str, depends_on: Sequence[str], kinds: Sequence[str]
+    tag: str, references: Mapping[str, int], *, name: str, depends_on: Sequence[str], kinds: Sequence[str]
 ) -> Element:
     """Return one unknown; an empty list of dependencies states that there are none."""
     attributes = {
