@@ -1,4 +1,4 @@
-"""The sets of flight conditions that snapshots are taken at."""
+"""Sets of flight conditions at which snapshots are taken."""
 
 from __future__ import annotations
 

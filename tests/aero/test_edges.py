@@ -66,7 +66,7 @@ def test_triangles_at_random_are_turned_outward() -> None:
 
 
 def test_open_base_counts_as_closed() -> None:
-    """An inward cone without base is turned, and the note says so; the base plane's place does not matter."""
+    """An inward cone without base is turned, and the note says so; the base plane's position does not matter."""
     mesh = cone(radians(10.0), 48)
     inward = SurfaceMesh(mesh.point + np.array([7.0, 0.2, 0.0]), mesh.triangle[:, ::-1])
     prepared, notes = prepare_surface(inward, SHARP)

@@ -1,4 +1,4 @@
-"""Which engine a vehicle gets, and what is said where it cannot be made."""
+"""Engines of a vehicle, and the messages where one cannot be made."""
 
 from __future__ import annotations
 

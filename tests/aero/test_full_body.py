@@ -70,7 +70,7 @@ class Revolved:
 
 
 def assert_balanced(flow: FullFlowSolution, tolerance: float) -> None:
-    """Assert that the force from the walls is that from the momentum within a share of its size."""
+    """Assert that the force from the walls is that from the momentum within a fraction of its size."""
     size = np.linalg.norm(flow.force_from_momentum)
     np.testing.assert_allclose(flow.force, flow.force_from_momentum, rtol=0.0, atol=tolerance * size)
     assert abs(flow.mass_defect) < 1e-4

@@ -114,7 +114,7 @@ def test_missing_base_is_named() -> None:
     ],
 )
 def test_each_tolerance_refuses(name: str, text: str) -> None:
-    """Nothing that differs passes a tolerance of 0; the message says what is allowed."""
+    """Nothing that differs passes a tolerance of 0; the message gives what is allowed."""
     report = report_of(body(), body(45, 44))
     loose = MappingTolerances(
         gap_relative=1.0,

@@ -1,4 +1,4 @@
-"""What the tests of campaigns share: a small vehicle, and the command in a process of its own."""
+"""Common parts of the tests of campaigns: a small vehicle, and the command in a process of its own."""
 
 from __future__ import annotations
 

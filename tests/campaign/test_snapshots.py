@@ -1,4 +1,4 @@
-"""The snapshot file: what it holds comes back, what it lacks or what does not fit is said."""
+"""The snapshot file: its content comes back; what is missing or does not fit is reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What meshes do to gauge strains and to maps built on them, told in units of the gauges' noise."""
+"""Effect of the mesh on gauge strains and on maps built on them, in units of the gauges' noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a layout sees, against closed forms on a cylinder, and on the shipped vehicle's layouts."""
+"""Observability by a layout, against closed forms on a cylinder, and on the shipped vehicle's layouts."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_influence_is_what_the_gauge_weighs_pressure_with() -> None:
 
 @pytest.mark.parametrize("symmetry", SYMMETRIES, ids=str)
 def test_classes_are_those_of_mirrored_pressures(symmetry: Symmetry) -> None:
-    """A gauge that reads a pressure's value at one place and, mirrored, at three others with the class's signs."""
+    """A gauge that reads a pressure's value at one point and, mirrored, at three others with the class's signs."""
     mesh = cylinder(61, 48)
     point = mesh.point
     node = int(np.argmin(np.linalg.norm(point - [2.0, RADIUS * np.sin(0.52), RADIUS * np.cos(0.52)], axis=1)))

@@ -120,7 +120,7 @@ def test_uniform_pressure_is_lames_on_both_faces(clamped: Structure, tmp_path: P
 
 
 def test_free_flight_carries_what_the_mass_behind_needs(tmp_path: Path) -> None:
-    """The nose's force accelerates the whole body; the wall at x carries the share of the mass aft of x."""
+    """The nose's force accelerates the whole body; the wall at x carries the mass aft of x."""
     path = small(tmp_path, *FREE_FLIGHT)
     vehicle = load_vehicle(path)
     body, wall = vehicle.body(), wall_of(vehicle)
@@ -263,7 +263,7 @@ def test_brought_mesh(run: Run, clamped: Structure, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_tetrahedra(run: Run, tmp_path: Path) -> None:
-    """Edges of 0.9 sqrt(R t): a few per cent of bending are lost, said as a warning and as mesh error."""
+    """Edges of 0.9 sqrt(R t): a few per cent of bending are lost, reported as a warning and as mesh error."""
     try:
         load_gmsh()
     except StrainfmuError as error:

@@ -1,4 +1,4 @@
-"""``strainfmu inspect`` of a structure says what the file holds and what its layouts see."""
+"""``strainfmu inspect`` of a structure prints what the file holds and what its layouts observe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The manifest of a set of CFD results: which file holds which flight condition, and in which quantity and axes.
+"""The manifest of a set of CFD results: files, their flight conditions, quantity and axes.
 
 TOML, or a CSV table whose columns are the same entries. Nothing is guessed: an entry that is not declared, not
 known or not settled is refused in one line.
@@ -308,8 +308,8 @@ def _first_fault(error: ValidationError, lines: list[int] | None) -> str:
     where = list(fault["loc"])
     if len(where) > 1 and where[0] == "case" and isinstance(where[1], int):
         where[:2] = [f"case {where[1] + 1}" if lines is None else f"line {lines[where[1]]}"]
-    place = ": ".join(str(part + 1) if isinstance(part, int) else part for part in where)
-    prefix = f"{place}: " if place else ""
+    label = ": ".join(str(part + 1) if isinstance(part, int) else part for part in where)
+    prefix = f"{label}: " if label else ""
     if fault["type"] == "extra_forbidden":
         allowed = CaseEntry if len(where) > 1 else ManifestEntries
         return f"{prefix}unknown entry; allowed: {', '.join(allowed.model_fields)}"

@@ -94,9 +94,12 @@ def read_field(path: Path, array: str | None, location: Location | None, metres_
 
 def _vtk_field(path: Path, array: str | None, location: Location | None) -> SurfaceField:
     surface = read_vtk(path)
-    places: dict[Location, Mapping[str, FloatArray]] = {"node": surface.node_arrays, "cell": surface.cell_arrays}
+    arrays_at: dict[Location, Mapping[str, FloatArray]] = {
+        "node": surface.node_arrays,
+        "cell": surface.cell_arrays,
+    }
     there: list[tuple[Location, str]] = [
-        (place, name) for place, arrays in places.items() if location in (None, place) for name in arrays
+        (place, name) for place, arrays in arrays_at.items() if location in (None, place) for name in arrays
     ]
     fitting = [(place, name) for place, name in there if array in (None, name)]
     listed = ", ".join(f"'{name}' ({place})" for place, name in there) or "none"
@@ -116,7 +119,7 @@ def _vtk_field(path: Path, array: str | None, location: Location | None) -> Surf
     return SurfaceField(
         point=surface.point,
         triangle=surface.triangle,
-        values=places[place][name],
+        values=arrays_at[place][name],
         location=place,
         array=name,
         face=face,

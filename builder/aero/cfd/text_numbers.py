@@ -1,4 +1,4 @@
-"""Numbers from text files: fast where all is well, and line by line where something has to be named."""
+"""Numbers from text files: fast where all is well, line by line where a wrong word has to be named."""
 
 from __future__ import annotations
 

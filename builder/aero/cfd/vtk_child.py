@@ -1,4 +1,4 @@
-"""Reads one VTK file in a process of its own: ``python -P vtk_child.py FILE`` puts an .npz image on its output.
+"""Reader of one VTK file in a process of its own: ``python -P vtk_child.py FILE`` prints an .npz image.
 
 VTK's readers print to the process's standard error, go on with half of the data, and on some damaged files end
 the process. Here none of that reaches the caller: what VTK reports as an error becomes a refusal (exit code 3,
@@ -31,7 +31,7 @@ _CURVED_AREA = (22, 23, 28, 30, 34, 36, 69, 70, 76, 77)
 
 
 class Refusal(Exception):
-    """The file cannot be used; the text says why."""
+    """The file cannot be used; the text is the reason."""
 
 
 def load(path: str) -> Any:
@@ -64,7 +64,7 @@ def load(path: str) -> Any:
     reader.Update()
     complaint = re.search(r"ERROR: In [^\n]*\n(?:\w+ \(0x[0-9a-f]+\): )?([^\n]*)", window.GetOutput() or "")
     if complaint:
-        raise Refusal(f"damaged or cut short; VTK says: {complaint.group(1).strip()[:160]}")
+        raise Refusal(f"damaged or cut short; VTK reports: {complaint.group(1).strip()[:160]}")
     data = reader.GetOutputDataObject(0)
     if not isinstance(data, (vtkPolyData, vtkUnstructuredGrid)):
         found = data.GetClassName() if data is not None else "nothing"

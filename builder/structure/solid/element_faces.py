@@ -1,4 +1,4 @@
-"""Faces and edges of elements, and which faces are the boundary of a mesh.
+"""Faces and edges of elements, and the boundary of a mesh.
 
 Local node numbers are VTK's: corners, then the middles of edges in the order of :data:`EDGES`. Faces turn
 anticlockwise seen from outside, corners first, then middles, so their normal points outward (VTK User's Guide,

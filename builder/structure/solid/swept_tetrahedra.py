@@ -68,10 +68,10 @@ def _kuhn_tetrahedra() -> IntArray:
     """Return (6, 4) local corners of the tetrahedra, each of positive volume."""
     found = []
     for order in permutations(range(3)):
-        place, path = [0, 0, 0], [_CORNER[0, 0, 0]]
+        corner, path = [0, 0, 0], [_CORNER[0, 0, 0]]
         for axis in order:
-            place[axis] = 1
-            path.append(_CORNER[place[0], place[1], place[2]])
+            corner[axis] = 1
+            path.append(_CORNER[corner[0], corner[1], corner[2]])
         # An odd order of the axes turns the tetrahedron inside out.
         odd = sum(a > b for i, a in enumerate(order) for b in order[i + 1 :]) % 2
         found.append([path[0], path[2], path[1], path[3]] if odd else path)

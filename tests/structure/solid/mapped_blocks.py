@@ -87,7 +87,7 @@ def stress_at(mesh: SolidMesh, material: Material, displacement: FloatArray, nod
 
 
 def node_at(mesh: SolidMesh, place: tuple[float, float, float]) -> int:
-    """Return the node at a place [m]."""
+    """Return the node at a point [m]."""
     distance = np.linalg.norm(mesh.node - np.array(place), axis=1)
     found = int(distance.argmin())
     assert distance[found] < CLOSE

@@ -1,4 +1,4 @@
-"""Every fault of a mesh is found and said in one line; sound meshes pass."""
+"""Every fault of a mesh is found and reported in one line; sound meshes pass."""
 
 from dataclasses import replace
 

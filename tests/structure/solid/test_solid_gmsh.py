@@ -178,7 +178,7 @@ def test_stl_file(cup: Any, tmp_path: Path) -> None:
 
 
 def test_stl_with_a_closed_cavity(gmsh: Any, tmp_path: Path) -> None:
-    """Ball of radius 0.5 m with a hollow of 0.3 m: two shells; no plane base, so the names are not asked for."""
+    """Ball of radius 0.5 m with a hollow of 0.3 m: two shells; no plane base, so the names are not used."""
     with gmsh_model("ball") as session:
         outside, inside = (session.model.occ.addSphere(0, 0, 0, radius) for radius in (0.5, 0.3))
         session.model.occ.cut([(3, outside)], [(3, inside)])

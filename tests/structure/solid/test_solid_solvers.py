@@ -229,7 +229,7 @@ def test_choice() -> None:
 
 
 def test_nothing_permissive_needs_to_be_installed() -> None:
-    """What is chosen without being asked for binds no program that calls it."""
+    """The licence of a back end chosen by default binds no program that calls it."""
     assert SUPERLU.installed()
     assert not any(word in back_end.licence for back_end in AUTOMATIC for word in ("GPL", "Intel"))
 

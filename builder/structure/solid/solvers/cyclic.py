@@ -1,4 +1,4 @@
-"""Structures of equal sectors: one small complex system per harmonic, SuperLU each, harmonics side by side.
+"""Solver of structures of equal sectors: one small complex system per harmonic, SuperLU each, in threads.
 
 No factor and no field over the whole structure is kept, so memory grows with one sector and with the result.
 SuperLU releases Python's lock, so threads suffice.
@@ -82,7 +82,7 @@ class CyclicSolver:
     def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
         """Return displacements (n_dof, k) [m] under loads (n_dof, k) [N], both along body axes.
 
-        Every call factorises anew, so give all loads at once.
+        Every call factorises again, so give all loads at once.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class CyclicSolver:
 
         Returns
         -------
-        (n_d, n_sectors * n_columns), sector by sector: strain per unit of what the load's columns stand for.
+        (n_d, n_sectors * n_columns), sector by sector: strain per unit of the load's columns.
 
         Raises
         ------
@@ -138,7 +138,9 @@ class CyclicSolver:
         """
         problem = self.problem
         if not rows.shape[0] or rows.shape[1] != problem.n_dof or not np.isfinite(rows.data).all():
-            raise InputError(f"gauge rows {rows.shape}: some rows of {problem.n_dof} finite columns are wanted")
+            raise InputError(
+                f"gauge rows {rows.shape}: must be at least one row of {problem.n_dof} finite columns"
+            )
         shifted = shifted_rows(problem.sector, rows)
         reduced = CircularOperator(
             n_sectors=problem.n_sectors,
