@@ -9,9 +9,13 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 
 HERE = Path(__file__).parent
+MATH_FONT = Path(str(files("ziamath") / "fonts" / "STIXTwoMath-Regular.ttf"))
+"""Set by browsers that have no mathematical font of their own; under the SIL Open Font License."""
+
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]  # the packages of this clone, and the extensions below
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -49,17 +53,20 @@ math_numfig = False
 math_eqref_format = "({number})"
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "description"
-autodoc_typehints_description_target = "documented"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_typehints = "signature"
+autodoc_default_options = {"members": True}
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "BoolArray", "FloatArray", "IntArray")}
+autodoc_typehints_format = "short"
+maximum_signature_line_length = 88
 napoleon_numpy_docstring = True
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
+napoleon_attr_annotations = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = "strainfmu"
-html_static_path = ["_static"]
+html_static_path = ["_static", str(MATH_FONT)]
 html_css_files = ["site.css"]
 html_favicon = "_static/logo.svg"
 html_show_sourcelink = False

@@ -7,6 +7,7 @@ import re
 import types
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -31,7 +32,7 @@ class Entry:
 def command_page() -> str:
     """Return every command with its arguments and options, in MyST Markdown."""
     commands = [(command_name(info), info.callback) for info in program.registered_commands]
-    overview = ["| command | |", "|---|---|"]
+    overview = ["## Commands", "", "| command | |", "|---|---|"]
     overview += [f"| [`{name}`](#command-{name}) | {_first_line(call)} |" for name, call in commands]
     return "\n".join([*overview, "", *(_section(name, call) for name, call in commands)])
 
@@ -114,11 +115,14 @@ def _help(command: Callable[..., None]) -> str:
 
 
 def _prose(text: str) -> str:
-    """Turn help text into Markdown: a command line becomes code."""
+    """Turn help text into Markdown: command lines one after the other become one block of code."""
+    joined = [" ".join(block.split()) for block in re.split(r"\n\s*\n", text.replace("\b\n", ""))]
     blocks = []
-    for block in re.split(r"\n\s*\n", text.replace("\b\n", "")):
-        joined = " ".join(block.split())
-        blocks.append(f"```text\n{joined}\n```" if joined.startswith("strainfmu ") else _escape(joined))
+    for is_code, group in groupby(joined, key=lambda block: block.startswith("strainfmu ")):
+        if is_code:
+            blocks.append("\n".join(["```text", *group, "```"]))
+        else:
+            blocks += map(_escape, group)
     return "\n\n".join(blocks)
 
 
@@ -135,7 +139,11 @@ def _code(text: str) -> str:
 
 
 def _escape(text: str) -> str:
-    return re.sub(r"([<>*_\[\]$])", r"\\\1", text)
+    """Escape what Markdown would read; options become code, since two hyphens would become a dash."""
+    parts = re.split(r"((?<!\w)--[a-z][\w-]*)", text)
+    return "".join(
+        f"`{part}`" if part.startswith("--") else re.sub(r"([<>*_\[\]$])", r"\\\1", part) for part in parts
+    )
 
 
 class CommandLine(GeneratedText):
