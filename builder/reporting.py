@@ -14,7 +14,7 @@ Note = Callable[[str], None]
 
 
 class Reporter(Protocol):
-    """Listens to a chain of stages."""
+    """Receives the progress of the stages of a pipeline."""
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:
@@ -27,7 +27,7 @@ class Reporter(Protocol):
 
 
 class Silent:
-    """Listens and says nothing."""
+    """Receives progress and shows nothing."""
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Progress]:

@@ -1,4 +1,4 @@
-"""A folder of results that knows what each was made from, so that nothing is computed twice."""
+"""A folder of results with a record of what each was made from, so that nothing is computed twice."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ class Workspace:
     InputError
         ``folder`` exists and is no folder.
     StrainfmuError
-        It cannot be written: said before the long work.
+        It cannot be written: raised before the long work.
     """
 
     def __init__(self, folder: Path) -> None:
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder}: is a file, a folder is wanted")
-        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-        if not os.access(there, os.W_OK):
-            raise StrainfmuError(f"{folder}: cannot be written, no permission in {there}")
+            raise InputError(f"{folder}: is a file, must be a folder")
+        existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        if not os.access(existing, os.W_OK):
+            raise StrainfmuError(f"{folder}: cannot be written, no permission in {existing}")
         self.folder = folder
         self._made_from: dict[str, str] = {}
 
@@ -52,15 +52,15 @@ class Workspace:
 
         ``make`` must write its file atomically. The manifest is written only after it.
         """
-        wanted = fingerprint({"strainfmu_version": __version__, **inputs})
-        self._made_from[name] = wanted
+        made_from = fingerprint({"strainfmu_version": __version__, **inputs})
+        self._made_from[name] = made_from
         path = self.path(name)
         entry = self._manifest().get(name, {})
-        if entry.get("made_from") == wanted and path.is_file() and entry.get("sha256") == _sha256(path):
+        if entry.get("made_from") == made_from and path.is_file() and entry.get("sha256") == _sha256(path):
             return True
         make(path)
         entries = self._manifest()
-        entries[name] = {"made_from": wanted, "sha256": _sha256(path)}
+        entries[name] = {"made_from": made_from, "sha256": _sha256(path)}
         text = json.dumps(entries, indent=1, sort_keys=True)
         write_bytes_atomically(self.path(MANIFEST), text.encode())
         return False

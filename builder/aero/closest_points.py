@@ -1,8 +1,8 @@
-"""The closest point on a triangulated surface whose side fits: what both directions of a mapping start from.
+"""Closest points on a triangulated surface that face the same way: the basis of mapping in both directions.
 
 Distance alone picks the wrong side where two sides are close: on a thin fin, and at a slope break, where nodes are
-doubled and both sides' triangles touch. So each target point brings its outward normal, and a triangle that faces
-away from it loses against one that does not.
+doubled and both sides' triangles touch. So each target point brings its outward normal, and a triangle that
+faces away is only chosen where no other is near.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from scipy.spatial import cKDTree
 from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
-LEAST_FIT = 0.5
+MIN_FIT = 0.5
 """Cosine between normals below which a triangle is another side of the body (60 deg)."""
 SAME_DISTANCE = 0.01
-"""Triangles count as equally near if their distances differ by less than this share ..."""
+"""Triangles count as equally near if their distances differ by less than this fraction ..."""
 SAME_PLACE = 1e-6
-"""... plus this share of the source's extent: coordinates in single precision are no better."""
+"""... plus this fraction of the source's extent: coordinates in single precision are no better."""
 FIT_REACH = 1.0
 """How many edges farther than the nearest triangle one that fits may be."""
 FAR = 3.0
@@ -57,7 +57,8 @@ def closest_points(source: SurfaceMesh, point: FloatArray, normal: FloatArray) -
     Of the triangles that are equally near (within 1 % of the distance) the one whose normal fits best is taken.
     Where the nearest triangle does not fit (more than 60 deg), the nearest that does is taken if it is at most an
     edge farther away, otherwise the nearest, marked as not fitting. The search is exact up to three of the
-    source's longest edges; farther away, where something is wrong, the best of the four nearest centroids will do.
+    source's longest edges; farther away, where something is wrong, the best of the four nearest centroids is
+    taken.
 
     Parameters
     ----------
@@ -96,18 +97,18 @@ def closest_on_triangles(point: FloatArray, corner: FloatArray) -> tuple[FloatAr
 def _closest_on_edges(point: FloatArray, corner: FloatArray) -> FloatArray:
     """Return the barycentric weights (n, 3) of the closest point on each triangle's edges."""
     weight = np.zeros((len(point), 3))
-    least = np.full(len(point), np.inf)
+    nearest = np.full(len(point), np.inf)
     for k in range(3):
         start, along = corner[:, k], corner[:, (k + 1) % 3] - corner[:, k]
         square = np.einsum("ni,ni->n", along, along)
-        share = np.einsum("ni,ni->n", point - start, along)
-        share = np.clip(np.divide(share, square, out=np.zeros_like(share), where=square > 0.0), 0.0, 1.0)
-        distance = np.linalg.norm(point - start - share[:, None] * along, axis=1)
-        nearer = np.flatnonzero(distance < least)
-        least[nearer] = distance[nearer]
+        fraction = np.einsum("ni,ni->n", point - start, along)
+        fraction = np.clip(np.divide(fraction, square, out=np.zeros_like(fraction), where=square > 0.0), 0.0, 1.0)
+        distance = np.linalg.norm(point - start - fraction[:, None] * along, axis=1)
+        nearer = np.flatnonzero(distance < nearest)
+        nearest[nearer] = distance[nearer]
         weight[nearer] = 0.0
-        weight[nearer, k] = 1.0 - share[nearer]
-        weight[nearer, (k + 1) % 3] = share[nearer]
+        weight[nearer, k] = 1.0 - fraction[nearer]
+        weight[nearer, (k + 1) % 3] = fraction[nearer]
     return weight
 
 
@@ -151,7 +152,7 @@ class _Search:
         every = closest_on_triangles(point[owner], self.corner[guess.ravel()])
         best = every[1].reshape(guess.shape).argmin(axis=1) + guesses * np.arange(len(point))
         triangle, weight, gap = guess.ravel()[best], every[0][best], every[1][best]
-        fits = self._fit(normal, triangle) >= LEAST_FIT
+        fits = self._fit(normal, triangle) >= MIN_FIT
         near = np.flatnonzero(gap <= FAR * self.longest_edge.max())
         chosen = self._choose(point[near], normal[near], self._equally_near(gap[near]))
         _put(near, (triangle, weight, gap, fits), chosen)
@@ -172,7 +173,7 @@ class _Search:
         owner, triangle = self._within(point, radius)
         weight, distance = closest_on_triangles(point[owner], self.corner[triangle])
         fit = self._fit(normal[owner], triangle)
-        fits = fit >= LEAST_FIT
+        fits = fit >= MIN_FIT
         # Nearest first among those that fit, then among the others.
         order = np.lexsort((distance, ~fits, owner))
         first = order[np.searchsorted(owner[order], np.arange(len(point)))]
@@ -192,7 +193,7 @@ class _Search:
         """Return pairs (point, triangle) that hold every triangle nearer than ``radius`` (n,) to its point."""
         owners, triangles = [], []
         for member, tree, reach in self.classes:
-            # A hair more than the bound, so that rounding cannot lose the nearest triangle.
+            # Slightly more than the bound, so that rounding cannot lose the nearest triangle.
             near = tree.query_ball_point(point, (radius + reach) * (1.0 + 1e-9), return_sorted=False)
             count = np.fromiter(map(len, near), dtype=np.int64, count=len(near))
             flat = np.fromiter(chain.from_iterable(near), dtype=np.int64, count=int(count.sum()))

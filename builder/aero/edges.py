@@ -12,9 +12,9 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
 SAME_PLACE = 1e-7
-"""Nodes closer than this share of the surface's extent are one: coordinates in single precision."""
+"""Nodes closer than this fraction of the surface's extent are one: coordinates in single precision."""
 BASE_DEPTH = 1e-3
-"""Share of the length, at the aft end, within which the rim of an open base must lie."""
+"""Fraction of the length, at the aft end, within which the rim of an open base must lie."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,7 +26,7 @@ class _Edges:
     left, right : (e,) triangles on both sides of each edge that two triangles share.
     node : (e, 2) its ends.
     turned : (e,) both triangles run through it the same way, so that one of them faces the wrong way.
-    free : (f, 2) ends of the edges that one triangle has alone.
+    free : (f, 2) ends of the edges of one triangle only.
     crowded : (c, 2) ends of the edges that more than two share.
     """
 

@@ -2,7 +2,7 @@
 
 Engines: :class:`builder.aero.euler_engine.EulerEngine` (the marching solver),
 :class:`builder.aero.newtonian.NewtonianEngine` (any closed surface), :class:`builder.aero.cfd.table.TableEngine`
-(results of another solver, imported). Adding one means writing these members; campaigns, the command line
+(results of another solver, imported). A new engine implements these members; campaigns, the command line
 and reports need no change.
 """
 
@@ -17,7 +17,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
 FlowKey = tuple[float, ...]
-"""What tells one flow from another: conditions with equal keys share one solution."""
+"""The identity of a flow: conditions with equal keys share one solution."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,7 +52,7 @@ class Engine(Protocol):
         ...
 
     def inputs(self) -> Mapping[str, Any]:
-        """Return everything a flow depends on beside its key, as JSON can hold it.
+        """Return everything a flow depends on besides its key, as JSON can hold it.
 
         A stored flow is valid as long as this and its key are unchanged. What only :meth:`pressure_ratio`
         depends on does not belong here.
@@ -60,7 +60,7 @@ class Engine(Protocol):
         ...
 
     def conditions(self) -> list[FlightCondition] | None:
-        """Return the only conditions there are results for, or None where any can be asked for."""
+        """Return the only conditions that have results, or None where any condition will do."""
         ...
 
     def flow_key(self, condition: FlightCondition) -> FlowKey:
@@ -68,7 +68,7 @@ class Engine(Protocol):
         ...
 
     def solve(self, key: FlowKey) -> Flow:
-        """Solve one flow: the long work.
+        """Solve one flow: the time-consuming part.
 
         Raises
         ------

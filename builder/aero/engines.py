@@ -23,8 +23,9 @@ class EngineKind:
 
     Attributes
     ----------
-    make : from the vehicle, a resolution, a level of ``--grid`` (None: the resolution's own cells) and a listener.
-    long_work : a flow takes so long that processes pay.
+    make : from the vehicle, a resolution, a level of ``--grid`` (None: the resolution's own cells) and a
+        function that takes notes.
+    long_work : a flow takes so long that processes are worth starting.
     """
 
     make: Callable[[Vehicle, Resolution, str | None, Note], Engine]
@@ -47,12 +48,12 @@ def make_engine(
 ) -> Engine:
     """Return the engine ``engine_name``, or the vehicle file's where that is None.
 
-    ``note`` is told, line by line, what was changed on a surface file.
+    ``note`` takes, line by line, what was changed on a surface file.
 
     Raises
     ------
     InputError
-        There is no such engine or grid level, or the vehicle file does not say what the engine needs.
+        There is no such engine or grid level, or the vehicle file lacks an entry that the engine needs.
     """
     name = engine_name or vehicle.aerodynamics.engine
     if name not in ENGINES:

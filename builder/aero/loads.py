@@ -29,12 +29,12 @@ def load_operator(grid: SurfaceGrid, moment_station: float) -> FloatArray:
     dx, dr = np.diff(x), np.diff(r)
     for t, weight in zip(_POINTS, _WEIGHTS, strict=True):
         at_x, at_r = x[:-1] + t * dx, r[:-1] + t * dr
-        for share, shift in ((1.0 - t, 0), (t, 1)):
+        for shape, shift in ((1.0 - t, 0), (t, 1)):
             k = np.arange(len(dx)) + shift
-            np.add.at(axial, k, weight * share * at_r * dr)
-            np.add.at(lateral, k, -weight * share * at_r * dx)
+            np.add.at(axial, k, weight * shape * at_r * dr)
+            np.add.at(lateral, k, -weight * shape * at_r * dx)
             # Pressure acts along the outward normal (-dr, dx): its arm about the moment point has both parts.
-            np.add.at(moment, k, weight * share * at_r * ((at_x - moment_station) * dx + at_r * dr))
+            np.add.at(moment, k, weight * shape * at_r * ((at_x - moment_station) * dx + at_r * dr))
     step = 2.0 * np.pi / grid.n_roll
     cosine, sine = np.cos(grid.roll_angle), np.sin(grid.roll_angle)
     around = np.ones(grid.n_roll)

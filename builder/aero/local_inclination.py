@@ -68,8 +68,8 @@ def prandtl_meyer_angle(inverse_mach_number: FloatArray) -> FloatArray:
 def expanded_to_total(mach_number: float, turning: FloatArray) -> FloatArray:
     """Return p over total pressure after an isentropic turn away by ``turning`` (n,) [rad] from M.
 
-    0 from the turn on that empties the flow. Newton's method on nu(1/M), which is convex and falls: from vacuum it
-    approaches without overshoot.
+    0 for turns at which the flow has expanded into vacuum. Newton's method on nu(1/M), which is convex and falls:
+    from vacuum it approaches without overshoot.
     """
     target = prandtl_meyer_angle(np.array(1.0 / mach_number)) + turning
     y = np.zeros_like(target)
@@ -90,7 +90,7 @@ def _to_total(mach_number: float) -> float:
 
 @dataclass(frozen=True)
 class MatchingPoint:
-    """Where modified Newtonian flow hands over to a Prandtl-Meyer expansion.
+    """Where a Prandtl-Meyer expansion takes over from modified Newtonian flow.
 
     Attributes
     ----------
@@ -114,16 +114,16 @@ def matching_point(mach_number: float) -> MatchingPoint:
     FlowReachError
         The Mach number is too low for the gradients to meet.
     """
-    wanted = 1.0 / pitot_pressure_ratio(mach_number)
+    target = 1.0 / pitot_pressure_ratio(mach_number)
 
     def excess(mach: float) -> float:
         q = _to_total(mach)
-        return q * (1.0 - GAMMA**2 * mach**4 * q / (4.0 * (mach**2 - 1.0) * (1.0 - q))) - wanted
+        return q * (1.0 - GAMMA**2 * mach**4 * q / (4.0 * (mach**2 - 1.0) * (1.0 - q))) - target
 
     if excess(_PEAK_MACH_NUMBER) <= 0.0:
         raise FlowReachError(f"leeward: 'matched' has no matching point at Mach number {mach_number:g}")
     mach = float(brentq(excess, 1.0 + 1e-6, _PEAK_MACH_NUMBER, xtol=1e-14))
-    sine = sqrt((_to_total(mach) - wanted) / (1.0 - wanted))
+    sine = sqrt((_to_total(mach) - target) / (1.0 - target))
     return MatchingPoint(mach, asin(sine))
 
 

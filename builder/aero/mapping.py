@@ -1,8 +1,8 @@
 """Pressure and forces from one surface of a body to another surface of the same body.
 
-Consistent: each target node takes the source's pressure at its closest point. Right point by point, and the loads
-are as good as the two meshes agree. Conservative: forces, moments and virtual work are the source's, exactly,
-however coarse either mesh is and however wide the gap between them.
+Consistent: each target node takes the source's pressure at its closest point. Pressures are right point by point;
+loads are as accurate as the two meshes agree. Conservative: forces, moments and virtual work are the source's,
+exactly, however coarse either mesh is and however wide the gap between them.
 
 Values in cells (finite-volume results) have no nodes to interpolate between. First-order reconstruction
 (:func:`builder.aero.cfd.cell_reconstruction.reconstruct`) makes them linear over each triangle, on a mesh whose
@@ -59,19 +59,19 @@ def nodal_force_operator(mesh: SurfaceMesh) -> sparse.csr_array:
     moment are those of :func:`builder.aero.surface_mesh.mesh_load_operator`.
     """
     m = len(mesh.triangle)
-    share = (np.ones((3, 3)) + np.eye(3)) / 12.0
-    entries = -np.einsum("ij,mk->mijk", share, mesh.vector_area)
+    weight = (np.ones((3, 3)) + np.eye(3)) / 12.0
+    entries = -np.einsum("ij,mk->mijk", weight, mesh.vector_area)
     rows = 3 * mesh.triangle[:, :, None, None] + np.arange(3)
     columns = mesh.triangle[:, None, :, None]
     shape = (m, 3, 3, 3)
-    place = (np.broadcast_to(rows, shape).ravel(), np.broadcast_to(columns, shape).ravel())
-    return sparse.csr_array((entries.ravel(), place), shape=(3 * mesh.n_nodes, mesh.n_nodes))
+    index = (np.broadcast_to(rows, shape).ravel(), np.broadcast_to(columns, shape).ravel())
+    return sparse.csr_array((entries.ravel(), index), shape=(3 * mesh.n_nodes, mesh.n_nodes))
 
 
 def conservative_force_map(source: SurfaceMesh, target: SurfaceMesh) -> sparse.csr_array:
     """Return the map of nodal forces, sparse (3 n_target, 3 n_source); 3 i + k is component k at node i.
 
-    A source node's force f goes to the corners of the closest target triangle: its barycentric share w_i f, and a
+    A source node's force f goes to the corners of the closest target triangle: its barycentric part w_i f, and a
     couple omega x r_i that carries the moment of the gap, d x f, where r_i runs from the corners' mean and
     I omega = d x f with I = sum_i (|r_i|^2 1 - r_i r_i^T). Total force and total moment are exact for any gap.
     The transpose maps target displacements to the source with the same virtual work; rigid motions stay rigid.
@@ -95,8 +95,8 @@ def conservative_force_map(source: SurfaceMesh, target: SurfaceMesh) -> sparse.c
     block = found.weight[:, :, None, None] * np.eye(3) - _cross_matrix(r) @ couple[:, None]
     rows = 3 * target.triangle[found.triangle][:, :, None, None] + np.arange(3)[:, None]
     columns = 3 * np.arange(source.n_nodes)[:, None, None, None] + np.arange(3)
-    place = (np.broadcast_to(rows, block.shape).ravel(), np.broadcast_to(columns, block.shape).ravel())
-    return sparse.csr_array((block.ravel(), place), shape=(3 * target.n_nodes, 3 * source.n_nodes))
+    index = (np.broadcast_to(rows, block.shape).ravel(), np.broadcast_to(columns, block.shape).ravel())
+    return sparse.csr_array((block.ravel(), index), shape=(3 * target.n_nodes, 3 * source.n_nodes))
 
 
 def _cross_matrix(vector: FloatArray) -> FloatArray:
@@ -147,10 +147,10 @@ class PressureMap:
             The target cannot carry the loads by pressure at all (a plate has no axial force).
         """
         mapped = self.consistent(pressure)
-        wanted = pressure @ self.source_loads.T
-        mapped = mapped + (wanted - mapped @ self.target_loads.T) @ self.correction.T
+        expected = pressure @ self.source_loads.T
+        mapped = mapped + (expected - mapped @ self.target_loads.T) @ self.correction.T
         size = np.abs(pressure) @ np.abs(self.source_loads).T
-        lost = np.abs(wanted - mapped @ self.target_loads.T) > _LOST_LOAD * size.max(axis=-1, keepdims=True)
+        lost = np.abs(expected - mapped @ self.target_loads.T) > _LOST_LOAD * size.max(axis=-1, keepdims=True)
         if lost.any():
             names = ("axial force", "normal force", "side force", "pitching moment", "yawing moment")
             which = names[int(np.argwhere(lost)[0][-1])]

@@ -11,15 +11,15 @@ from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-LEAST_LOAD = 0.01
-"""Share of the integral of |p| dS below which a force is a difference of large numbers, not a measure."""
+MIN_LOAD = 0.01
+"""Fraction of the integral of |p| dS below which a force is a difference of large numbers, not a measure."""
 OPEN_SURFACE = 1e-6
-"""A surface is open if its vector areas sum to more than this share of its area."""
+"""A surface is open if its vector areas sum to more than this fraction of its area."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MappingReport:
-    """What the consistent transfer of a pressure loses, and how the surfaces lie to each other.
+    """What the consistent transfer of a pressure loses, and how far the surfaces are apart.
 
     Forces are in the pressure's unit times m2, moments times m3. The load's size is |F| of the source, but at
     least 1 % of the integral of |p| dS.
@@ -33,8 +33,8 @@ class MappingReport:
     largest_gap_point : (3,) that node [m].
     length : the largest extent of the target [m].
     area_mismatch : source area over target area, less 1.
-    unfitted_share : share of target nodes with no source triangle within 60 deg of their normal nearby.
-    source_box, target_box : (2, 3) least and largest coordinates [m].
+    unfitted_fraction : fraction of target nodes with no source triangle within 60 deg of their normal nearby.
+    source_box, target_box : (2, 3) minimum and maximum coordinates [m].
     source_centre, target_centre : (3,) centroids of the surfaces [m].
     source_closed, target_closed : the surface has no opening.
     """
@@ -47,7 +47,7 @@ class MappingReport:
     largest_gap_point: FloatArray
     length: float
     area_mismatch: float
-    unfitted_share: float
+    unfitted_fraction: float
     source_box: FloatArray
     target_box: FloatArray
     source_centre: FloatArray
@@ -63,10 +63,10 @@ class MappingReport:
 
 @dataclass(frozen=True, kw_only=True)
 class MappingTolerances:
-    """What :func:`check_mapping` lets pass.
+    """The limits of :func:`check_mapping`.
 
-    The defaults are four to ten times what meshes of one body show that differ in resolution alone, and well below
-    what a wrong surface shows. Measured on the shipped vehicle with Newtonian pressure, M 5 to 7, 0 to 10 deg,
+    The defaults are four to ten times the values of meshes of one body that differ in resolution alone, and well
+    below those of a wrong surface. Measured on the shipped vehicle with Newtonian pressure, M 5 to 7, 0 to 10 deg,
     between meshes of 36 to 144 nodes round the body and 36 to 280 along it: gap at most 0.02 % of the length (a
     chord of 36), area 0.12 %, force 0.6 %, moment 0.05 %, no node without a fitting triangle.
 
@@ -74,13 +74,13 @@ class MappingTolerances:
     ----------
     gap_relative : largest gap over length.
     area_mismatch : relative, either sign.
-    unfitted_share : share of target nodes.
+    unfitted_fraction : fraction of target nodes.
     force_residual_relative, moment_residual_relative : of the consistent transfer; the conservative one has none.
     """
 
     gap_relative: float = 2e-3
     area_mismatch: float = 0.02
-    unfitted_share: float = 0.01
+    unfitted_fraction: float = 0.01
     force_residual_relative: float = 0.02
     moment_residual_relative: float = 5e-3
 
@@ -94,7 +94,7 @@ def mapping_report(
     lost = np.abs(transfer.consistent(fields) @ transfer.target_loads.T - source_loads)
     force, moment = np.linalg.norm(lost[:, :3], axis=1), np.linalg.norm(lost[:, 3:], axis=1)
     length = float(np.ptp(target.point, axis=0).max())
-    size = np.maximum(np.linalg.norm(source_loads[:, :3], axis=1), LEAST_LOAD * np.abs(fields) @ source.node_area)
+    size = np.maximum(np.linalg.norm(source_loads[:, :3], axis=1), MIN_LOAD * np.abs(fields) @ source.node_area)
     size = np.where(size > 0.0, size, 1.0)
     node = int(np.argmax(transfer.found.gap))
     return MappingReport(
@@ -106,7 +106,7 @@ def mapping_report(
         largest_gap_point=target.point[node],
         length=length,
         area_mismatch=float(source.area.sum() / target.area.sum()) - 1.0,
-        unfitted_share=float(np.mean(~transfer.found.fits)),
+        unfitted_fraction=float(np.mean(~transfer.found.fits)),
         source_box=_box(source),
         target_box=_box(target),
         source_centre=_centre(source),
@@ -143,12 +143,12 @@ def check_mapping(report: MappingReport, tolerances: MappingTolerances) -> None:
         (
             report.gap_relative,
             tolerances.gap_relative,
-            f"the surfaces lie {report.largest_gap:.3g} m apart at {where}, {{}} of the length",
+            f"the surfaces are {report.largest_gap:.3g} m apart at {where}, {{}} of the length",
         ),
         (abs(report.area_mismatch), tolerances.area_mismatch, "the surfaces' areas differ by {}"),
         (
-            report.unfitted_share,
-            tolerances.unfitted_share,
+            report.unfitted_fraction,
+            tolerances.unfitted_fraction,
             "{} of the nodes find no triangle that faces their way",
         ),
         (
@@ -164,8 +164,8 @@ def check_mapping(report: MappingReport, tolerances: MappingTolerances) -> None:
     )
     for found, allowed, text in checks:
         if not found <= allowed:
-            share = text.format(f"{100 * found:.3g} %")
-            raise InputError(f"mapping: {share}, at most {100 * allowed:.3g} % is allowed; {likely_cause(report)}")
+            loss = text.format(f"{100 * found:.3g} %")
+            raise InputError(f"mapping: {loss}, at most {100 * allowed:.3g} % is allowed; {likely_cause(report)}")
     if report.source_closed and not report.target_closed:
         raise InputError(f"mapping: {_BASE_INCLUDED}")
 
@@ -178,7 +178,7 @@ _SAME_PLACE = 1e-3
 
 
 def likely_cause(report: MappingReport) -> str:
-    """Say, from the bounding boxes, what most likely makes the two surfaces differ."""
+    """Return, from the bounding boxes, what most likely makes the two surfaces differ."""
     source, target = np.ptp(report.source_box, axis=0), np.ptp(report.target_box, axis=0)
     if _same_size(source, target):
         return _cause_of_place(report)
@@ -188,18 +188,18 @@ def likely_cause(report: MappingReport) -> str:
         if abs(ratio / scale - 1.0) < _SAME_SIZE and _same_size(np.sort(source) / scale, np.sort(target)):
             return f"the source is {ratio:.4g} times as large: it is in {unit}, scale it by {1.0 / scale:.6g}"
     if _same_size(np.sort(source), np.sort(target)):
-        pairs = [f"{_AXES[i]} {source[i]:.3g} m (wanted {target[i]:.3g} m)" for i in range(3)]
+        pairs = [f"{_AXES[i]} {source[i]:.3g} m (expected {target[i]:.3g} m)" for i in range(3)]
         return f"the axes are in another order: extents {', '.join(pairs)}; body axes are x aft, y starboard, z up"
     for i in range(3):
         others = [k for k in range(3) if k != i]
         if _same_size(source[others], target[others]) and abs(2.0 * source[i] / target[i] - 1.0) < _SAME_SIZE:
             return f"the source is half as wide along {_AXES[i]}: a half model, mirror it first"
-    pairs = [f"{_AXES[i]} {source[i]:.4g} m (wanted {target[i]:.4g} m)" for i in range(3)]
+    pairs = [f"{_AXES[i]} {source[i]:.4g} m (expected {target[i]:.4g} m)" for i in range(3)]
     return f"the shapes differ: extents {', '.join(pairs)}"
 
 
 def _cause_of_place(report: MappingReport) -> str:
-    """Say why surfaces of the same extents do not lie on each other."""
+    """Return why surfaces of the same extents do not coincide."""
     shift = report.source_box.mean(axis=0) - report.target_box.mean(axis=0)
     room = _SAME_PLACE * report.length
     extent = np.ptp(report.target_box, axis=0)
@@ -216,7 +216,7 @@ def _cause_of_place(report: MappingReport) -> str:
         return _BASE_INCLUDED
     if report.target_closed and not report.source_closed:
         return "the source is open and the target closed: the base is missing"
-    if report.unfitted_share > 0.5:
+    if report.unfitted_fraction > 0.5:
         return "the source's normals point inward: turn its triangles over"
     return "the extents agree, so the shapes differ in between or a part is missing or extra"
 

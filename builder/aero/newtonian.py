@@ -11,8 +11,8 @@ Options, as the vehicle file names them:
     :mod:`builder.aero.local_inclination`.
 
 Aft-facing nodes (normals within 30 deg of the axis) are the base: flow separates there, and they keep the ambient
-pressure whatever ``leeward`` says. Not modelled: shadows of one part of the body on another (a fin behind a wider
-body is loaded as if it stood alone), interference of shocks, viscosity.
+pressure whatever ``leeward`` is. Not modelled: shadows of one part of the body on another (a fin behind a wider
+body is loaded as if it were alone), interference of shocks, viscosity.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ class NewtonianEngine:
 
     Attributes
     ----------
-    surface : nodes doubled at sharp edges, triangles facing outward (:func:`newtonian_engine` sees to both).
+    surface : nodes doubled at sharp edges, triangles facing outward (:func:`newtonian_engine` makes it so).
     stagnation : one of :data:`builder.aero.local_inclination.STAGNATION`.
     leeward : one of :data:`builder.aero.local_inclination.LEEWARD`.
 
     Raises
     ------
     InputError
-        An option is not one of these, or ``matched`` is asked for without the stagnation pressure it starts from.
+        An option is not one of these, or ``matched`` is requested without the stagnation pressure it starts from.
     """
 
     surface: SurfaceMesh
@@ -122,10 +122,10 @@ def newtonian_engine(
 
 def _check_blunt(mach_number: float, largest_sine: float) -> None:
     """Refuse ``matched`` where no part of the body is steep enough for it to start."""
-    least = matching_point(mach_number).inclination
-    if largest_sine < sin(least):
+    needed = matching_point(mach_number).inclination
+    if largest_sine < sin(needed):
         raise FlowReachError(
-            f"leeward: 'matched' needs a blunt nose, inclined by {degrees(least):.3g} deg or more at Mach number"
+            f"leeward: 'matched' needs a blunt nose, inclined by {degrees(needed):.3g} deg or more at Mach number"
             f" {mach_number:g}; the steepest node has {degrees(np.arcsin(max(largest_sine, 0.0))):.3g} deg:"
             " use 'prandtl_meyer'"
         )

@@ -52,7 +52,7 @@ class SurfaceMesh:
         return len(self.point)
 
     def digest(self) -> str:
-        """Return what tells one surface from another: the SHA-256 of its nodes and triangles."""
+        """Return the SHA-256 of the nodes and triangles: equal surfaces have equal digests."""
         digest = sha256(np.ascontiguousarray(self.point, dtype="<f8").tobytes())
         digest.update(np.ascontiguousarray(self.triangle, dtype="<i8").tobytes())
         return digest.hexdigest()

@@ -1,8 +1,8 @@
 """Pressure at the vehicle's surface nodes from the flow solver's wall pressure.
 
 On a body of revolution the flow depends on Mach number and total incidence alone; angle of attack and
-sideslip only roll it. So one solution, laid on the stations of the surface grid, serves every condition
-that shares (M, a_T), by rotation.
+sideslip only roll it. So one solution at the stations of the surface grid gives every condition
+of the same (M, a_T), by rotation.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ def solve_on_dask(
     FlowReachError
         A flow is outside the engine's reach.
     InputError
-        ``address`` is none.
+        ``address`` is not the address of a scheduler.
     StrainfmuError
         Dask is not installed, the scheduler cannot be reached or is lost, it has no worker, or a flow ended its
         worker too often.
@@ -70,7 +70,7 @@ def solve_on_dask(
 
 
 def _result(future: Any, where: str) -> SolvedFlow:
-    """Return what a worker solved, or say in the user's terms why it did not."""
+    """Return what a worker solved, or raise an error in the user's terms."""
     from distributed import KilledWorker
 
     try:

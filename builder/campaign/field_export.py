@@ -23,7 +23,7 @@ FIELD_FORMATS = ("vtu", "triq", "csv")
 MANIFEST = "manifest.toml"
 COLLECTION = "snapshots.pvd"
 
-# What each format holds: the manifest's entries that say so.
+# What each format holds, as the manifest's entries declare it.
 _DECLARED = {
     "vtu": 'quantity = "p"\nunit = "Pa"\narray = "p"\n',
     "triq": 'quantity = "Cp"\narray = "Cp"\n',
@@ -94,7 +94,7 @@ def _manifest(names: list[str], conditions: list[FlightCondition], file_format: 
 
 
 def _toml(value: float) -> str:
-    """Return a TOML float of 12 digits: enough to tell conditions apart, without a conversion's last bits."""
+    """Return a TOML float of 12 digits: enough to distinguish conditions, without a conversion's last bits."""
     return repr(float(f"{value:.12g}"))
 
 

@@ -1,4 +1,4 @@
-"""The flows that a campaign has finished so far, on disk as soon as each is solved.
+"""Journal of a campaign: its finished flows, on disk as soon as each is solved.
 
 A file beside the result to which records are appended, each forced to the disk before the next is begun. So a kill
 or a power cut loses no finished flow, and at worst leaves a torn record at the end, which the next reader drops.

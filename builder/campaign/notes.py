@@ -8,7 +8,7 @@ from builder.campaign.run import CampaignResult
 
 
 def campaign_notes(result: CampaignResult) -> list[str]:
-    """Say in a few lines what a campaign did and how sound its flows are."""
+    """Return in a few lines what a campaign did and how accurate its flows are."""
     snapshots, tally = result.snapshots, result.tally
     conditions, flows = len(snapshots.condition), int(snapshots.solved.sum())
     notes = [

@@ -38,7 +38,7 @@ class CampaignInterrupted(StrainfmuError):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """What is wanted.
+    """The flows to solve and what to make of them.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Campaign:
 
 @dataclass(frozen=True, kw_only=True)
 class Tally:
-    """How the flows came about.
+    """Where the flows came from.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Tally:
 
 @dataclass(frozen=True, eq=False)
 class CampaignResult:
-    """What a run left behind; ``up_to_date`` if the file was there already, the same in every entry."""
+    """The result of a run; ``up_to_date`` if the file already held it, equal in every entry."""
 
     snapshots: Snapshots
     tally: Tally
@@ -102,7 +102,7 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
     """
     engine = campaign.engine
     if path.is_dir():
-        raise InputError(f"{path}: is a folder, a file is wanted")
+        raise InputError(f"{path}: is a folder, must be a file")
     with Journal(path) as journal:
         known = _flows_of_file(path, fingerprint(engine.inputs()))
         keys = map(engine.flow_key, campaign.conditions)
@@ -143,32 +143,32 @@ def complete_flows(
         As :func:`run_campaign`.
     """
     of = fingerprint(engine.inputs())
-    wanted = set(keys)
+    needed = set(keys)
     at_hand = {**known, **(journal.flows(of) if journal else {})}
-    flows = {key: at_hand[key] for key in wanted & at_hand.keys()}
+    flows = {key: at_hand[key] for key in needed & at_hand.keys()}
     reused = len(flows)
     start, times = perf_counter(), []
-    missing = wanted - flows.keys()
+    missing = needed - flows.keys()
     if missing:
         try:
             with (
                 reporter.stage(title) as progress,
                 closing(solve_flows(engine, missing, scheduling, reporter.note)) as solving,
             ):
-                progress(reused, len(wanted))
+                progress(reused, len(needed))
                 for one in solving:
                     if journal:
                         journal.append(of, one.flow)
                     flows[one.flow.key] = one.flow
                     times.append(one.seconds)
-                    progress(len(flows), len(wanted))
+                    progress(len(flows), len(needed))
         except KeyboardInterrupt as error:
             if journal is None:
                 raise
             journal.reread()
-            kept = wanted & {**known, **journal.flows(of)}.keys()
+            kept = needed & {**known, **journal.flows(of)}.keys()
             where = f"are kept in {journal.path}" if kept else "are finished"
-            raise CampaignInterrupted(f"interrupted; {len(kept)} of {len(wanted)} flows {where}") from error
+            raise CampaignInterrupted(f"interrupted; {len(kept)} of {len(needed)} flows {where}") from error
     mean = float(np.mean(times)) if times else float("nan")
     return flows, Tally(solved=len(times), reused=reused, seconds=perf_counter() - start, seconds_per_flow=mean)
 
@@ -218,7 +218,7 @@ def _flows_of_file(path: Path, of: str) -> dict[FlowKey, Flow]:
 
 
 def _holds(path: Path, snapshots: Snapshots, kept: KeptFlows) -> bool:
-    """Return whether the file at ``path`` already holds just this."""
+    """Return whether the file at ``path`` already holds exactly this."""
     try:
         return _equal(load_snapshots(path), snapshots) and _equal(load_flows(path), kept)
     except InputError:

@@ -46,7 +46,7 @@ def solve_flows(
 
     Parameters
     ----------
-    note : told in one line where the flows are solved.
+    note : takes one line about where the flows are solved.
 
     Raises
     ------
@@ -55,17 +55,17 @@ def solve_flows(
     StrainfmuError
         The scheduler cannot be reached or is lost, or a worker has another version of the solver.
     """
-    wanted = sorted(set(keys))
-    if not wanted:
+    missing = sorted(set(keys))
+    if not missing:
         return
     scheduling = scheduling or Scheduling()
-    tell = note or (lambda text: None)
+    note = note or (lambda text: None)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if scheduling.address is None and _in_this_process(engine, len(wanted), scheduling):
-        solved = _solve_in_threads(engine, wanted, cores, tell)
+    if scheduling.address is None and _in_this_process(engine, len(missing), scheduling):
+        solved = _solve_in_threads(engine, missing, cores, note)
     else:
-        workers = min(scheduling.workers or cores, len(wanted))
-        solved = solve_on_dask(engine, wanted, scheduling.address, workers, tell)
+        workers = min(scheduling.workers or cores, len(missing))
+        solved = solve_on_dask(engine, missing, scheduling.address, workers, note)
     expected = fingerprint(engine.inputs())
     with closing(solved):
         for one in solved:

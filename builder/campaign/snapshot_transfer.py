@@ -1,4 +1,4 @@
-"""Snapshots from an engine's own surface to the pressure nodes of the vehicle's structure."""
+"""Transfer of snapshots from an engine's own surface to the pressure nodes of the vehicle's structure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def snapshots_on(snapshots: Snapshots, grid: SurfaceGrid) -> Snapshots:
     Raises
     ------
     InputError
-        The two surfaces do not lie on each other; the message says how far, and what was probably meant.
+        The two surfaces do not coincide; the message gives the distance and what was probably meant.
     """
     source, target = snapshots.surface, mesh_of_grid(grid)
     if snapshots.grid is not None and np.array_equal(source.point, target.point):

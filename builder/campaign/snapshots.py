@@ -1,4 +1,4 @@
-"""Surface pressure over many flight conditions: what a campaign leaves behind (``snapshots.h5``)."""
+"""Snapshots: surface pressure over many flight conditions, the result of a campaign (``snapshots.h5``)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Snapshots:
     Attributes
     ----------
     vehicle, engine : names.
-    settings : what the engine was told, and what wrote the file.
+    settings : the engine's inputs, and the version that wrote the file.
     condition : (N, 4) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m].
     pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
     internal_pressure : (N,) pressure inside the body [Pa].
@@ -90,7 +90,7 @@ class Snapshots:
 
     def __post_init__(self) -> None:
         n, n_p = self.pressure.shape if self.pressure.ndim == 2 else (-1, -1)
-        wanted = {
+        shapes = {
             "condition": (n, 4),
             "internal_pressure": (n,),
             "reference": (3,),
@@ -100,7 +100,7 @@ class Snapshots:
             "momentum_error": (n,),
             "repairs": (n,),
         }
-        for name, shape in wanted.items():
+        for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"{name}: shape {getattr(self, name).shape} found, must be {shape}")
         for name in ("condition", "pressure", "internal_pressure", "reference"):
@@ -140,7 +140,7 @@ class Snapshots:
 
 @dataclass(frozen=True, eq=False)
 class KeptFlows:
-    """The solved flows that a snapshot file holds beside the pressures, for later campaigns.
+    """The solved flows that a snapshot file holds besides the pressures, for later campaigns.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionS
 
     Without sets, over the engine's own conditions if it has only those, else over the vehicle file's.
 
-    A condition of several sets stands in the file once for each; its flow is solved once.
+    A condition of several sets is in the file once for each; its flow is solved once.
     """
     chosen = list(sets) or [_default_set(vehicle, engine)]
     conditions = tuple(condition for one in chosen for condition in one.conditions)

@@ -18,7 +18,7 @@ class SolvedFlow:
     Attributes
     ----------
     flow : the flow.
-    fingerprint : of the engine's inputs as the worker sees them; another version of the solver has another.
+    fingerprint : of the engine's inputs as the worker has them; another version of the solver has another.
     seconds : time it took [s].
     """
 

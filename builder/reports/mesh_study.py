@@ -31,7 +31,7 @@ from builder.structure.solid.gmsh_session import load_gmsh
 from builder.structure.solid.gmsh_wall import graded_wall_mesh
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
 from builder.structure.solid.model import SolidCase
-from builder.structure.solid.reference_loads import ELEMENT_SHARE
+from builder.structure.solid.reference_loads import ELEMENT_FRACTION
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
 from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.surface_triangles import triangulated_surface
@@ -205,7 +205,7 @@ def fourier_on_snapshots(
     )
     if off > 1e-6 * body.length:
         raise InputError(f"snapshots: of '{snapshots.vehicle}', not on the body of '{vehicle.name}'")
-    mesh = shell_mesh(body, wall_of(vehicle), ELEMENT_SHARE * body.length, LAYERS)
+    mesh = shell_mesh(body, wall_of(vehicle), ELEMENT_FRACTION * body.length, LAYERS)
     found, placed = place_layouts(vehicle, mesh, used_layouts(vehicle))
     stations = np.concatenate([gauges.x for gauges in placed.values()])
     harmonics = (grid.n_roll - 1) // 2
@@ -227,7 +227,7 @@ def _on_mesh(
         density=case.density,
         support=case.support,
         rows=rows,
-        wanted=free_solver,
+        solver_name=free_solver,
         progress=progress,
     )
     surface, operator = mapped_operator(found.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)

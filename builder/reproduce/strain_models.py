@@ -171,7 +171,7 @@ def _solid_model(
         density=None,
         support=Clamped(SUPPORT),
         rows=rows,
-        wanted=None,
+        solver_name=None,
         progress=progress,
     )
     surface = triangulated_surface(full_mesh(sector), EXTERNAL)

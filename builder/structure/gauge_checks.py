@@ -16,7 +16,7 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
     Raises
     ------
     InputError
-        The wall does not fit the body, a gauge is not on its surface, or the model cannot do what is asked for.
+        The wall does not fit the body, a gauge is not on its surface, or the model cannot do what is requested.
     """
     names = list(vehicle.gauges.layouts)
     mesh = gauge_mesh(vehicle)

@@ -18,7 +18,7 @@ from strainfmu.errors import InputError
 
 
 def gauge_layout(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> GaugeLayout:
-    """Return a layout of the vehicle file, its rows laid on the inner surface of ``mesh``.
+    """Return a layout of the vehicle file, its rows placed on the inner surface of ``mesh``.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def gauge_layout(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> GaugeLayo
 
 
 def _layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str) -> GaugeLayout:
-    """Lay rows on the inner surface: axial gauges along its meridian, hoop gauges across."""
+    """Place rows on the inner surface: axial gauges along its meridian, hoop gauges across."""
     inner = mesh.node[mesh.inner_edge.ravel(), 0]
     first, last = float(inner.min()), float(inner.max())
     names: list[str] = []
@@ -62,7 +62,7 @@ def _layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str) 
 
 
 def gauge_mesh(vehicle: Vehicle) -> MeridianMesh:
-    """Return a coarse meridian mesh, on whose inner surface rows of gauges are laid."""
+    """Return a coarse meridian mesh, on whose inner surface rows of gauges are placed."""
     try:
         return shell_mesh(vehicle.body(), wall_of(vehicle), 0.01 * vehicle.body().length)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""A three-dimensional structure referred to the pressure nodes of snapshots."""
+"""The solid model's strain per pressure, brought to the pressure nodes of snapshots."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 ROLL_REFINEMENT = 4
-CUT_FRONT = 1e-4  # of the length: how far from the foremost node the front of a cut tip may reach
+CUT_FRONT = 1e-4  # of the length: how far behind the first node the front of a cut tip may reach
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,22 +48,22 @@ def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStruct
     Raises
     ------
     InputError
-        The two surfaces do not lie on each other; the message says how far, and what was probably meant.
+        The two surfaces do not coincide; the message gives the distance and what was probably meant.
     """
     surface, operator = mapped_operator(structure.strain_operator, structure.surface, snapshots)
-    place = {name: structure.gauges_of(name) for name in structure.layouts}
+    index = {name: structure.gauges_of(name) for name in structure.layouts}
     return MappedStructure(
         surface=surface,
         description=f"{structure.model}, {structure.statistics['degrees_of_freedom']} dofs",
         layouts={
             name: GaugeLayout(
-                tuple(structure.gauge_names[i] for i in places),
-                structure.gauge_position[places],
-                structure.gauge_direction[places],
+                tuple(structure.gauge_names[i] for i in gauges),
+                structure.gauge_position[gauges],
+                structure.gauge_direction[gauges],
             )
-            for name, places in place.items()
+            for name, gauges in index.items()
         },
-        operators={name: operator[places] for name, places in place.items()},
+        operators={name: operator[gauges] for name, gauges in index.items()},
     )
 
 
@@ -75,7 +75,7 @@ def mapped_operator(
     Each node of the structure's surface takes the pressure of its closest point on the snapshots' surface
     (:func:`builder.aero.mapping.consistent_map`). Where their nodes are stations times roll angles, pressure is
     trigonometric in roll; a refined grid carries it there first, since linear interpolation over an angle h
-    weakens harmonic m by (m h)^2 / 12.
+    reduces harmonic m by (m h)^2 / 12.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def mapped_operator(
     Raises
     ------
     InputError
-        The two surfaces do not lie on each other; the message says how far, and what was probably meant.
+        The two surfaces do not coincide; the message gives the distance and what was probably meant.
     """
     grid = snapshots.grid
     ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])[:, None]
@@ -112,16 +112,16 @@ def _roll_interpolation(n_roll: int) -> FloatArray:
     """Return (ROLL_REFINEMENT * n_roll, n_roll): the trigonometric interpolant at finer roll angles."""
     spectrum = np.fft.rfft(np.eye(n_roll), axis=0)
     if n_roll % 2 == 0:
-        spectrum[-1] *= 0.5  # the Nyquist harmonic stands for two in the longer spectrum
+        spectrum[-1] *= 0.5  # the Nyquist harmonic is two in the longer spectrum
     return np.asarray(ROLL_REFINEMENT * np.fft.irfft(spectrum, n=ROLL_REFINEMENT * n_roll, axis=0))
 
 
 def _tolerances(target: SurfaceMesh) -> MappingTolerances:
     """Return what the mapping may lose; nodes on the front of a cut tip face ahead, where no source does.
 
-    They take the pressure of the source's tip, on no area to speak of.
+    They take the pressure of the source's tip, on negligible area.
     """
     x = target.point[:, 0]
     on_front = float(np.mean(x < x.min() + CUT_FRONT * np.ptp(x)))
     usual = MappingTolerances()
-    return replace(usual, unfitted_share=usual.unfitted_share + on_front)
+    return replace(usual, unfitted_fraction=usual.unfitted_fraction + on_front)

@@ -1,9 +1,9 @@
 """Observability of pressure by a gauge layout: its response per harmonic round the axis, per symmetry, in all.
 
-Everything is asked over smooth pressures: Legendre polynomials of x over the length of the surface times
+All responses are to smooth pressures: Legendre polynomials of x over the length of the surface times
 cos(m phi) and sin(m phi), phi the roll angle from +z towards +y. They are made orthogonal, of mean square 1 Pa2
 over the area, so that a response is strain per rms pressure [1/Pa]. It does not depend on the mesh that carries
-the pressure, as the singular values of Z_p itself do: the column of a node grows with its share of the surface.
+the pressure, as the singular values of Z_p itself do: the column of a node grows with its part of the surface.
 Dividing columns by the root of the nodal area cures that where pressure is linear between nodes, but not on
 quadratic facets, whose corners carry no load or a negative one (Cook, Malkus and Plesha, Concepts and Applications
 of Finite Element Analysis, on consistent loads of quadratic elements): there it is wrong by a factor of about 1.7.
@@ -27,10 +27,10 @@ CLASS_DEGREE = 3
 HIGHEST_HARMONIC = 8
 
 THRESHOLD = 0.01
-"""Of the greatest singular value of a layout: what is below counts as not seen. Strain noise is of that order."""
+"""Of the largest singular value of a layout: below it counts as unobservable. Strain noise is of that order."""
 
-MOST_CONDITION = 1e8
-"""Of the Gram matrix of the smooth pressures, above which the mesh does not tell them apart."""
+MAX_CONDITION = 1e8
+"""Of the Gram matrix of the smooth pressures, above which the mesh does not distinguish them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,9 +82,9 @@ class SmoothResponse:
         -------
         (n_d, n_x, n_roll).
         """
-        place, around = np.meshgrid(x, roll_angle, indexing="ij")
+        along, around = np.meshgrid(x, roll_angle, indexing="ij")
         shape = _shapes(
-            place.ravel(), around.ravel(), self.x_range, int(self.degree.max()), int(self.harmonic.max())
+            along.ravel(), around.ravel(), self.x_range, int(self.degree.max()), int(self.harmonic.max())
         )
         values = np.linalg.solve(self.gram, self.strain.T).T @ shape.T / self.area
         return np.asarray(values.reshape(-1, len(x), len(roll_angle)))
@@ -103,14 +103,14 @@ def smooth_response(
     ----------
     strain_operator : (n_d, n_p) Z_p, strain per nodal pressure [1/Pa].
     point : (n_p, 3) nodes in body axes [m]; any surface round the x axis.
-    area : (n_p,) share of each node in the surface [m2], such as a third of the triangles at it.
+    area : (n_p,) part of the surface [m2] that belongs to each node, such as a third of the triangles at it.
     degree, highest_harmonic : of the pressures.
 
     Raises
     ------
     InputError
-        Shapes do not fit, a value is not finite, an area is negative, or the surface has too few nodes to tell
-        the pressures apart.
+        Shapes do not fit, a value is not finite, an area is negative, or the surface has too few nodes to
+        distinguish the pressures.
     """
     _check(strain_operator, point, area)
     x_range = float(point[:, 0].min()), float(point[:, 0].max())
@@ -118,10 +118,10 @@ def smooth_response(
     strain = strain_operator @ shape
     shape *= np.sqrt(area / area.sum())[:, None]
     gram = shape.T @ shape
-    if not np.linalg.cond(gram) < MOST_CONDITION:
+    if not np.linalg.cond(gram) < MAX_CONDITION:
         raise InputError(
-            f"surface: its {len(point)} nodes do not tell pressures of degree {degree} in x and harmonic "
-            f"{highest_harmonic} apart; more nodes are wanted"
+            f"surface: its {len(point)} nodes do not distinguish pressures of degree {degree} in x and "
+            f"harmonic {highest_harmonic}; more nodes are needed"
         )
     waves = [(m, sine) for m in range(highest_harmonic + 1) for sine in (False, True) if m or not sine]
     return SmoothResponse(
@@ -152,7 +152,7 @@ def _check(strain_operator: FloatArray, point: FloatArray, area: FloatArray) -> 
 def _shapes(
     x: FloatArray, roll_angle: FloatArray, x_range: tuple[float, float], degree: int, highest_harmonic: int
 ) -> FloatArray:
-    """Return (n, k) values of the smooth pressures at n places, in the order of :class:`SmoothResponse`."""
+    """Return (n, k) values of the smooth pressures at n points, in the order of :class:`SmoothResponse`."""
     first, last = x_range
     along = np.polynomial.legendre.legvander(2.0 * (x - first) / (last - first) - 1.0, degree)
     phase = np.outer(roll_angle, np.arange(1, highest_harmonic + 1))
@@ -187,7 +187,7 @@ SYMMETRIES = tuple(Symmetry(y, z) for y in (True, False) for z in (True, False))
 
 @dataclass(frozen=True, eq=False)
 class SymmetryResponse:
-    """What a layout sees of one class of pressures.
+    """Response of a layout to one class of pressures.
 
     Attributes
     ----------
@@ -212,18 +212,18 @@ class SymmetryResponse:
 def symmetry_responses(
     response: SmoothResponse, degree: int = CLASS_DEGREE, threshold: float = THRESHOLD
 ) -> list[SymmetryResponse]:
-    """Return what a layout sees of each of :data:`SYMMETRIES`, pressures up to ``degree`` in x.
+    """Return the response of a layout to each of :data:`SYMMETRIES`, pressures up to ``degree`` in x.
 
     A singular value counts where it is above ``threshold`` times the greatest of all classes. A layout of rank 0
-    in a class is blind to it: its strains tell nothing of such a pressure.
+    in a class is blind to it: its strains hold nothing of such a pressure.
     """
     low = response.degree <= degree
     found = [
         response.singular_values(low & symmetry.waves(response.harmonic, response.sine)) for symmetry in SYMMETRIES
     ]
-    least = threshold * max(float(values[0]) for values in found)
+    lowest = threshold * max(float(values[0]) for values in found)
     return [
-        SymmetryResponse(symmetry, values, int((values > least).sum()))
+        SymmetryResponse(symmetry, values, int((values > lowest).sum()))
         for symmetry, values in zip(SYMMETRIES, found, strict=True)
     ]
 

@@ -1,4 +1,4 @@
-"""Strain of gauges per pressure on a three-dimensional structure: what ``strainfmu structure`` leaves behind."""
+"""Result of the solid model: strain of gauges per pressure (``structure.h5`` of ``strainfmu structure``)."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Structure:
         what the mesh error is measured against, and fingerprints (``made_from``) of mesh and gauges.
     statistics : elements, displacement components, solver, licence, relative residual; no times, so that equal
         inputs give an equal file.
-    gauge_names, layout : name of each gauge and the layout it is of; a name is there once per layout.
-    gauge_position, gauge_direction : (n_d, 3) [m] and unit vectors, body axes, as asked for.
+    gauge_names, layout : name of each gauge and the layout it is of; a name occurs once per layout.
+    gauge_position, gauge_direction : (n_d, 3) [m] and unit vectors, body axes, as requested.
     gauge_length : (n_d,) [m], 0 for strain at a point.
     gauge_surface : ``"internal"`` or ``"external"`` of each gauge.
     point, triangle : (n_p, 3) [m], (n_t, 3): nodes of the mesh's external surface, its facets cut into triangles.
@@ -51,7 +51,7 @@ class Structure:
     Raises
     ------
     InputError
-        An array's shape does not fit the others, a value is not finite, or a gauge is there twice.
+        An array's shape does not fit the others, a value is not finite, or a gauge occurs twice.
     """
 
     vehicle: str
@@ -72,7 +72,7 @@ class Structure:
 
     def __post_init__(self) -> None:
         n_d, n_p = len(self.gauge_names), len(self.point)
-        wanted = {
+        shapes = {
             "gauge_position": (n_d, 3),
             "gauge_direction": (n_d, 3),
             "gauge_length": (n_d,),
@@ -81,7 +81,7 @@ class Structure:
             "strain_operator": (n_d, n_p),
             "mesh_error": (n_d,),
         }
-        for name, shape in wanted.items():
+        for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"{name}: shape {getattr(self, name).shape} found, must be {shape}")
             if not np.isfinite(getattr(self, name)).all():
@@ -92,7 +92,9 @@ class Structure:
         if not n_d or len(set(zip(self.layout, self.gauge_names, strict=True))) < n_d:
             raise InputError("gauge_names: none, or one twice in a layout")
         if not set(self.gauge_surface) <= {"internal", "external"}:
-            raise InputError(f"gauge_surface: {sorted(set(self.gauge_surface))} found, internal or external known")
+            raise InputError(
+                f"gauge_surface: {sorted(set(self.gauge_surface))} found, must be internal or external"
+            )
         SurfaceMesh(self.point, self.triangle)
 
     @property
@@ -106,7 +108,7 @@ class Structure:
         return tuple(dict.fromkeys(self.layout))
 
     def gauges_of(self, layout: str) -> IntArray:
-        """Return the places of a layout's gauges.
+        """Return the indices (k,) of a layout's gauges.
 
         Raises
         ------
@@ -141,7 +143,7 @@ def load_structure(path: Path) -> Structure:
 
 
 def structure_to_reuse(path: Path) -> Structure | None:
-    """Return what ``path`` holds; None where nothing is, or nothing that can be read, so that it is made again.
+    """Return what ``path`` holds; None where there is no file, or none that can be read, so that it is made again.
 
     Raises
     ------

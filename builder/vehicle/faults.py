@@ -29,8 +29,8 @@ _UNITS = {
 
 
 def first_fault(error: ValidationError, model: type[BaseModel]) -> str:
-    """Say the first fault of a file in one line, and how many more there are; ``model`` is the file's."""
-    # A misspelt key also leaves its right name missing: the unknown one says more.
+    """Return the first fault of a file in one line, and how many more there are; ``model`` is the file's."""
+    # A misspelt key also leaves its right name missing: the unknown one is more useful.
     faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     fault = faults[0]
     where = ".".join(
@@ -56,7 +56,7 @@ def first_fault(error: ValidationError, model: type[BaseModel]) -> str:
 
 
 def _hint(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
-    """Name what was probably meant by an unknown key: the same quantity in the unit that is allowed."""
+    """Return what was probably meant by an unknown key: the same quantity in the unit that is allowed."""
     key = str(location[-1])
     allowed = _keys_beside(location, model)
     stem = _without_unit(key)
@@ -82,7 +82,7 @@ def _keys_beside(location: tuple[int | str, ...], model: type[BaseModel]) -> lis
         if inside:
             here = [one for annotation in inside for one in _models_in(annotation)]
             continue
-        # Otherwise it is a name of the user's, or the kind that tells the members of a union apart.
+        # Otherwise it is a name of the user's, or the kind that distinguishes the members of a union.
         tagged = [one for one in here if "kind" in one.model_fields]
         here = [one for one in tagged if part in get_args(one.model_fields["kind"].annotation)] or here
     return [key for one in here for key in one.model_fields]

@@ -37,7 +37,7 @@ def read_layout(path: Path) -> GaugeLayout:
     Raises
     ------
     InputError
-        The file is missing, a column is missing or unknown, a number is none, or a name is there twice.
+        The file is missing, a column is missing or unknown, a value is not a number, or a name occurs twice.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -80,11 +80,11 @@ def checked_layout(layout: GaugeLayout, where: str) -> GaugeLayout:
     InputError
         Two gauges have one name, or a name is empty or not printable.
     """
-    seen: set[str] = set()
+    known: set[str] = set()
     for name in layout.names:
         if not name.isprintable():
             raise InputError(f"{where}: gauge name {name!r} found, must be printable text on one line")
-        if not name or name in seen:
-            raise InputError(f"{where}: gauge name '{name}' is {'there twice' if name else 'empty'}")
-        seen.add(name)
+        if not name or name in known:
+            raise InputError(f"{where}: gauge name '{name}' {'occurs twice' if name else 'is empty'}")
+        known.add(name)
     return layout

@@ -1,7 +1,7 @@
 """Outer shape of a pointed body of revolution and the pressure nodes on it.
 
-The meridian r(x) is a chain of segments, cones and circular arcs, from the pointed tip at x = 0
-to the base. Slope breaks between segments are kept as such: the surface pressure may jump there.
+The meridian r(x) consists of segments, cones and circular arcs, from the pointed tip at x = 0 to the base. Slope
+breaks between segments are kept as such: the surface pressure may jump there.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Segment:
         return float(self.radius(np.array([self.end_x]))[0])
 
     @property
-    def least_radius(self) -> float:
-        """Smallest radius [m] aft of the segment's start: at its end, or where a rising arc turns."""
+    def min_radius(self) -> float:
+        """Minimum radius [m] aft of the segment's start: at its end, or where a rising arc turns."""
         if self.start_angle < 0.0 < self.end_angle:
             return float(self.start_radius + self._arc_radius * (1.0 - np.cos(self.start_angle)))
         return self.end_radius
@@ -143,7 +143,7 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
         segment = Segment(
             start_x=x, end_x=end_x, start_radius=radius, start_angle=start_angle, end_angle=end_angle
         )
-        if segment.least_radius <= 0.0:
+        if segment.min_radius <= 0.0:
             raise InputError(f"profile segment {number}: the radius falls to zero before x = {end_x:g} m")
         segments.append(segment)
         x, radius = end_x, segment.end_radius

@@ -21,9 +21,9 @@ def check_map_size(vehicle: Vehicle, n_gauges: int) -> None:
         ``map.modes`` is too large.
     """
     conditions = len(vehicle.flight_conditions())
-    most = min(n_gauges, conditions) - 1
-    if vehicle.map.case == 1 and vehicle.map.modes > most:
+    max_modes = min(n_gauges, conditions) - 1
+    if vehicle.map.case == 1 and vehicle.map.modes > max_modes:
         raise InputError(
-            f"map.modes: {vehicle.map.modes} found, at most {most} allowed with {n_gauges} gauges and "
+            f"map.modes: {vehicle.map.modes} found, at most {max_modes} allowed with {n_gauges} gauges and "
             f"{conditions} conditions"
         )

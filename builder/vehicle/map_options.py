@@ -40,8 +40,9 @@ class Noise(Section):
     The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,
     one per gauge, or as the CSV file of a full covariance [(um/m)^2] beside the vehicle file. Nothing is added to
     it with ``model`` "paper". Gain, position and orientation errors are those of each gauge on its own; apparent
-    strain is the same for all gauges, as of an uncompensated temperature. ``nuisance_file`` is a CSV file beside
-    the vehicle file with the strain of further modes, as of temperature distributions, at one standard deviation.
+    strain is the same for all gauges, as an uncompensated temperature causes it. ``nuisance_file`` is a CSV file
+    beside the vehicle file with the strain of further modes, such as temperature distributions, at one standard
+    deviation.
     """
 
     percent_of_median_strain: PositiveFloat | None = None

@@ -34,10 +34,10 @@ class Arc(Section):
 
 
 class Structure(Section):
-    """Wall, support and what is inside; and the model that the map is built on.
+    """Wall, support, internal pressure, and the model that the map is built on.
 
-    ``resolution`` is the solid model's. The foundation's stiffnesses are those along and across the normal of the
-    aft ring, per area.
+    ``resolution`` is that of the solid model. The foundation's stiffnesses are per area, along and across the
+    normal of the aft ring.
     """
 
     wall_thickness_mm: PositiveFloat
@@ -78,7 +78,7 @@ class MaterialEntry(Section):
 
 
 class Reference(Section):
-    """What coefficients are referred to; area and length default to base area and base diameter."""
+    """Reference quantities of the coefficients; area and length default to base area and base diameter."""
 
     area_m2: PositiveFloat | None = None
     length_m: PositiveFloat | None = None
@@ -131,7 +131,7 @@ class GaugeLayoutEntry(Section):
         if (self.rows is None) == (self.file is None):
             raise ValueError("a layout needs either rows or file")
         if self.rows is not None and (self.surface is not None or self.length_mm is not None):
-            raise ValueError("surface and length_mm stand in each row; beside rows they have no meaning")
+            raise ValueError("surface and length_mm belong in each row; beside rows they have no meaning")
         return self
 
 
@@ -158,10 +158,10 @@ class Conditions(Section):
 
 
 class Aerodynamics(Section):
-    """Where surface pressure comes from, and what that engine needs beside the rest of the file.
+    """Source of the surface pressure, and what that engine needs beyond the rest of the file.
 
-    ``surface``, ``stagnation`` and ``leeward`` are the newtonian engine's, ``manifest`` the table's; files lie
-    beside the vehicle file.
+    ``surface``, ``stagnation`` and ``leeward`` are the newtonian engine's, ``manifest`` the table's; files are
+    relative to the vehicle file.
     """
 
     engine: str = "euler"

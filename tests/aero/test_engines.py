@@ -118,4 +118,4 @@ def test_wrong_options_are_one_line(arguments: tuple[str, ...], words: str, tmp_
 
 def test_output_that_is_a_folder_is_refused(tmp_path: Path, run: Run) -> None:
     code, _, message = run("snapshots", IC3X, "-o", tmp_path)
-    assert (code, message) == (2, f"strainfmu: {tmp_path}: is a folder, a file is wanted\n")
+    assert (code, message) == (2, f"strainfmu: {tmp_path}: is a folder, must be a file\n")

@@ -15,7 +15,7 @@ from builder.aero.euler.bow_shock import shock_slope
 from builder.aero.euler.flux import characteristic_slopes, hll
 from builder.aero.euler.gas import (
     GAMMA,
-    LEAST_PRESSURE_RATIO,
+    MIN_PRESSURE_RATIO,
     axial_velocity,
     compressed_pressure_ratio,
     expanded_pressure_ratio,
@@ -100,12 +100,12 @@ def test_expansion_by_integration(mach_number: float, turn_deg: float) -> None:
     path = solve_ivp(along, (0.0, radians(turn_deg)), [0.0, mach_number], rtol=1e-11, atol=1e-13)
     expected = float(np.exp(path.y[0, -1]))
     found = expanded_pressure_ratio(mach_number, radians(turn_deg))
-    assert found == pytest.approx(max(expected, LEAST_PRESSURE_RATIO), rel=1e-7)
+    assert found == pytest.approx(max(expected, MIN_PRESSURE_RATIO), rel=1e-7)
 
 
 def test_expansion_ends_short_of_vacuum() -> None:
-    assert expanded_pressure_ratio(7.0, 1.0) == LEAST_PRESSURE_RATIO
-    assert expanded_pressure_ratio(7.0, radians(45.0)) == LEAST_PRESSURE_RATIO
+    assert expanded_pressure_ratio(7.0, 1.0) == MIN_PRESSURE_RATIO
+    assert expanded_pressure_ratio(7.0, radians(45.0)) == MIN_PRESSURE_RATIO
 
 
 @pytest.mark.parametrize("mach_number", [1.5, 5.0])

@@ -39,7 +39,7 @@ def test_same_mesh_loses_nothing() -> None:
     np.testing.assert_allclose(
         [report.force_residual, report.moment_residual, report.largest_gap, report.area_mismatch], 0.0, atol=1e-14
     )
-    assert report.unfitted_share == 0.0
+    assert report.unfitted_fraction == 0.0
     check_mapping(report, MappingTolerances())
 
 
@@ -119,7 +119,7 @@ def test_each_tolerance_refuses(name: str, text: str) -> None:
     loose = MappingTolerances(
         gap_relative=1.0,
         area_mismatch=1.0,
-        unfitted_share=1.0,
+        unfitted_fraction=1.0,
         force_residual_relative=1.0,
         moment_residual_relative=1.0,
     )

@@ -111,5 +111,5 @@ def test_results_do_not_disturb_each_other(tmp_path: Path) -> None:
 def test_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text("")
-    with pytest.raises(InputError, match="is a file, a folder is wanted"):
+    with pytest.raises(InputError, match="is a file, must be a folder"):
         Workspace(path)

@@ -97,7 +97,7 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, run) -> None:
     path.write_text("")
     code, _, error = run("reproduce", "--quick", "-o", path)
     assert (code, error.count("\n")) == (2, 1)
-    assert "is a file, a folder is wanted" in error
+    assert "is a file, must be a folder" in error
 
 
 @pytest.mark.slow

@@ -265,5 +265,5 @@ def test_bad_input_is_refused(change: str, message: str) -> None:
 def test_a_surface_too_coarse_is_refused(n_x: int, n_roll: int) -> None:
     """12 stations do not carry degree 20, 12 roll angles not harmonic 8."""
     mesh = cylinder(n_x, n_roll)
-    with pytest.raises(InputError, match="do not tell pressures of degree 20 in x and harmonic 8 apart"):
+    with pytest.raises(InputError, match="do not distinguish pressures of degree 20 in x and harmonic 8"):
         smooth_response(np.ones((1, mesh.n_nodes)), mesh.point, mesh.node_area)

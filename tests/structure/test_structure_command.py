@@ -169,7 +169,7 @@ def test_command_says_what_it_did(run: Run, tmp_path: Path) -> None:
     assert (code, err) == (0, "")
     for words in (
         "displacement components",
-        "scaled Jacobian, least",
+        "scaled Jacobian, minimum",
         "bending of the wall kept (locking check): cos(0 phi) 100.00 %",
         "solver cyclic, licence BSD-3-Clause",
         "layout table: 6 gauges",

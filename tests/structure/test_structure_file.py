@@ -83,7 +83,7 @@ def test_gauges_by_layout() -> None:
         ("mesh_error", np.array([0.0, np.inf, 0.0]), "mesh_error: not all values are finite"),
         ("layout", ("first", "first"), "layout: 2 found, must be 3"),
         ("layout", ("first",) * 3, "gauge_names: none, or one twice in a layout"),
-        ("gauge_surface", ("inner",) * 3, r"gauge_surface: \['inner'\] found, internal or external known"),
+        ("gauge_surface", ("inner",) * 3, r"gauge_surface: \['inner'\] found, must be internal or external"),
         ("triangle", np.array([[0, 1, 4]]), "a triangle names node 4 of 4"),
     ],
 )

@@ -45,18 +45,30 @@ def test_csv_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1: header '' found"),
-        ("5,0,0,20\n", "line 1: header '5,0,0,20' found"),
-        (HEADER.replace("deg", "rad") + "\n", "line 1: header 'mach_number,angle_of_attack_rad"),
-        (HEADER + "\n", "no conditions found"),
-        (HEADER + "\n5,0,0,20\n5,0,0\n", "line 3: 3 values found, 4 wanted"),
-        (HEADER + "\n\n5,0,zero,20\n", "line 3, column sideslip_angle_deg: 'zero' found, a number between"),
-        (HEADER + "\n5,nan,0,20\n", "line 2, column angle_of_attack_deg: 'nan' found"),
-        (HEADER + "\n5,60,0,20\n", "line 2, column angle_of_attack_deg: '60' found, a number between -60 and 60"),
-        (HEADER + "\n0.8,0,0,20\n", "line 2, column mach_number: '0.8' found, a number greater than 1 wanted"),
-        (HEADER + "\ninf,0,0,20\n", "line 2, column mach_number: 'inf' found"),
-        (HEADER + "\n5,0,0,20000\n", "line 2, column altitude_km: '20000' found, a number from 0 to 71 wanted"),
-        (HEADER + "\n5,0,0,\n", "line 2, column altitude_km: '' found"),
+        ("", f"line 1: expected header '{HEADER}', got ''"),
+        ("5,0,0,20\n", f"line 1: expected header '{HEADER}', got '5,0,0,20'"),
+        (
+            HEADER.replace("deg", "rad") + "\n",
+            f"line 1: expected header '{HEADER}', got 'mach_number,angle_of_attack_rad",
+        ),
+        (HEADER + "\n", "expected at least 1 condition, got none"),
+        (HEADER + "\n5,0,0,20\n5,0,0\n", "line 3: expected 4 values, got 3"),
+        (
+            HEADER + "\n\n5,0,zero,20\n",
+            "line 3, column sideslip_angle_deg: expected a number between -60 and 60, got 'zero'",
+        ),
+        (
+            HEADER + "\n5,nan,0,20\n",
+            "line 2, column angle_of_attack_deg: expected a number between -60 and 60, got 'nan'",
+        ),
+        (
+            HEADER + "\n5,60,0,20\n",
+            "line 2, column angle_of_attack_deg: expected a number between -60 and 60, got '60'",
+        ),
+        (HEADER + "\n0.8,0,0,20\n", "line 2, column mach_number: expected a number greater than 1, got '0.8'"),
+        (HEADER + "\ninf,0,0,20\n", "line 2, column mach_number: expected a number greater than 1, got 'inf'"),
+        (HEADER + "\n5,0,0,20000\n", "line 2, column altitude_km: expected a number from 0 to 71, got '20000'"),
+        (HEADER + "\n5,0,0,\n", "line 2, column altitude_km: expected a number from 0 to 71, got ''"),
     ],
 )
 def test_wrong_csv_file_is_one_line(text: str, message: str, tmp_path: Path, run: Run) -> None:

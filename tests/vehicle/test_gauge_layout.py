@@ -104,7 +104,7 @@ def test_columns_may_be_in_any_order(tmp_path: Path) -> None:
         (HEADER + "a,1,0,0.1,1,0,0\nb,one,0,0.1,1,0,0\n", r"line 3, column x_m: 'one' found, must be a number"),
         (HEADER + "a,1,0\n", r"line 2, column z_m: 'None' found, must be a number"),
         (HEADER + "a,1,0,nan,1,0,0\n", r"line 2, column z_m: 'nan' found, must be finite"),
-        (HEADER + "a,1,0,0.1,1,0,0\na,2,0,0.1,1,0,0\n", "gauge name 'a' is there twice"),
+        (HEADER + "a,1,0,0.1,1,0,0\na,2,0,0.1,1,0,0\n", "gauge name 'a' occurs twice"),
         (HEADER + ",1,0,0.1,1,0,0\n", "gauge name '' is empty"),
     ],
 )
@@ -167,7 +167,7 @@ def test_station_without_a_hollow_is_refused(shipped: Vehicle) -> None:
 
 def test_row_given_twice_is_refused(shipped: Vehicle) -> None:
     row = GaugeRow(roll_angle_deg=0.0, directions=["axial"], x_m=[1.0])
-    with pytest.raises(InputError, match="gauge name 'axial_0deg_1' is there twice"):
+    with pytest.raises(InputError, match="gauge name 'axial_0deg_1' occurs twice"):
         check_gauges(with_layout(shipped, GaugeLayoutEntry(rows=[row, row])))
 
 

@@ -255,7 +255,7 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
         (
             "[gauges.layouts.configuration_1]",
             "[gauges.layouts.configuration_1]\nlength_mm = 3.0",
-            "layouts.configuration_1: surface and length_mm stand in each row",
+            "layouts.configuration_1: surface and length_mm belong in each row",
         ),
         ("[structure]", "[structure", r"not a TOML file"),
     ],

@@ -57,9 +57,9 @@ def read_cart3d(path: Path) -> Triangulation:
     first_line = content[: len(content) - len(content.lstrip())].count(b"\n") + 1
     header = numbers_of(path, header_line, first_line)
     if len(header) != n_header or (header != np.round(header)).any() or (header < 1).any():
-        wanted = "nVerts nTris nScalars" if annotated else "nVerts nTris"
+        expected = "nVerts nTris nScalars" if annotated else "nVerts nTris"
         found = header_line.decode("ascii", "replace").strip()[:60]
-        raise InputError(f"{path}: line {first_line}: {found!r} found, must be {wanted}, each at least 1")
+        raise InputError(f"{path}: line {first_line}: {found!r} found, must be {expected}, each at least 1")
     counts = [int(value) for value in header]
     values = numbers_of(path, body, first_line + 1)
     return _divide(path, values, counts[0], counts[1], counts[2] if annotated else 0)

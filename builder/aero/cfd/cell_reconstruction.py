@@ -1,6 +1,6 @@
 """Reconstruction of cell values as pressure that is linear over each triangle, without smearing jumps.
 
-Each cell gets the gradient that fits its neighbours best (weighted least squares), held back so that no corner
+Each cell gets the gradient that fits its neighbours best (weighted least squares), limited so that no corner
 leaves the range of the neighbours. That is exact for a field that is linear over a plane; at a shock or an edge of
 the body the gradient falls to zero rather than draw one side's values into the other.
 
@@ -16,7 +16,7 @@ from scipy import sparse
 from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 
-LEAST_COSINE = 0.5
+MIN_COSINE = 0.5
 """Cells whose normals differ by more than 60 deg are no neighbours: a base, a trailing edge."""
 _RANK_CUT = 1e-4
 
@@ -48,9 +48,9 @@ def reconstruct(mesh: SurfaceMesh, face: IntArray, values: FloatArray) -> tuple[
     np.minimum.at(low, here, values[there])
     np.maximum.at(high, here, values[there])
     room = np.where(step > 0.0, (high - values)[face][:, None], (values - low)[face][:, None])
-    share = np.divide(room, np.abs(step), out=np.ones_like(step), where=np.abs(step) > room)
+    fraction = np.divide(room, np.abs(step), out=np.ones_like(step), where=np.abs(step) > room)
     limit = np.ones(n_cells)
-    np.minimum.at(limit, face, share.min(axis=1))
+    np.minimum.at(limit, face, fraction.min(axis=1))
     at_corner = values[face][:, None] + limit[face][:, None] * step
     separate = SurfaceMesh(corner.reshape(-1, 3), np.arange(3 * len(face), dtype=np.int64).reshape(-1, 3))
     return separate, at_corner.ravel()
@@ -59,11 +59,11 @@ def reconstruct(mesh: SurfaceMesh, face: IntArray, values: FloatArray) -> tuple[
 def _neighbours(mesh: SurfaceMesh, face: IntArray, normal: FloatArray, n_cells: int) -> tuple[IntArray, IntArray]:
     """Return all ordered pairs of cells that share a node and do not turn away from each other."""
     entries = np.ones(mesh.triangle.size)
-    place = mesh.triangle.ravel(), np.repeat(face, 3)
-    touches = sparse.csr_matrix((entries, place), shape=(mesh.n_nodes, n_cells))
+    index = mesh.triangle.ravel(), np.repeat(face, 3)
+    touches = sparse.csr_matrix((entries, index), shape=(mesh.n_nodes, n_cells))
     pairs = (touches.T @ touches).tocoo()
     here, there = pairs.row.astype(np.int64), pairs.col.astype(np.int64)
-    kept = (here != there) & (np.einsum("pi,pi->p", normal[here], normal[there]) > LEAST_COSINE)
+    kept = (here != there) & (np.einsum("pi,pi->p", normal[here], normal[there]) > MIN_COSINE)
     return here[kept], there[kept]
 
 

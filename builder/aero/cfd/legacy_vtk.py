@@ -69,11 +69,11 @@ def check_whole(path: Path, content: bytes) -> None:
         count = int(tuples[-1]) * components if tuples else 0
     if binary:
         size = _BYTES.get(groups["type"].decode(), 1) if groups.get("type") else 4
-        found, wanted, what = len(block), int(count * size), "bytes"
+        found, expected, what = len(block), int(count * size), "bytes"
     else:
-        found, wanted, what = len(block.split(b"METADATA")[0].split()), count, "numbers"
-    if found < wanted:
+        found, expected, what = len(block.split(b"METADATA")[0].split()), count, "numbers"
+    if found < expected:
         heading = last.group(0).split(b"\n")[0].decode("ascii", "replace")
-        raise InputError(f"{path}: cut short: {found} {what} found behind '{heading}', must be {wanted}")
-    if not binary and found == wanted and not content[-1:].isspace():
+        raise InputError(f"{path}: cut short: {found} {what} found behind '{heading}', must be {expected}")
+    if not binary and found == expected and not content[-1:].isspace():
         raise InputError(f"{path}: cut short: the last number has no line end behind it")

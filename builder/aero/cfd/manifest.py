@@ -58,7 +58,7 @@ class CaseEntry(Section):
 
 
 class ManifestEntries(Section):
-    """A manifest as it is written; docs/howto/bring_cfd.md says what the entries mean."""
+    """A manifest as it is written; docs/howto/bring_cfd.md explains the entries."""
 
     quantity: str
     unit: str | None = None
@@ -92,7 +92,7 @@ class ManifestEntries(Section):
         words = value.split()
         if not set(words) <= set(_DIRECTIONS) or len(words) != 3 or abs(np.linalg.det(_matrix_of(value))) < 0.5:
             raise ValueError(
-                f"{value!r} found, must say where x, y and z point: three of {', '.join(_DIRECTIONS)}, such as "
+                f"{value!r} found, must be directions of x, y, z: three of {', '.join(_DIRECTIONS)}, such as "
                 f"'{BODY_AXES}'"
             )
         return value
@@ -166,13 +166,13 @@ class Manifest:
 
 
 def load_manifest(path: Path) -> Manifest:
-    """Read a manifest (.toml or .csv) and look at the files it names, which lie relative to it.
+    """Read a manifest (.toml or .csv) and look at the files it names, relative to it.
 
     Raises
     ------
     InputError
         The manifest or a file is missing, an entry is unknown, missing or outside its limits, a condition or a
-        file is there twice, or a half model is given a sideslip angle.
+        file occurs twice, or a half model has a sideslip angle.
     """
     content = read_file(path)
     suffix = path.suffix.lower()
@@ -186,11 +186,11 @@ def load_manifest(path: Path) -> Manifest:
         entries = ManifestEntries.model_validate(raw)
     except ValidationError as error:
         raise InputError(f"{path}: {_first_fault(error, lines)}") from error
-    places = [f"case {i + 1}" if lines is None else f"line {lines[i]}" for i in range(len(entries.case))]
-    _check_cases(path, entries, places)
+    labels = [f"case {i + 1}" if lines is None else f"line {lines[i]}" for i in range(len(entries.case))]
+    _check_cases(path, entries, labels)
     cases = [
-        CfdCase(path.parent / entry.file, entry.condition, _content(path, place, path.parent / entry.file))
-        for entry, place in zip(entries.case, places, strict=True)
+        CfdCase(path.parent / entry.file, entry.condition, _content(path, label, path.parent / entry.file))
+        for entry, label in zip(entries.case, labels, strict=True)
     ]
     return Manifest(path, entries, tuple(cases))
 
@@ -207,29 +207,29 @@ def condition_key(condition: FlightCondition) -> tuple[float, float, float, floa
     return round(m, 9), round(a, 9) + 0.0, round(b, 9) + 0.0, round(h, 6)
 
 
-def _content(path: Path, place: str, file: Path) -> int:
+def _content(path: Path, label: str, file: Path) -> int:
     try:
         return file_content(file)
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
-        raise InputError(f"{path}: {place}: {file}: {reason}") from error
+        raise InputError(f"{path}: {label}: {file}: {reason}") from error
 
 
-def _check_cases(path: Path, entries: ManifestEntries, places: list[str]) -> None:
+def _check_cases(path: Path, entries: ManifestEntries, labels: list[str]) -> None:
     conditions: dict[tuple[float, ...], str] = {}
     files: dict[str, tuple[str, tuple[float, ...]]] = {}
-    for entry, place in zip(entries.case, places, strict=True):
+    for entry, label in zip(entries.case, labels, strict=True):
         key = condition_key(entry.condition)
         if key in conditions:
-            raise InputError(f"{path}: {place}: {entry.condition} is already that of {conditions[key]}")
-        conditions[key] = place
+            raise InputError(f"{path}: {label}: {entry.condition} is already that of {conditions[key]}")
+        conditions[key] = label
         # One file may serve several altitudes, since only p/p_inf is taken from it, but nothing else.
-        first, flow = files.setdefault(entry.file, (place, key[:3]))
+        first, flow = files.setdefault(entry.file, (label, key[:3]))
         if flow != key[:3]:
-            raise InputError(f"{path}: {place}: file '{entry.file}' is already that of {first}, another condition")
+            raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, another condition")
         if entries.mirrored and entry.sideslip_angle_deg != 0.0:
             raise InputError(
-                f"{path}: {place}: sideslip_angle_deg {entry.sideslip_angle_deg:g} found, a mirrored half model "
+                f"{path}: {label}: sideslip_angle_deg {entry.sideslip_angle_deg:g} found, a mirrored half model "
                 "has 0"
             )
 
@@ -244,7 +244,7 @@ def _from_toml(path: Path, content: bytes) -> dict[str, Any]:
 def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
     """Return the entries as the TOML form has them, and the line of each case.
 
-    Columns beside the case's own must hold the same in every line, since they hold for all cases.
+    Columns other than the case's own must hold the same in every line, since they hold for all cases.
     """
     rows = list(csv.reader(content.decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
     start = next(number for number, row in enumerate(rows) if row)
@@ -271,7 +271,7 @@ def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
                     "the first line; it must be the same in all"
                 )
     if not cases:
-        raise InputError(f"{path}: no case behind the column names")
+        raise InputError(f"{path}: no case after the column names")
     return {**common, "case": cases}, lines
 
 
@@ -303,7 +303,7 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 def _first_fault(error: ValidationError, lines: list[int] | None) -> str:
-    """Say the first fault in one line, unknown entries ahead of missing ones."""
+    """Return the first fault in one line, unknown entries ahead of missing ones."""
     fault = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     where = list(fault["loc"])
     if len(where) > 1 and where[0] == "case" and isinstance(where[1], int):

@@ -1,4 +1,4 @@
-"""Bringing a foreign surface to where and how the vehicle's lies: axes, the other half, the sense of normals."""
+"""Placement of a foreign surface on the vehicle's: axes, the other half of a half model, sense of the normals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 ON_PLANE = 1e-4
-"""A half model may cross its symmetry plane by this share of its extent."""
+"""A half model may cross its symmetry plane by this fraction of its extent."""
 
 
 def place(field: SurfaceField, matrix: FloatArray, translation: FloatArray) -> SurfaceField:
@@ -57,7 +57,7 @@ def orient(source: SurfaceMesh, surface: SurfaceMesh) -> SurfaceMesh:
     """Return the source with its normals outward, as those of the vehicle's ``surface`` are.
 
     Solvers write patches with normals out of the flow as often as into it. Each connected part is turned as a
-    whole, by what most of its area says.
+    whole, by the majority of its area.
     """
     part = part_of_node(source)[source.triangle[:, 0]]
     middle = source.point[source.triangle].mean(axis=1)

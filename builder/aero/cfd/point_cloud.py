@@ -2,7 +2,7 @@
 
 Each node interpolates linearly in the Delaunay triangle, of the points around it, that it lies in; the points are
 those of its own smooth piece of the surface, unrolled into its tangent plane. Of all triangles of points that
-contain the node, the Delaunay triangle is the one with the least sum of lambda_i |d_i|^2, lambda_i being the
+contain the node, the Delaunay triangle is the one with the smallest sum of lambda_i |d_i|^2, lambda_i being the
 barycentric coordinates and d_i the distances (the lifting to a paraboloid: H. Edelsbrunner and R. Seidel, "Voronoi
 diagrams and arrangements", Discrete Comput. Geom. 1, 1986). That sum also bounds the error of the interpolation.
 A node with points on one side only, as at the rim of a base, is reached by a straight line through two places
@@ -27,15 +27,15 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
 FARTHEST = 2e-3
-"""Points may lie off the surface by this share of its extent."""
+"""Points may lie off the surface by this fraction of its extent."""
 WIDEST_GAP = 0.05
-"""A node farther than this share of the surface's extent from every point is not covered."""
+"""A node farther than this fraction of the surface's extent from every point is not covered."""
 _SAME_PLACE = 1e-9
 _ON_EDGE = 0.02
-"""A point nearer to an edge than this share of the triangle it lies in may belong to either side."""
+"""A point nearer to an edge than this fraction of the triangle it lies in may belong to either side."""
 _CURVATURE_SCALE = 0.1
-"""Extent shares at which a turn of the normal by 1 rad counts as distance: points across the body are far."""
-_LEAST_COSINE = 0.5
+"""Fraction of the extent that a turn of the normal by 1 rad counts as: points across the body are far."""
+_MIN_COSINE = 0.5
 _CANDIDATES = (48, 384)
 _SECTORS, _PER_SECTOR = 8, 2
 _CHUNK = 1000
@@ -62,7 +62,7 @@ class _Cloud:
 def cloud_map(point: FloatArray, normal: FloatArray | None, surface: SurfaceMesh) -> sparse.csr_array:
     """Return the weights (n_nodes, n) that take values at ``point`` (n, 3) [m] to the nodes of ``surface``.
 
-    ``normal`` (n, 3), outward, tells which side of an edge a point on the edge belongs to. Without it, points
+    ``normal`` (n, 3), outward, settles which side of an edge a point on the edge belongs to. Without it, points
     where the surface has several nodes at one place, an edge or the tip, are left out: either may be meant.
 
     Raises
@@ -78,7 +78,7 @@ def cloud_map(point: FloatArray, normal: FloatArray | None, surface: SurfaceMesh
     onto = interpolation_at(surface, found)
     corner = surface.triangle[found.triangle]
     if normal is None:
-        settled = np.einsum("nk,nk->n", found.weight, 1.0 - _shares_place(surface, extent)[corner]) > _ON_EDGE
+        settled = np.einsum("nk,nk->n", found.weight, 1.0 - _is_doubled(surface, extent)[corner]) > _ON_EDGE
         normal = onto @ surface.node_normal
     else:
         settled = np.ones(len(point), dtype=bool)
@@ -107,12 +107,12 @@ def _check_distance(point: FloatArray, gap: FloatArray, extent: float) -> None:
         )
 
 
-def _shares_place(surface: SurfaceMesh, extent: float) -> FloatArray:
+def _is_doubled(surface: SurfaceMesh, extent: float) -> FloatArray:
     """Return 1 for nodes (n_nodes,) that lie where another one does, else 0."""
     pairs = cKDTree(surface.point).query_pairs(_SAME_PLACE * extent, output_type="ndarray")
-    shares = np.zeros(surface.n_nodes)
-    shares[pairs.ravel()] = 1.0
-    return shares
+    doubled = np.zeros(surface.n_nodes)
+    doubled[pairs.ravel()] = 1.0
+    return doubled
 
 
 def _interpolate(cloud: _Cloud, target: FloatArray, normal: FloatArray, extent: float) -> sparse.csr_array:
@@ -145,12 +145,12 @@ def _triangle_weights(cloud: _Cloud, target: FloatArray, normal: FloatArray) -> 
             flat, usable = _unroll(cloud, near, target[chunk], normal[chunk])
             chosen, usable = _spread(flat, usable)
             near, flat = np.take_along_axis(near, chosen, 1), np.take_along_axis(flat, chosen[:, :, None], 1)
-            share = _delaunay(flat, usable)
-            row, column = np.nonzero(share)
+            weight = _delaunay(flat, usable)
+            row, column = np.nonzero(weight)
             rows.append(chunk[row])
             columns.append(near[row, column])
-            weights.append(share[row, column])
-            waiting.append(chunk[~share.any(axis=1)])
+            weights.append(weight[row, column])
+            waiting.append(chunk[~weight.any(axis=1)])
         left = np.concatenate(waiting)
     found = np.ones(len(target), dtype=bool)
     found[left] = False
@@ -175,7 +175,7 @@ def _unroll(cloud: _Cloud, near: IntArray, target: FloatArray, normal: FloatArra
     flat = np.einsum("tij,tkj->tki", _frame(normal), step)
     size = np.linalg.norm(flat, axis=2, keepdims=True)
     flat *= np.divide(length, size, out=np.zeros_like(length), where=size > 0.0)
-    return flat, np.einsum("tkj,tj->tk", cloud.normal[near], normal) > _LEAST_COSINE
+    return flat, np.einsum("tkj,tj->tk", cloud.normal[near], normal) > _MIN_COSINE
 
 
 def _spread(flat: FloatArray, usable: BoolArray) -> tuple[IntArray, BoolArray]:
@@ -212,14 +212,14 @@ def _delaunay(flat: FloatArray, usable: BoolArray) -> FloatArray:
     square = np.square(flat).sum(axis=2)
     reach = np.stack([square[:, i] for i in (a, b, c)], axis=2)
     thin = np.abs(double_area) <= 1e-9 * reach.sum(axis=2)
-    share = np.divide(part, double_area[:, :, None], out=np.full_like(part, -1.0), where=~thin[:, :, None])
-    good = (share > -1e-9).all(axis=2) & usable[:, a] & usable[:, b] & usable[:, c]
-    cost = np.where(good, np.einsum("tnk,tnk->tn", share, reach), np.inf)
+    barycentric = np.divide(part, double_area[:, :, None], out=np.full_like(part, -1.0), where=~thin[:, :, None])
+    good = (barycentric > -1e-9).all(axis=2) & usable[:, a] & usable[:, b] & usable[:, c]
+    cost = np.where(good, np.einsum("tnk,tnk->tn", barycentric, reach), np.inf)
     best = cost.argmin(axis=1)
     row = np.flatnonzero(np.isfinite(cost.min(axis=1)))
     weight = np.zeros(flat.shape[:2])
     for corner in range(3):
-        weight[row, triple[best[row], corner]] = share[row, best[row], corner]
+        weight[row, triple[best[row], corner]] = barycentric[row, best[row], corner]
     # A point at the target itself settles it, whatever triangles can be made.
     at_target = usable & (square <= 1e-12 * square.max(axis=1, keepdims=True))
     here = at_target.any(axis=1)

@@ -36,9 +36,9 @@ class PointTable:
 
 
 def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> PointTable:
-    """Read points and the values of ``column``, which may be None if there is only one beside the coordinates.
+    """Read points and the values of ``column``, which may be None if there is only one besides the coordinates.
 
-    Coordinates stand in columns x, y, z, with or without a unit (x_mm), or as ParaView names them (Points:0). A
+    Coordinates are in columns x, y, z, with or without a unit (x_mm), or as ParaView names them (Points:0). A
     unit in a name must be ``metres_per_unit``.
 
     Raises
@@ -53,14 +53,14 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
     header = [name.strip() for name in rows[start]]
     repeated = sorted({name for name in header if header.count(name) > 1})
     if repeated:
-        raise InputError(f"{path}: line {start + 1}: column '{repeated[0]}' is there twice")
+        raise InputError(f"{path}: line {start + 1}: column '{repeated[0]}' occurs twice")
     axes = [_axis_column(path, header, k, metres_per_unit) for k in range(3)]
     normals = [header.index(name) for name in NORMALS if name in header]
     named = _value_column(path, header, column, axes)
-    wanted = [*axes, header.index(named), *(normals if len(normals) == 3 else [])]
-    table = _numbers(path, rows, start, header, wanted)
+    chosen = [*axes, header.index(named), *(normals if len(normals) == 3 else [])]
+    table = _numbers(path, rows, start, header, chosen)
     if not len(table):
-        raise InputError(f"{path}: no line of numbers behind the column names")
+        raise InputError(f"{path}: no line of numbers after the column names")
     return PointTable(
         point=table[:, :3], values=table[:, 3], column=named, normal=table[:, 4:7] if len(normals) == 3 else None
     )
@@ -93,8 +93,8 @@ def _value_column(path: Path, header: list[str], column: str | None, axes: list[
     return column or rest[0]
 
 
-def _numbers(path: Path, rows: list[list[str]], start: int, header: list[str], wanted: list[int]) -> FloatArray:
-    """Return the wanted columns (n, k) of all lines behind the header."""
+def _numbers(path: Path, rows: list[list[str]], start: int, header: list[str], chosen: list[int]) -> FloatArray:
+    """Return the chosen columns (n, k) of all lines behind the header."""
     table = []
     for line, row in enumerate(rows[start + 1 :], start=start + 2):
         if not row:
@@ -102,16 +102,16 @@ def _numbers(path: Path, rows: list[list[str]], start: int, header: list[str], w
         if len(row) != len(header):
             raise InputError(f"{path}: line {line}: {len(row)} columns found, must be {len(header)}")
         try:
-            table.append([float(row[index]) for index in wanted])
+            table.append([float(row[index]) for index in chosen])
         except ValueError:
             table.append([np.nan])
         if not np.isfinite(table[-1]).all():
-            index = next(index for index in wanted if not _is_finite(row[index]))
+            index = next(index for index in chosen if not _is_finite(row[index]))
             raise InputError(
                 f"{path}: line {line}: column '{header[index]}': {row[index][:40]!r} found, must be a finite "
                 "number"
             )
-    return np.array(table, dtype=np.float64).reshape(-1, len(wanted))
+    return np.array(table, dtype=np.float64).reshape(-1, len(chosen))
 
 
 def _is_finite(word: str) -> bool:

@@ -1,4 +1,4 @@
-"""The vehicle's surface for other flow solvers: one node per place, and closed where a mesher needs it."""
+"""The vehicle's surface for other flow solvers: coincident nodes merged, and closed where a mesher needs it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from strainfmu.errors import InputError
 
 SURFACE_FORMATS = (".stl", ".tri", ".vtp", ".vtu")
 _SAME_PLACE = 1e-9
-"""Nodes closer than this share of the surface's extent are one place."""
+"""Nodes closer than this fraction of the surface's extent are one."""
 _FLAT = 1e-4
-"""An opening may leave its mean plane by this share of the surface's extent to be closed."""
+"""An opening may leave its mean plane by this fraction of the surface's extent to be closed."""
 
 
 def write_surface(path: Path, mesh: SurfaceMesh, closed: bool = False) -> None:

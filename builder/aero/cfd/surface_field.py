@@ -126,10 +126,10 @@ def _vtk_field(path: Path, array: str | None, location: Location | None) -> Surf
     )
 
 
-def _choose(path: Path, wanted: str, names: list[str], kind: str) -> str:
-    if wanted not in names:
-        raise InputError(f"{path}: no array '{wanted}' found; {kind} there: {', '.join(names)}")
-    return wanted
+def _choose(path: Path, name: str, names: list[str], kind: str) -> str:
+    if name not in names:
+        raise InputError(f"{path}: no array '{name}' found; {kind} there: {', '.join(names)}")
+    return name
 
 
 def _only_at_nodes(path: Path, location: Location | None) -> None:

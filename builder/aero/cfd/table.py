@@ -28,7 +28,7 @@ METHOD_VERSION = 1
 """Raised whenever the mapping's results change, so that stored flows of an older one are made again."""
 _NEAREST_LISTED = 3
 _OVERHANG = 0.05
-"""The file may miss the ends of the vehicle by this share of its extent: half a cell of a coarse grid."""
+"""The file may miss the ends of the vehicle by this fraction of its extent: half a cell of a coarse grid."""
 _LARGEST = 3.0
 """The file may be larger than the vehicle's surface by this factor: a base, a sting, a booster."""
 
@@ -152,15 +152,15 @@ def _check_extent(file: Path, point: FloatArray, surface: SurfaceMesh) -> None:
     Raises
     ------
     InputError
-        The file does not reach around the vehicle's surface, or is far larger; says both spans.
+        The file does not reach around the vehicle's surface, or is far larger; the message gives both spans.
     """
     span = np.stack([point.min(axis=0), point.max(axis=0)])
-    wanted = np.stack([surface.point.min(axis=0), surface.point.max(axis=0)])
-    extent = float(np.linalg.norm(wanted[1] - wanted[0]))
+    expected = np.stack([surface.point.min(axis=0), surface.point.max(axis=0)])
+    extent = float(np.linalg.norm(expected[1] - expected[0]))
     slack = _OVERHANG * extent
-    short = (span[0] > wanted[0] + slack).any() or (span[1] < wanted[1] - slack).any()
+    short = (span[0] > expected[0] + slack).any() or (span[1] < expected[1] - slack).any()
     if short or np.linalg.norm(span[1] - span[0]) > _LARGEST * extent:
-        spans = [", ".join(f"{low:.4g} to {high:.4g}" for low, high in box.T) for box in (span, wanted)]
+        spans = [", ".join(f"{low:.4g} to {high:.4g}" for low, high in box.T) for box in (span, expected)]
         raise InputError(
             f"{file}: spans {spans[0]} m in x, y, z, the vehicle's surface {spans[1]} m; wrong length_unit, axes "
             "or translation_m, or not the whole vehicle?"

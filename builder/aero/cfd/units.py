@@ -24,7 +24,7 @@ PASCALS = {
 """Pascals per pressure unit."""
 
 FREE_STREAM_UNITS = ("rho_inf a_inf^2", "rho_inf V_inf^2", "q_inf")
-"""Units that solvers make pressure dimensionless with."""
+"""Units by which solvers make pressure dimensionless."""
 
 PRESSURE_UNITS = (*PASCALS, *FREE_STREAM_UNITS)
 QUANTITIES = ("p", "p - p_inf", "p/p_inf", "Cp")
@@ -70,22 +70,22 @@ def check_plausible(where: str, ratio: FloatArray, quantity: str, unit: str | No
     Raises
     ------
     InputError
-        A value is outside; the message says what was declared and hints at the likely cause.
+        A value is outside; the message gives what was declared and the likely cause.
     """
     low, high = float(ratio.min()), float(ratio.max())
     gamma = HEAT_CAPACITY_RATIO
-    most = (1.0 + 0.5 * (gamma - 1.0) * mach_number**2) ** (gamma / (gamma - 1.0))
+    stagnation = (1.0 + 0.5 * (gamma - 1.0) * mach_number**2) ** (gamma / (gamma - 1.0))
     declared = f"declared as {quantity}" + (f" in {unit}" if unit else "")
     if low < 0.0:
         hint = "is it p - p_inf or Cp?" if quantity in ("p", "p/p_inf") else "wrong unit or Mach number?"
-        raise InputError(f"{where}: {declared}, the least p/p_inf is {low:.4g}, below 0 (vacuum); {hint}")
-    if high > most * (1.0 + 1e-6):
+        raise InputError(f"{where}: {declared}, the minimum p/p_inf is {low:.4g}, below 0 (vacuum); {hint}")
+    if high > stagnation * (1.0 + 1e-6):
         raise InputError(
-            f"{where}: {declared}, the greatest p/p_inf is {high:.4g}, the stagnation pressure at M "
-            f"{mach_number:g} is {most:.4g}; wrong quantity or unit?"
+            f"{where}: {declared}, the maximum p/p_inf is {high:.4g}, the stagnation pressure at M "
+            f"{mach_number:g} is {stagnation:.4g}; wrong quantity or unit?"
         )
     if high < 0.01:
         raise InputError(
-            f"{where}: {declared}, the greatest p/p_inf is {high:.4g}, less than 1 % of the ambient pressure; "
+            f"{where}: {declared}, the maximum p/p_inf is {high:.4g}, less than 1 % of the ambient pressure; "
             "wrong quantity, unit or altitude?"
         )

@@ -48,7 +48,7 @@ class VtkSurface:
 
 
 def require_vtk() -> None:
-    """Say which extra to install if VTK is not there.
+    """Refuse to go on without VTK; the message names the extra to install.
 
     Raises
     ------

@@ -40,11 +40,11 @@ MAX_LEGS = 160
 LARGEST_UNREST = 0.02
 """Change, while x grows by half, above which a conical start that has not settled is refused."""
 COARSE_TOLERANCE = 0.01
-"""What suffices of the start on half the grid, from which that on the whole begins."""
+"""Tolerance of the start on half the grid, from which that on the whole grid begins."""
 ROUGH_TOLERANCE = 0.3
-"""How far the march takes an impulsive start that the relaxation cannot begin with, before that tries again."""
+"""Tolerance to which the march takes an impulsive start before the relaxation, which failed on it, tries again."""
 OGIVE_START = 0.01
-"""Share of the first piece's length that is taken as a cone where that piece is curved."""
+"""Fraction of the first piece's length that is taken as a cone where that piece is curved."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,7 +65,7 @@ class Marched:
 
 @dataclass(frozen=True)
 class Flow:
-    """What the march needs to know of a flow: its free stream, and its name in messages."""
+    """The flow to march: its free stream, and its name in messages."""
 
     mach_number: float
     stream: Stream
@@ -146,7 +146,7 @@ def _conical_start(
     relax_cone(plane, slope, flow.stream, grid, grid.conical_tolerance)
     pressure, change = _settle(plane, slope, flow, grid, grid.conical_tolerance)
     plane.x, plane.outer = x, plane.outer * x
-    plane.n_steps, plane.repairs[:] = 0, 0  # what the impulsive start needed says nothing of the flow
+    plane.n_steps, plane.repairs[:] = 0, 0  # those of the impulsive start do not belong to the flow
     vertex = np.empty((2, radius.size, 2))
     place_vertices(radius, plane.outer, np.array([0.0, 1.0]), rays, vertex)
     plane.force = cone_force(x, vertex[:, :, 0], pressure)

@@ -13,7 +13,7 @@ from builder.aero.euler.reconstruction import Stream, limited
 from strainfmu.arrays import FloatArray
 
 SMOOTHING = 0.5
-"""Share of the second difference of the boundary's radius that is taken out per unit of ln x."""
+"""Fraction of the second difference of the boundary's radius that is taken out per unit of ln x."""
 
 
 @compiled

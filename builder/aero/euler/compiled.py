@@ -15,7 +15,7 @@ def compiled(function: Function) -> Function:
 
     A compiled function is renewed when its own file changes, not when a function that it calls does: after an
     edit in this folder delete ``__pycache__``. Where no folder for the machine code can be written, the function
-    is compiled anew in every process.
+    is compiled again in every process.
     """
     try:
         return cast(Function, njit(cache=True, nogil=True, error_model="numpy")(function))

@@ -1,6 +1,6 @@
 """Fluxes through the side faces between two marching planes (compiled).
 
-A face is seen in the plane of the axis and its in-plane normal n: it moves outward with slope s = dn/dx.
+A face is described in the plane of the axis and its in-plane normal n: it moves outward with slope s = dn/dx.
 Per unit of x and of face length the flux is F_n - s E, with
 F_n = (rho v_n, rho u v_n, rho v_n^2 + p, rho v_n v_t) and E = (rho u, rho u^2 + p, rho u v_n, rho u v_t).
 """

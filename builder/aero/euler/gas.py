@@ -12,7 +12,7 @@ from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 
 GAMMA = HEAT_CAPACITY_RATIO
 
-LEAST_PRESSURE_RATIO = 1e-3
+MIN_PRESSURE_RATIO = 1e-3
 SLIGHT_TURN = 3e-4
 """Turn into the wall [rad] below which pressure follows from a series."""
 VACUUM_ANGLE = 0.5 * math.pi * (math.sqrt((GAMMA + 1.0) / (GAMMA - 1.0)) - 1.0)
@@ -64,11 +64,11 @@ def prandtl_meyer_angle(mach_number: float) -> float:
 def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
     """Return p2/p1 of an isentropic turn away by ``turning`` [rad] >= 0 (Newton on nu(M2)).
 
-    A turn towards vacuum ends at ``LEAST_PRESSURE_RATIO``: below it a gas is none to the wall it leaves.
+    A turn towards vacuum ends at ``MIN_PRESSURE_RATIO``: below it the pressure on the wall is negligible.
     """
     target = prandtl_meyer_angle(mach_number) + turning
     if target >= VACUUM_ANGLE:
-        return LEAST_PRESSURE_RATIO
+        return MIN_PRESSURE_RATIO
     m = mach_number
     for _ in range(30):
         error = target - prandtl_meyer_angle(m)
@@ -79,7 +79,7 @@ def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
             break
     before = 1.0 + 0.5 * (GAMMA - 1.0) * mach_number * mach_number
     after = 1.0 + 0.5 * (GAMMA - 1.0) * m * m
-    return max((before / after) ** (GAMMA / (GAMMA - 1.0)), LEAST_PRESSURE_RATIO)
+    return max((before / after) ** (GAMMA / (GAMMA - 1.0)), MIN_PRESSURE_RATIO)
 
 
 @compiled

@@ -23,7 +23,7 @@ AXIAL_SONIC = 1
 WALL_DETACHED = 2
 OUT_OF_STEPS = 3
 
-LEAST_AXIAL_MACH_NUMBER = 1.00005
+MIN_AXIAL_MACH_NUMBER = 1.00005
 
 
 @compiled
@@ -31,7 +31,7 @@ def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, 
     """Fill ``cell`` and ``wave`` from ``conserved``; False if a cell is not axially supersonic.
 
     wave (4, n_phi + 2, n_r): what slopes are taken of: p, rho, and the cross-flow velocity less the free
-    stream's in the radial and circumferential directions of the cell. Its first and last rows are what lies
+    stream's in the radial and circumferential directions of the cell. Its first and last rows are the cells
     beyond the first and last ray: mirror images across the symmetry plane, or the cells at the other end.
     """
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
@@ -41,7 +41,7 @@ def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, 
             p, rho, u, v, w = primitive(
                 conserved[0, j, i], conserved[1, j, i], conserved[2, j, i], conserved[3, j, i], stream.enthalpy
             )
-            if not p > 0.0 or not u * u > LEAST_AXIAL_MACH_NUMBER**2 * GAMMA * p / rho:
+            if not p > 0.0 or not u * u > MIN_AXIAL_MACH_NUMBER**2 * GAMMA * p / rho:
                 return False
             cell[0, j, i] = p
             cell[1, j, i] = rho

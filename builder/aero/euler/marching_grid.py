@@ -36,7 +36,7 @@ class MarchingGrid:
 
 
 def marching_grid_of(resolution: Resolution) -> MarchingGrid:
-    """Return the grid that an entry of a vehicle file asks for."""
+    """Return the grid of a resolution in a vehicle file."""
     return MarchingGrid(n_radial=resolution.radial_cells, n_circumferential=resolution.circumferential_cells)
 
 

@@ -19,12 +19,12 @@ MASS_WEIGHT = 10.0
 
 @dataclass(eq=False, kw_only=True)
 class Plane:
-    """State of the march at one station, and what has been summed so far.
+    """State of the march at one station, and the sums up to it.
 
     Attributes
     ----------
     x : station [m].
-    rays : where its cells lie.
+    rays : the roll angles of its cells.
     conserved : (4, n_phi, n_r) E per unit area.
     outer : (n_phi + 1,) radius of the outer boundary on the rays [m].
     force : (3,) force of p - p_inf along x, y, z on the body between the rays, over p_inf [m2].

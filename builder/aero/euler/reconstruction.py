@@ -53,7 +53,7 @@ def smooth_mean(a: float, b: float, slight: float) -> float:
 def slight_differences(p: float, rho: float, cell_size: float, slight: FloatArray) -> None:
     """Fill slight (4,) with the squares of the differences of ``wave`` that pass for smooth at a state.
 
-    ``cell_size`` h is the cell's share of the layer, or its angle: the threshold h^1.5 (Venkatakrishnan, J.
+    ``cell_size`` h is the cell's fraction of the layer, or its angle: the threshold h^1.5 (Venkatakrishnan, J.
     Comput. Phys. 118, 1995) lies above the h^2 of a smooth extremum and below the jump of a shock.
     """
     cube = cell_size * cell_size * cell_size
@@ -66,7 +66,7 @@ def slight_differences(p: float, rho: float, cell_size: float, slight: FloatArra
 def radial_slopes(wave: FloatArray, half: FloatArray) -> None:
     """Fill half (4, n_phi, n_r) with half the differences of ``wave`` over each cell outward.
 
-    The first cell takes the lesser of the next two differences; the last, which ends at the shock, none.
+    The first cell takes the smaller of the next two differences; the last, which ends at the shock, none.
     """
     n_phi, n_r = half.shape[1], half.shape[2]
     slight = np.empty(4)

@@ -3,7 +3,7 @@
 On a cone the march has an end: the state that a step leaves as it is but for the growth of x. It is the same for
 steps of any length, because all areas of a step in which the whole plane grows in proportion go with
 (x + dx)^2 - x^2. So each cell may take the longest step that is stable for it, as in pseudo-time, and the
-thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, foremost the layer
+thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, above all the layer
 of entropy at the wall, and extrapolation from several rounds of sweeps removes them (Anderson, J. ACM 12, 1965).
 Arrays are those of :mod:`builder.aero.euler.march`; sweeps are compiled.
 """
@@ -29,7 +29,7 @@ FIRST_STAGE = 0.42
 PROBE = 1e-3
 """Length of the step at x = 1 from which the rates of change are taken."""
 ROUND = 20
-"""Sweeps between two looks at the flow."""
+"""Sweeps between two checks of convergence."""
 MAX_ROUNDS = 80
 DEPTH = 6
 """Rounds from which is extrapolated."""
@@ -128,8 +128,8 @@ def extrapolate(results: list[FloatArray], moves: list[FloatArray]) -> FloatArra
 def relax_cone(plane: Plane, slope: FloatArray, stream: Stream, grid: MarchingGrid, tolerance: float) -> bool:
     """Relax the flow over the cone r = slope x (n_phi + 1,) on ``plane``, which is at x = 1.
 
-    Returns whether it came to change by less than ``tolerance`` over a round and to balance within it. Otherwise
-    the plane is left as it was: where a state on the way is out of reach, the march may yet pass.
+    Returns whether it changes by less than ``tolerance`` over a round and is balanced within it. Otherwise
+    the plane is left as it was: where a state on the way is out of reach, the march may still succeed.
     """
     shape, spacing = plane.conserved.shape, grid.spacing(plane.conserved.shape[2])
     # Mass flux, momentum and cross-flow momentum (c_inf = 1) are made comparable with the relative radius.

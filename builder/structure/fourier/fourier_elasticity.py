@@ -2,7 +2,7 @@
 
 Displacements are u_x, u_r ~ cos(m phi) and u_phi ~ sin(m phi); harmonics do not couple. Matrices and
 loads leave out the common factor of the integral over roll, 2 pi for m = 0 and pi otherwise
-(:func:`roll_integral`). For m = 0, u_phi stands for a displacement that is constant in roll.
+(:func:`roll_integral`). For m = 0, u_phi is a displacement that is constant in roll.
 
 Source: Zienkiewicz and Taylor, The Finite Element Method, vol. 2 (5th ed.), section 9.5.
 """
@@ -75,9 +75,9 @@ def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffne
     dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(len(mesh.element), 27)
     row = np.broadcast_to(dof[:, :, None], term.shape[1:]).ravel()
     column = np.broadcast_to(dof[:, None, :], term.shape[1:]).ravel()
-    key, place = np.unique(column * mesh.n_dof + row, return_inverse=True)
+    key, index = np.unique(column * mesh.n_dof + row, return_inverse=True)
     indptr = np.searchsorted(key, np.arange(mesh.n_dof + 1) * mesh.n_dof)
-    data = np.stack([np.bincount(place, part.ravel()).astype(np.float64) for part in term])
+    data = np.stack([np.bincount(index, part.ravel()).astype(np.float64) for part in term])
     return FourierStiffness(key % mesh.n_dof, indptr, data)
 
 

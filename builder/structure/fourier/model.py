@@ -23,7 +23,7 @@ from strainfmu.errors import InputError
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StructuralModel:
-    """Strain per pressure of every gauge of the layouts asked for.
+    """Strain per pressure of every gauge of the requested layouts.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def place_layouts(
     Raises
     ------
     InputError
-        A gauge is not on the inner surface, or the model cannot do what is asked for; the message names it.
+        A gauge is not on the inner surface, or the model cannot do what is requested; the message names it.
     """
     refuse_beyond_fourier(vehicle, layouts)
     found = {name: gauge_layout(vehicle, name, mesh) for name in layouts}
@@ -108,7 +108,7 @@ def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
 def _with_surface_and_length(
     name: str, entry: GaugeLayoutEntry
 ) -> list[tuple[str, GaugeLayoutEntry] | tuple[str, GaugeRow]]:
-    """Return the parts of a layout that say surface and length, each with its place in the file."""
+    """Return the parts of a layout that have surface and length, each with its entry in the file."""
     where = f"gauges.layouts.{name}"
     if entry.rows is None:
         return [(where, entry)]

@@ -29,7 +29,7 @@ SAME_STATION = 1e-9  # m
 
 @dataclass(frozen=True)
 class Resolution:
-    """How finely the structure is resolved.
+    """Resolution of the structure.
 
     Attributes
     ----------

@@ -76,5 +76,5 @@ def _hat_functions(
     """Return the station before each part (n_part,) and the two hat functions there (n_part, n_q, 2)."""
     before = np.clip(np.searchsorted(station_x, part_x, side="right") - 1, 0, len(station_x) - 2)
     start, end = station_x[before][:, None], station_x[before + 1][:, None]
-    share = (x - start) / (end - start)
-    return before, np.stack([1.0 - share, share], axis=-1)
+    fraction = (x - start) / (end - start)
+    return before, np.stack([1.0 - fraction, fraction], axis=-1)

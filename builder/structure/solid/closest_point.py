@@ -12,15 +12,15 @@ from builder.structure.solid.element_faces import FACE_CORNERS
 from builder.structure.solid.elements import facet_shape_functions
 from strainfmu.arrays import FloatArray, IntArray
 
-MOST_CANDIDATES = 64
-MOST_STEPS = 40
+MAX_CANDIDATES = 64
+MAX_STEPS = 40
 CONVERGED = 1e-13  # of a facet's reference length
 BULGE = 0.25  # how far a curved facet may leave the box of its nodes, over the box's diagonal
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedFacets:
-    """Facets by the places of their nodes, with what a search needs.
+    """Facets by the positions of their nodes, with what a search needs.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class CurvedFacets:
         nearest, _ = self._nodes.query(point)
         gap = np.square(np.maximum(np.maximum(low - point, point - high), 0.0)).sum(axis=1)
         near = np.flatnonzero(gap <= nearest**2)
-        chosen: IntArray = near[np.argsort(gap[near], kind="stable")[:MOST_CANDIDATES]]
+        chosen: IntArray = near[np.argsort(gap[near], kind="stable")[:MAX_CANDIDATES]]
         return chosen
 
 
@@ -105,25 +105,25 @@ def feet_on(facets: CurvedFacets, candidate: IntArray, point: FloatArray) -> lis
     element_type, position = facets.element_type, facets.position
     corners = FACE_CORNERS[element_type]
     reference = np.full((len(candidate), 2), 0.5 if corners == 4 else 1.0 / 3.0)
-    for _ in range(MOST_STEPS):
-        place, tangent = _map(element_type, position[candidate], reference)
+    for _ in range(MAX_STEPS):
+        mapped, tangent = _map(element_type, position[candidate], reference)
         metric = np.einsum("fcd,fce->fde", tangent, tangent)
-        pull = np.einsum("fcd,fc->fd", tangent, point - place)
+        pull = np.einsum("fcd,fc->fd", tangent, point - mapped)
         step = _within(corners, reference + np.linalg.solve(metric, pull[..., None])[..., 0]) - reference
         reference = reference + step
         if np.abs(step).max() < CONVERGED:
             break
-    place, tangent = _map(element_type, position[candidate], reference)
+    mapped, tangent = _map(element_type, position[candidate], reference)
     normal = np.cross(tangent[:, :, 0], tangent[:, :, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return [
         FootPoint(
             facet=int(facet),
             reference=reference[i],
-            point=place[i],
+            point=mapped[i],
             tangent=tangent[i],
             normal=normal[i],
-            offset=point - place[i],
+            offset=point - mapped[i],
         )
         for i, facet in enumerate(candidate)
     ]

@@ -1,7 +1,8 @@
 """Gauge rows of a structure of equal sectors, found on a few of them.
 
-A gauge sees the facets around it alone. It is rolled, by whole sectors, into a window of a few sectors; the search
-costs the same however many sectors there are, and gauges at the same place of different sectors get the same row.
+The strain of a gauge depends on the facets around it alone. It is rolled, by whole sectors, into a window of a few
+sectors; the search costs the same however many sectors there are, and gauges at the same position in different
+sectors get the same row.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ NEIGHBOURS = 2
 """Sectors on either side of a gauge's own that strain recovery takes into account."""
 
 BOUNDARY = 1e-9  # of a sector: a gauge this close before a sector counts to it
-DECIMALS = 12  # m: places are rounded there, so that rolled gauges agree to the last bit
+DECIMALS = 12  # m: positions are rounded there, so that rolled gauges agree to the last bit
 
 
 def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
@@ -34,7 +35,7 @@ def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
     Returns
     -------
     (n_gauges, n_dof) [1/m], as :func:`~builder.structure.solid.gauge_rows.gauge_rows` gives on the full mesh; a
-    gauge on the line between two sectors is looked for in the latter and takes the mean of both.
+    gauge on the line between two sectors is searched for in the latter and takes the mean of both.
 
     Raises
     ------
@@ -93,7 +94,7 @@ def _sector_of(sector: SweptSector, position: FloatArray) -> IntArray:
 
 
 def _rolled(gauges: Gauges, chosen: IntArray, turn: FloatArray) -> Gauges:
-    """Return the chosen gauges as seen from the sector whose frame ``turn`` (3, 3) turns into body axes."""
+    """Return the chosen gauges in the axes of the sector whose frame ``turn`` (3, 3) turns into body axes."""
     return replace(
         gauges,
         name=tuple(gauges.name[i] for i in chosen),

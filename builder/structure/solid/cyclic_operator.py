@@ -99,7 +99,7 @@ def cyclic_problem(
 ) -> CyclicProblem:
     """Assemble the held stiffness of a structure of equal sectors from one of them.
 
-    A support is given by the name of a surface, and every sector has its share of that surface, so supports are
+    A support is given by the name of a surface, and every sector has its part of that surface, so supports are
     cyclic as the mesh is. Three held points, or free flight, are not: those need the full mesh.
 
     Raises

@@ -1,4 +1,4 @@
-"""Layouts of gauges that sit or point a little differently: what the strain does there tells of placement errors.
+"""Layouts of gauges that are moved or turned a little: their strain shows the effect of placement errors.
 
 The rows of moved gauges are further right-hand sides of the one factorisation, so they cost little.
 """

@@ -9,7 +9,7 @@ from builder.structure.solid.elements import reference_nodes, shape_functions
 from strainfmu.arrays import FloatArray, IntArray
 
 CHUNK = 20_000  # elements at once, to bound memory
-STRAIGHT_BELOW = 0.05  # least determinant over mean one, below which an element is made straight
+STRAIGHT_BELOW = 0.05  # minimum determinant over the mean, below which an element is made straight
 
 
 def jacobians(element_type: str, node: FloatArray, element: IntArray, point: FloatArray) -> FloatArray:
@@ -28,7 +28,8 @@ def _sample_points(element_type: str) -> FloatArray:
 
 
 def determinant_ratio(element_type: str, node: FloatArray, element: IntArray) -> FloatArray:
-    """Return (m,) least determinant of the Jacobian over its mean, by sampling: 1 if constant, folded if negative.
+    """Return (m,) the minimum determinant of the Jacobian over its mean, by sampling: 1 if constant, folded if
+    negative.
 
     An element without volume, or turned inside out as a whole, gives -1. One that is collapsed to an edge at a
     pointed tip gives 0 there and is sound.
@@ -45,7 +46,7 @@ def determinant_ratio(element_type: str, node: FloatArray, element: IntArray) ->
 
 
 def scaled_jacobian(element_type: str, node: FloatArray, element: IntArray) -> FloatArray:
-    """Return (m,) the least scaled Jacobian over an element's corners, 1 for a cube and a regular tetrahedron.
+    """Return (m,) the minimum scaled Jacobian over an element's corners, 1 for a cube and a regular tetrahedron.
 
     Triple product of the unit tangents of the edges that meet in the corner, times sqrt(2) for tetrahedra (Knupp
     and others, The Verdict Geometric Quality Library, SAND2007-1751). Tangents are those of the curved edges.

@@ -3,7 +3,7 @@
 Nodes are numbered as VTK numbers them: corners, then the middles of edges. Reference coordinates run over the unit
 cube or square, or over the simplex with corners at the origin and at the unit vectors. Shape functions and
 quadrature points are scikit-fem's; its elements number their nodes in another way, so nodes are matched by their
-place.
+position.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _FACET: dict[str, Element] = {
 STIFFNESS_DEGREE = {"hexahedron20": 5, "tetrahedron10": 2, "hexahedron8": 3, "tetrahedron4": 1}
 """Degree of the quadrature of the stiffness: 3 x 3 x 3, 4, 2 x 2 x 2 and 1 points.
 
-The least that leaves no motion without strain but the rigid ones and keeps the order of convergence
+The lowest that leaves no motion without strain but the rigid ones and keeps the order of convergence
 (Zienkiewicz and Taylor, The Finite Element Method, vol. 1 (5th ed.), sections 9.11 and 12.5): 2 x 2 x 2 points on
 20 nodes would leave six.
 """
@@ -159,7 +159,7 @@ def reference_element(element_type: str, quadrature: Quadrature = "full") -> Ref
     Raises
     ------
     InputError
-        ``"thin_wall"`` is asked for of an element other than ``hexahedron20``.
+        ``"thin_wall"`` is requested of an element other than ``hexahedron20``.
     """
     if quadrature == "thin_wall":
         point, weight = _thin_wall_points(element_type)

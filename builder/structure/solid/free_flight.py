@@ -139,9 +139,9 @@ def determinate_support(mesh: SolidMesh, node: IntArray | None = None) -> Restra
 
 def _nodes_far_apart(mesh: SolidMesh) -> IntArray:
     node = np.unique(mesh.element)
-    place = mesh.node[node]
-    first = int(place[:, 0].argmin())
-    second = int(np.linalg.norm(place - place[first], axis=1).argmax())
-    along = place[second] - place[first]
-    third = int(np.linalg.norm(np.cross(place - place[first], along), axis=1).argmax())
+    position = mesh.node[node]
+    first = int(position[:, 0].argmin())
+    second = int(np.linalg.norm(position - position[first], axis=1).argmax())
+    along = position[second] - position[first]
+    third = int(np.linalg.norm(np.cross(position - position[first], along), axis=1).argmax())
     return node[[first, second, third]]

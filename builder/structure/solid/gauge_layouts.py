@@ -1,4 +1,4 @@
-"""Gauge layouts with what the three-dimensional model knows beside: outer surface, gauge length."""
+"""Gauge layouts of a vehicle file for the solid model, which also takes outer gauges and gauge lengths."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
     Parameters
     ----------
     vehicle, layout : the file and the name of the layout.
-    mesh : a meridian mesh of the wall, whose inner surface rows are laid on.
+    mesh : a meridian mesh of the wall, on whose inner surface rows are placed.
 
     Raises
     ------
     InputError
-        A station has no hollow behind it, a name is there twice, or the layout's CSV file is missing or wrong.
+        A station has no hollow behind it, a name occurs twice, or the layout's CSV file is missing or wrong.
     """
     entry = vehicle.gauges.layouts[layout]
     if entry.rows is None:
@@ -43,7 +43,7 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
     name = tuple(one for part in parts for one in part.name)
     for one in name:
         if name.count(one) > 1:
-            raise InputError(f"gauges.layouts.{layout}: gauge name '{one}' is there twice")
+            raise InputError(f"gauges.layouts.{layout}: gauge name '{one}' occurs twice")
     return Gauges(
         name=name,
         position=np.concatenate([part.position for part in parts]),

@@ -1,7 +1,7 @@
 """Strain gauges on a surface of the mesh, and the rows B that give their strain.
 
-A gauge has a place on a named surface, a direction in its tangent plane and a length, over which strain is
-averaged along the direction; length 0 is a point. Gauges need not be on nodes. A place or direction that misses
+A gauge has a position on a named surface, a direction in its tangent plane and a length, over which strain is
+averaged along the direction; length 0 is a point. Gauges need not be on nodes. A position or direction that misses
 the surface by little is moved onto it; one that misses it by more is refused.
 """
 
@@ -90,7 +90,7 @@ class PlacedGauge:
 
     Attributes
     ----------
-    foot : its place on the surface.
+    foot : its point on the surface.
     direction : (3,) unit vector in the tangent plane there.
     """
 
@@ -105,7 +105,7 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> c
     ----------
     mesh : the mesh.
     gauges : the gauges.
-    near_surface : gauges are laid onto the mesh however far it is from them, for meshes that only come near the
+    near_surface : gauges are moved onto the mesh however far it is from them, for meshes that only come near the
         true surface, as linear elements do.
 
     Returns
@@ -117,24 +117,24 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> c
     InputError
         A surface does not exist; the first gauge that is more than 0.5 mm off its surface or beyond its edge, or
         whose direction has no length or leans out of the tangent plane by more than 5 degrees; or the first two
-        gauges at one place with the same direction.
+        gauges at one position with the same direction.
     """
     patches = {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)}
     placed = _placed(mesh, gauges, patches, near_surface)
     row, column, entry = [], [], []
     for i, gauge in enumerate(placed):
         surface = patches[gauges.surface[i]]
-        for point, share in _points_along(surface, gauge, float(gauges.length[i]), gauges.name[i]):
+        for point, weight_of_point in _points_along(surface, gauge, float(gauges.length[i]), gauges.name[i]):
             node, weight = strain_weights(surface, point.foot, point.direction)
             row.append(np.full(weight.size, i))
             column.append((3 * node[:, None] + np.arange(3)).ravel())
-            entry.append(share * weight.ravel())
+            entry.append(weight_of_point * weight.ravel())
     index = (np.concatenate(row), np.concatenate(column))
     return csr_array(coo_array((np.concatenate(entry), index), shape=(len(placed), mesh.n_dof)))
 
 
 def place_gauges(mesh: SolidMesh, gauges: Gauges) -> list[PlacedGauge]:
-    """Put gauges onto their surfaces. Errors as in :func:`gauge_rows`."""
+    """Return gauges on their surfaces. Errors as in :func:`gauge_rows`."""
     return _placed(mesh, gauges, {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)})
 
 
@@ -236,7 +236,7 @@ def _refuse_twins(gauges: Gauges, placed: list[PlacedGauge]) -> None:
         # Strain along a direction is that against it.
         turned = np.linalg.norm(np.cross(direction[:i], direction[i]), axis=1)
         for j in np.flatnonzero(near & (turned <= SAME_DIRECTION)):
-            raise InputError(f"{gauges.name[i]}: same place and direction as {gauges.name[j]}")
+            raise InputError(f"{gauges.name[i]}: same position and direction as {gauges.name[j]}")
 
 
 def _points_along(
@@ -244,7 +244,7 @@ def _points_along(
 ) -> list[tuple[PlacedGauge, float]]:
     """Return the points at which a gauge's strain is averaged and their weights; Gauss's rule along its length.
 
-    Points are laid off along the tangent and moved onto the surface: to second order in length over the surface's
+    Points are spaced along the tangent and moved onto the surface: to second order in length over the surface's
     radius of curvature that is the arc.
     """
     if length == 0.0:

@@ -19,7 +19,7 @@ def step_mesh(path: Path, element_length: float, graded_from: float | None = Non
 
     Several solids are joined at their common faces; each is a region of the name it has in the file, or
     ``solid 1`` onwards. Surfaces are named by :func:`surfaces_of_hollow_body`: the file must hold the body in our
-    axes, nose ahead at the least x, base in a plane across x.
+    axes, nose ahead at the minimum x, base in a plane across x.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def stl_mesh(
 ) -> SolidMesh:
     """Mesh the volume inside the closed surface of an STL file with tetrahedra of ten nodes.
 
-    The surface is meshed anew. A surface within the first one bounds a cavity. An outer skin alone is a solid
+    The surface is meshed again. A surface within the first one bounds a cavity. An outer skin alone is a solid
     body: no wall is made from it. Surfaces are named as in :func:`step_mesh`.
 
     Parameters
@@ -104,8 +104,8 @@ def _graded(element_length: float, radius: float | None) -> str:
     """Return the formula of an element size [m] that falls with the root of the distance from the x axis."""
     if radius is None:
         return str(element_length)
-    share = f"Sqrt(Sqrt(y * y + z * z) / {radius})"
-    return f"{element_length} * Min(1, Max({MIN_SIZE}, {share}))"
+    ratio = f"Sqrt(Sqrt(y * y + z * z) / {radius})"
+    return f"{element_length} * Min(1, Max({MIN_SIZE}, {ratio}))"
 
 
 def _check_file(path: Path, element_length: float) -> None:

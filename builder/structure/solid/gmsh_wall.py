@@ -67,8 +67,8 @@ def graded_wall_mesh(body: BodyOfRevolution, wall: Wall, relative_length: float)
     """
     check_length(relative_length, "relative_length", "")
     decay_length = f"Sqrt({wall.thickness} * Sqrt(y * y + z * z))"
-    least = SIZE_AT_POINT * wall.thickness
-    return _wall_mesh(body, wall, f"Max({least}, {relative_length} * {decay_length})", STRETCH)
+    min_size = SIZE_AT_POINT * wall.thickness
+    return _wall_mesh(body, wall, f"Max({min_size}, {relative_length} * {decay_length})", STRETCH)
 
 
 def _wall_mesh(body: BodyOfRevolution, wall: Wall, size: str, stretch: float) -> SolidMesh:

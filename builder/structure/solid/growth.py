@@ -40,7 +40,7 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.errors import InputError, StrainfmuError
 
 SIZES = (100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000)
-"""Least numbers of displacement components of the table."""
+"""Minimum numbers of displacement components of the table."""
 
 DIRECT_LIMIT = 500_000
 """Size beyond which the table leaves direct solvers of the full mesh out: their memory grows faster."""
@@ -111,7 +111,7 @@ def layout_gauges(vehicle: Vehicle) -> Gauges:
 
 
 def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
-    """Go from a vehicle file to Z_p of its gauge layout in this process, and tell what it took.
+    """Go from a vehicle file to Z_p of its gauge layout in this process, and return what it took.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def growth_rows(path: Path, solver_names: Sequence[str], sizes: Sequence[int] = 
     Raises
     ------
     StrainfmuError
-        A process fails; the message ends with what it said.
+        A process fails; the message ends with its last line.
     """
     for size in sizes:
         for name in solver_names:
@@ -167,8 +167,8 @@ def _measured_apart(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
     command = [sys.executable, "-m", __name__, str(path), str(n_dof), solver_name]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = done.stderr.strip().splitlines() or [f"exit code {done.returncode}, out of memory?"]
-        raise StrainfmuError(f"growth, {solver_name} at {n_dof} dofs: {said[-1]}")
+        errors = done.stderr.strip().splitlines() or [f"exit code {done.returncode}, out of memory?"]
+        raise StrainfmuError(f"growth, {solver_name} at {n_dof} dofs: {errors[-1]}")
     return GrowthRow(**json.loads(done.stdout))
 
 

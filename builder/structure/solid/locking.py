@@ -1,4 +1,4 @@
-"""Does the mesh see the bending of the wall? The user's elements on a ring, against closed forms.
+"""Locking check: bending of the wall by the user's elements on a ring, against closed forms.
 
 Pressure p cos(n phi) on a ring in plane strain bends its wall for n >= 2, and that bending is most of what hoop
 gauges read. Elements with linear shape functions are too stiff in it (locking), by a factor that neither the
@@ -36,7 +36,7 @@ class LockingWarning(UserWarning):
 
 @dataclass(frozen=True, kw_only=True)
 class WallElements:
-    """How the wall is meshed.
+    """Elements of the wall.
 
     Attributes
     ----------
@@ -133,8 +133,8 @@ def _hoop_strain(mesh: SolidMesh, stiffness: csr_array, inner_radius: float, rol
     x = np.full(len(roll), 0.25 * mesh.node[:, 0].max())
     sine, cosine = np.sin(roll), np.cos(roll)
     on_chord = inner_radius * np.cos(roll[0]) if mesh.element_type.endswith(("4", "8")) else inner_radius
-    place = np.column_stack([x, on_chord * sine, on_chord * cosine])
-    rows = gauge_rows(mesh, gauges_at(place, np.column_stack([0.0 * x, cosine, -sine])))
+    position = np.column_stack([x, on_chord * sine, on_chord * cosine])
+    rows = gauge_rows(mesh, gauges_at(position, np.column_stack([0.0 * x, cosine, -sine])))
     return np.asarray(rows @ displacement)
 
 
@@ -179,7 +179,7 @@ def check_locking(
     )
     if ratios[worst] < REFUSE_BELOW and not allow_locking:
         raise InputError(
-            f"{text}, at least {100.0 * REFUSE_BELOW:g} % is wanted; take quadratic or smaller elements"
+            f"{text}, must be at least {100.0 * REFUSE_BELOW:g} %; take quadratic or smaller elements"
         )
     warnings.warn(text, LockingWarning, stacklevel=2)
     return ratios

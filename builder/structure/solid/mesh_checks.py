@@ -16,7 +16,7 @@ from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, Soli
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-FOLDED_BELOW = -1e-9  # least determinant over mean one: rounding at an element collapsed to a point
+FOLDED_BELOW = -1e-9  # minimum determinant over the mean: rounding at an element collapsed to a point
 SAME_PLACE = 1e-8  # of the mesh's size
 LENGTH_TOLERANCE = 0.02
 KNOWN_UNITS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "foot": 0.3048}
@@ -37,7 +37,7 @@ def check_mesh(
     ------
     InputError
         The first fault found: wrong scale, missing surface, node in no element, doubled nodes, separate parts,
-        inverted element, facet that is not an outer face of an element, turned inward or there twice.
+        inverted element, facet that is not an outer face of an element, turned inward or listed twice.
     """
     if length is not None:
         refuse_wrong_scale(mesh, length)
@@ -74,13 +74,13 @@ def refuse_unused_nodes(mesh: SolidMesh) -> None:
 
 
 def refuse_doubled_nodes(mesh: SolidMesh) -> None:
-    """Refuse two nodes at one place: the body would be cut there."""
+    """Refuse two nodes at one point: the body would be cut there."""
     size = float(np.linalg.norm(np.ptp(mesh.node, axis=0)))
     pairs = cKDTree(mesh.node).query_pairs(SAME_PLACE * size, output_type="ndarray")
     if len(pairs):
         a, b = pairs[np.lexsort(pairs.T[::-1])][0]
         raise InputError(
-            f"mesh: {len(pairs)} pairs of nodes at one place, the first are nodes {a} and {b} at "
+            f"mesh: {len(pairs)} pairs of nodes at one point, the first are nodes {a} and {b} at "
             f"{_at(mesh.node[a])}; merge coincident nodes in the mesher"
         )
 
@@ -121,7 +121,7 @@ def refuse_inverted_elements(mesh: SolidMesh) -> None:
 
 
 def refuse_foreign_facets(mesh: SolidMesh) -> None:
-    """Refuse facets that are not outer faces of elements, point inward, or are there twice."""
+    """Refuse facets that are not outer faces of elements, point inward, or are listed twice."""
     faces = all_faces(mesh.element_type, mesh.element)
     _, number, count = np.unique(
         face_keys(mesh.element_type, faces), axis=0, return_inverse=True, return_counts=True
@@ -135,16 +135,16 @@ def refuse_foreign_facets(mesh: SolidMesh) -> None:
         first = np.unique(match, return_index=True)[1]
         again = np.ones(len(facet), dtype=bool)
         again[first] = False
-        _refuse(mesh, name, facet, again, "are there twice")
+        _refuse(mesh, name, facet, again, "are listed twice")
 
 
 def match_facets(element_type: str, face: IntArray, facet: IntArray) -> IntArray:
     """Return (f,) the face (k, n_f) with the same corners as each facet (f, n_f), -1 where there is none."""
     keys = np.concatenate([face_keys(element_type, face), face_keys(element_type, facet)])
     label = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
-    place = np.full(label.max() + 1, -1, dtype=np.int64)
-    place[label[: len(face)]] = np.arange(len(face))
-    return place[label[len(face) :]]
+    index = np.full(label.max() + 1, -1, dtype=np.int64)
+    index[label[: len(face)]] = np.arange(len(face))
+    return index[label[len(face) :]]
 
 
 def _same_turn(face: IntArray, facet: IntArray, n_corners: int) -> NDArray[np.bool_]:
@@ -162,12 +162,12 @@ def _same_turn(face: IntArray, facet: IntArray, n_corners: int) -> NDArray[np.bo
 def _refuse(mesh: SolidMesh, name: str, facet: IntArray, fault: NDArray[np.bool_], what: str) -> None:
     wrong = np.flatnonzero(fault)
     if len(wrong):
-        place = _at(mesh.node[facet[wrong[0]]].mean(axis=0))
+        where = _at(mesh.node[facet[wrong[0]]].mean(axis=0))
         raise InputError(
             f"mesh: surface '{name}': {len(wrong)} of {len(facet)} facets {what}, the first is facet {wrong[0]} "
-            f"at {place}"
+            f"at {where}"
         )
 
 
-def _at(place: FloatArray) -> str:
-    return "(" + ", ".join(f"{value:.4g}" for value in place) + ") m"
+def _at(point: FloatArray) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in point) + ") m"

@@ -40,14 +40,14 @@ COARSEST = SweptResolution(0.060, 1, 16)
 
 @dataclass(frozen=True, kw_only=True)
 class MeshChoice:
-    """A mesh and how finely it is made.
+    """A mesh and its resolution.
 
     Attributes
     ----------
     source : ``"swept"``, ``"gmsh"`` or the path of a file: a mesh, or a STEP or STL file that Gmsh meshes.
     resolution : key of :data:`RESOLUTIONS`; a mesh that is read has its own.
     unit : length of the unit of a mesh or STL file [m].
-    by_position : find the surfaces of a mesh that is read by their place, not by names.
+    by_position : find the surfaces of a mesh that is read by their position, not by names.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class MeshChoice:
         return "gmsh_tetrahedra" if made else "imported"
 
     def inputs(self) -> dict[str, Any]:
-        """Return all that the mesh depends on beside body and wall, a file by its bytes.
+        """Return all that the mesh depends on besides body and wall, a file by its bytes.
 
         Raises
         ------
@@ -150,8 +150,8 @@ def wall_elements(
 ) -> WallElements:
     """Return how the wall is meshed where its elements are longest: what the locking check is run on.
 
-    Meshes made here are judged by their elements' length round the axis, which they are graded by; one that is
-    brought along by the longest edges, whichever way they lie.
+    Meshes made here are judged by the length of their elements round the axis, by which they are graded; a mesh
+    that is read is judged by its longest edges, whatever their direction.
 
     Raises
     ------

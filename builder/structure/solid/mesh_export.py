@@ -36,7 +36,7 @@ def write_mesh(
     ----------
     path : the file; its ending must be .vtu.
     mesh : the mesh.
-    fields : per name the values (n,) or (n, 3) at the nodes, in any unit; say it in the name.
+    fields : per name the values (n,) or (n, 3) at the nodes, in any unit; the name should state it.
     with_surfaces : whether to write the facets.
 
     Raises

@@ -1,6 +1,6 @@
 """Volume meshes of other programs: Gmsh .msh, Nastran .bdf, Abaqus .inp, .vtu and whatever else meshio reads.
 
-Names come from physical groups (Gmsh), element and node sets (Abaqus), group numbers with names given beside the
+Names come from physical groups (Gmsh), element and node sets (Abaqus), group numbers with names given besides the
 file (Nastran, Gmsh), or arrays of 0 and 1 on cells or points named like the surface (.vtu). Case does not matter.
 """
 
@@ -58,12 +58,12 @@ def read_mesh(
     """Read and check a volume mesh in body axes (x aft from the nose, y starboard, z up).
 
     All volume cells must be of one kind. A surface is given by facets or by its nodes; facets are taken from the
-    faces of the elements, so their turn in the file does not matter. Named groups of volume cells that share out
-    all elements are regions; without such groups all elements are of one region, ``wall``.
+    faces of the elements, so their turn in the file does not matter. Named groups of volume cells that contain
+    each element once are regions; without such groups all elements are of one region, ``wall``.
 
     Parameters
     ----------
-    path : the file; its ending tells the format.
+    path : the file; its ending is the format.
     unit : length of the file's unit [m]: 0.001 for mm.
     group_names : names of group numbers (Gmsh physical tags, Nastran property numbers) that the file has none for.
     name_by_position : find the surfaces by :func:`surfaces_of_hollow_body` instead of by names.
@@ -115,14 +115,14 @@ def _read(path: Path) -> Any:
         raise StrainfmuError('foreign meshes need the package meshio: pip install "strainfmu[mesh]"') from error
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
             raw = meshio.read(path)
     except (Exception, SystemExit) as error:
         reason = "" if isinstance(error, SystemExit) else str(error)
         reason = f"it does not know {reason}" if isinstance(error, KeyError) else reason
-        reason = " ".join(f"{said.getvalue()} {reason}".split())[:200]
+        reason = " ".join(f"{printed.getvalue()} {reason}".split())[:200]
         raise InputError(f"{path}: meshio cannot read it: {reason or type(error).__name__}") from error
     # Nastran grid points in a coordinate system of their own: meshio keeps its number and leaves them as they are.
     if np.any(raw.point_data.get("nastran:ref", 0)):

@@ -115,7 +115,7 @@ def _revolved_area(edge: FloatArray) -> float:
 def mesh_report(
     mesh: SolidMesh, density: Mapping[str, float] | None = None, exact: Mapping[str, float] | None = None
 ) -> list[Row]:
-    """Return what a mesh is like as rows (what, value, unit).
+    """Return the properties of a mesh as rows (what, value, unit).
 
     Parameters
     ----------
@@ -137,10 +137,10 @@ def mesh_report(
         ("nodes", mesh.n_nodes, ""),
         ("displacement components", mesh.n_dof, ""),
         (f"elements, {mesh.element_type}", len(mesh.element), ""),
-        ("scaled Jacobian, least", float(quality.min()), ""),
+        ("scaled Jacobian, minimum", float(quality.min()), ""),
         ("scaled Jacobian, mean", float(quality.mean()), ""),
         *((f"worst element at {axis}", float(at), "m") for axis, at in zip("xyz", worst, strict=True)),
-        ("least determinant over mean", float(ratio.min()), ""),
+        ("minimum determinant over mean", float(ratio.min()), ""),
         ("volume", float(volume.sum()), "m3"),
     ]
     for name in mesh.surface:

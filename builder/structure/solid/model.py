@@ -63,7 +63,7 @@ class SolidCase:
     support : what holds the body; None in free flight.
     mesh : which mesh.
     layouts : gauges by name of layout.
-    solver : wanted solver, or None for the best that is there.
+    solver : name of the solver, or None for the best installed one.
     allow_locking : go on with elements that lose more than a tenth of the wall's bending.
     """
 
@@ -126,7 +126,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     Parameters
     ----------
     case : what is computed.
-    reporter : told the stages.
+    reporter : receives the stages.
     before : an earlier result, from which checks, report and locking ratios are taken if it is of the same mesh.
 
     Raises
@@ -135,7 +135,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
         The wall does not fit the body, the mesh fails a check or locks, a gauge is not on its surface, the solver
         is not known or not installed, or the supports leave a rigid motion free.
     StrainfmuError
-        Gmsh or meshio is wanted and missing, or the solver fails.
+        Gmsh or meshio is needed and missing, or the solver fails.
     """
     with reporter.stage("Mesh"):
         mesh = make_mesh(case.body, case.wall, case.mesh)
@@ -156,7 +156,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
             density=case.density,
             support=case.support,
             rows=rows,
-            wanted=case.solver,
+            solver_name=case.solver,
             progress=progress,
         )
     with reporter.stage("Mesh error") as progress:
@@ -195,7 +195,7 @@ def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[st
 def _examined(
     case: SolidCase, mesh: SweptSector | SolidMesh, whole: SolidMesh, reporter: Reporter
 ) -> dict[str, Any]:
-    """Check the mesh and say what it is like; return the settings that come of it."""
+    """Check the mesh and describe it; return the settings that follow."""
     with reporter.stage("Mesh checks and report"):
         check_mesh(whole, case.body.length)
         density = None if case.density is None else dict.fromkeys(whole.region_names, case.density)
@@ -216,7 +216,7 @@ def _examined(
 
 
 def _rows_of_layouts(mesh: SweptSector | SolidMesh, layouts: Mapping[str, Gauges]) -> csr_array:
-    """Return B of all layouts, one after another; within a layout no gauge may be there twice."""
+    """Return B of all layouts, one after another; within a layout no gauge may occur twice."""
     rows = [
         cyclic_gauge_rows(mesh, gauges) if isinstance(mesh, SweptSector) else gauge_rows(mesh, gauges)
         for gauges in layouts.values()
@@ -241,7 +241,7 @@ def _mesh_error(
         density=case.density,
         support=case.support,
         rows=rows,
-        wanted=None,
+        solver_name=None,
         progress=progress,
     )
     pressure = reference_pressures(surface_points(whole_mesh(sector), EXTERNAL), length)

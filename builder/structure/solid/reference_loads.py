@@ -22,7 +22,7 @@ KILOPASCAL = 1e3
 HARMONICS = 5
 PROFILES = 2
 ROLL_ANGLES = 16  # enough for the interpolation in roll to be exact
-ELEMENT_SHARE = 1.0 / 480.0  # of the body's length, in two layers: 7.5 mm on the shipped vehicle
+ELEMENT_FRACTION = 1.0 / 480.0  # of the body's length, in two layers: 7.5 mm on the shipped vehicle
 
 
 def reference_pressures(point: FloatArray, length: float) -> FloatArray:
@@ -44,7 +44,7 @@ def largest_amplitude(strain: FloatArray) -> FloatArray:
 
 
 def fourier_can(gauges: Gauges) -> bool:
-    """Tell whether the Fourier model knows these gauges: points on the inner surface."""
+    """Return whether the Fourier model can place these gauges: points on the inner surface."""
     return bool((gauges.length == 0.0).all()) and set(gauges.surface) <= {INTERNAL}
 
 
@@ -56,7 +56,7 @@ def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, gauges: Gauges)
     InputError
         The wall does not fit the body or a gauge is not on the inner surface.
     """
-    mesh = shell_mesh(body, wall, ELEMENT_SHARE * body.length, 2)
+    mesh = shell_mesh(body, wall, ELEMENT_FRACTION * body.length, 2)
     placed = place_gauges(mesh, gauges.position, gauges.direction, gauges.name)
     ends = np.array([0.0, body.length])  # pressure is linear in x between stations
     grid = SurfaceGrid(x=ends, radius=np.ones(2), angle=np.zeros(2), n_roll=ROLL_ANGLES)
@@ -69,8 +69,8 @@ def fourier_reference_strain(body: BodyOfRevolution, wall: Wall, gauges: Gauges)
 def mesh_error_line(structure: Structure, noise_std: float | None) -> str:
     """Return one line: middle and largest mesh error per kPa of the reference loads.
 
-    Beside each its share of the gauge's largest strain under these loads, and with the gauges' noise ``noise_std``
-    [m/m] what it is in units of that.
+    Each is also given as a fraction of the gauge's largest strain under these loads and, with the gauges' noise
+    ``noise_std`` [m/m], in units of that.
     """
     length = float(structure.point[:, 0].max())
     strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, length))
@@ -78,9 +78,9 @@ def mesh_error_line(structure: Structure, noise_std: float | None) -> str:
 
     def text(gauge: int) -> str:
         error = KILOPASCAL * float(structure.mesh_error[gauge])
-        share = 100.0 * float(structure.mesh_error[gauge] / strain[gauge])
+        percent = 100.0 * float(structure.mesh_error[gauge] / strain[gauge])
         in_sigma = "" if noise_std is None else f", {error / noise_std:.2g} sigma"
-        return f"{1e6 * error:.2g} um/m ({share:.2g} % of its strain{in_sigma})"
+        return f"{1e6 * error:.2g} um/m ({percent:.2g} % of its strain{in_sigma})"
 
     return (
         f"mesh error per kPa of pressure of harmonics 0 to {HARMONICS - 1}, against "

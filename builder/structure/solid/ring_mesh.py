@@ -20,7 +20,7 @@ from strainfmu.arrays import IntArray
 from strainfmu.errors import InputError
 
 REGION, FRONT = "wall", "front"
-FEWEST_AROUND = 6
+MIN_AROUND = 6
 
 
 def ring_mesh(
@@ -57,8 +57,8 @@ def ring_mesh(
             f"ring: inner radius {inner_radius:g} m, outer radius {outer_radius:g} m, width {width:g} m found, "
             "must be positive and increase from inside out"
         )
-    if min(counts) < 1 or counts[1] < FEWEST_AROUND:
-        raise InputError(f"ring: {counts} cells found, must be at least (1, {FEWEST_AROUND}, 1)")
+    if min(counts) < 1 or counts[1] < MIN_AROUND:
+        raise InputError(f"ring: {counts} cells found, must be at least (1, {MIN_AROUND}, 1)")
     node, element = _lattice(element_type, counts)
     x = width * node[:, 0] / (2 * counts[0])
     roll = 2.0 * np.pi * node[:, 1] / (2 * counts[1])
@@ -84,25 +84,25 @@ def ring_mesh(
 
 
 def _lattice(element_type: str, counts: tuple[int, int, int]) -> tuple[IntArray, IntArray]:
-    """Return nodes (n, 3) as places on a lattice of half cells, and elements (m, n_e); closed round the axis."""
+    """Return nodes (n, 3) as points of a lattice of half cells, and elements (m, n_e); closed round the axis."""
     cells = np.stack(np.meshgrid(*(np.arange(count) for count in counts), indexing="ij"), axis=-1).reshape(
         -1, 1, 3
     )
-    place = np.concatenate([2 * cells + local for local in _local_places(element_type)])
-    place[..., 1] %= 2 * counts[1]
+    point = np.concatenate([2 * cells + local for local in _local_points(element_type)])
+    point[..., 1] %= 2 * counts[1]
     size = np.array([2 * count + 1 for count in counts])
-    key = (place[..., 0] * size[1] + place[..., 1]) * size[2] + place[..., 2]
+    key = (point[..., 0] * size[1] + point[..., 1]) * size[2] + point[..., 2]
     used, element = np.unique(key, return_inverse=True)
     node = np.stack([used // (size[1] * size[2]), used // size[2] % size[1], used % size[2]], axis=-1)
     return node.astype(np.int64), element.reshape(key.shape).astype(np.int64)
 
 
-def _local_places(element_type: str) -> list[IntArray]:
-    """Return the places (n_e, 3) on a cell's lattice of half cells of the nodes of each element in it."""
+def _local_points(element_type: str) -> list[IntArray]:
+    """Return the points (n_e, 3) on a cell's lattice of half cells of the nodes of each element in it."""
     if CORNERS[element_type] == 8:
         # Reference axes along x, round, outward: right-handed, because roll goes from +z towards +y.
         return [np.rint(2.0 * reference_nodes(element_type)).astype(np.int64)]
-    places = []
+    points = []
     for order in permutations(range(3)):
         corner = np.zeros((4, 3), dtype=np.int64)
         for step, axis in enumerate(order):
@@ -110,5 +110,5 @@ def _local_places(element_type: str) -> list[IntArray]:
         if np.linalg.det(corner[1:] - corner[0]) < 0.0:
             corner = corner[[0, 2, 1, 3]]
         middle = corner[element_edges(element_type)].sum(axis=1) // 2
-        places.append(np.concatenate([corner, middle]) if element_type in QUADRATIC else corner)
-    return places
+        points.append(np.concatenate([corner, middle]) if element_type in QUADRATIC else corner)
+    return points

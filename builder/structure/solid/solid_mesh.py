@@ -21,7 +21,7 @@ EXTERNAL, INTERNAL, SUPPORT = "external", "internal", "support"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SolidMesh:
-    """Nodes, elements of one kind, and what their faces are called.
+    """Nodes, elements of one kind, and the names of their faces.
 
     Attributes
     ----------
@@ -48,10 +48,12 @@ class SolidMesh:
 
     def __post_init__(self) -> None:
         if self.element_type not in NODES_PER_ELEMENT:
-            raise InputError(f"mesh: element type '{self.element_type}' found, {sorted(NODES_PER_ELEMENT)} known")
-        wanted = NODES_PER_ELEMENT[self.element_type]
-        if self.element.ndim != 2 or self.element.shape[1] != wanted or not len(self.element):
-            raise InputError(f"mesh: elements {self.element.shape} found, {self.element_type} has {wanted} nodes")
+            raise InputError(
+                f"mesh: element type '{self.element_type}' found, must be one of {sorted(NODES_PER_ELEMENT)}"
+            )
+        n_nodes = NODES_PER_ELEMENT[self.element_type]
+        if self.element.ndim != 2 or self.element.shape[1] != n_nodes or not len(self.element):
+            raise InputError(f"mesh: elements {self.element.shape} found, {self.element_type} has {n_nodes} nodes")
         if not np.isfinite(self.node).all():
             raise InputError("mesh: a node has a coordinate that is not finite")
         for name, numbers in (("elements", self.element), *self.surface.items()):
@@ -89,7 +91,7 @@ def linear_tetrahedra(mesh: SolidMesh) -> SolidMesh:
         The mesh is of other elements.
     """
     if mesh.element_type != "tetrahedron10":
-        raise InputError(f"mesh: element type '{mesh.element_type}' found, tetrahedron10 wanted")
+        raise InputError(f"mesh: element type '{mesh.element_type}' found, must be tetrahedron10")
     used, element = np.unique(mesh.element[:, :4], return_inverse=True)
     number = np.full(mesh.n_nodes, -1)
     number[used] = np.arange(len(used))

@@ -1,4 +1,4 @@
-"""One solution for Z_p: by sectors where the mesh is made of them, on the full mesh elsewhere."""
+"""The solution for Z_p: by sectors where the mesh is made of them, on the full mesh otherwise."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def solve_strain(
     density: float | None,
     support: Support | None,
     rows: csr_array,
-    wanted: str | None,
+    solver_name: str | None,
     progress: Progress | None = None,
 ) -> StrainSolution:
     """Return Z_p of gauge rows.
 
     A swept mesh that is held is solved sector by sector and its full matrix never built, unless another solver is
-    wanted. Free flight holds three nodes, which are not the same in every sector.
+    named. Free flight holds three nodes, which are not the same in every sector.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def solve_strain(
     material, density : of all regions; the density [kg/m3] is that of free flight.
     support : what holds the body; None in free flight.
     rows : (n_d, n_dof) gauge rows of the full mesh [1/m].
-    wanted : name of a solver, or None.
+    solver_name : name of a solver, or None for the best installed one.
     progress : called with (done, in all).
 
     Raises
@@ -66,7 +66,11 @@ def solve_strain(
     SolverError
         The stiffness is singular, or a residual is too large.
     """
-    if isinstance(mesh, SweptSector) and wanted in (None, CYCLIC) and (support is not None or wanted == CYCLIC):
+    if (
+        isinstance(mesh, SweptSector)
+        and solver_name in (None, CYCLIC)
+        and (support is not None or solver_name == CYCLIC)
+    ):
         if support is None:
             raise InputError(
                 f"solver '{CYCLIC}': free flight is not the same in every sector, take another solver"
@@ -77,7 +81,7 @@ def solve_strain(
     whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
     flight = _flight(whole, density) if support is None else None
     held = held_problem(whole, dict.fromkeys(whole.region_names, material), None if support is None else [support])
-    solver = choose_solver(held, wanted)
+    solver = choose_solver(held, solver_name)
     operator = strain_operator(rows, solver, pressure_load(whole, EXTERNAL), flight, progress)
     return _solution(operator, solver)
 

@@ -140,11 +140,11 @@ def assemble_stiffness(
     """
     n, n_e = mesh.n_nodes, mesh.element.shape[1]
     key = (mesh.element[:, :, None] * n + mesh.element[:, None, :]).reshape(len(mesh.element), n_e**2)
-    pair, place = np.unique(key, return_inverse=True)
-    place = place.reshape(key.shape)
+    pair, index = np.unique(key, return_inverse=True)
+    index = index.reshape(key.shape)
     block = np.zeros((len(pair), 9))
     for here, part in _chunks(mesh, materials, quadrature):
-        target, column = np.unique(place[here], return_inverse=True)
+        target, column = np.unique(index[here], return_inverse=True)
         blocks = part.transpose(0, 1, 3, 2, 4).reshape(-1, 9)
         pointer = np.arange(len(blocks) + 1)
         gather = csc_array((np.ones(len(blocks)), column.ravel(), pointer), shape=(len(target), len(blocks)))

@@ -55,7 +55,7 @@ class SurfacePatches:
 
     @cached_property
     def curved(self) -> CurvedFacets:
-        """The facets by the places of their nodes."""
+        """The facets by the positions of their nodes."""
         return CurvedFacets(self.element_type, self.node[self.facet])
 
     @cached_property
@@ -112,8 +112,8 @@ def _weights_of_patch(
     reference = reference_facet(patches.element_type, SAMPLE_DEGREE[patches.element_type])
     around = patches.around(foot.facet)
     point, weight = _sampled_strain(reference, patches.curved.position[around], direction)
-    share = _fit(foot, point.reshape(-1, 3)).reshape(point.shape[:2])
-    return patches.facet[around].ravel(), np.einsum("fq,fqac->fac", share, weight).reshape(-1, 3)
+    fit = _fit(foot, point.reshape(-1, 3)).reshape(point.shape[:2])
+    return patches.facet[around].ravel(), np.einsum("fq,fqac->fac", fit, weight).reshape(-1, 3)
 
 
 def _sampled_strain(
@@ -121,7 +121,7 @@ def _sampled_strain(
 ) -> tuple[FloatArray, FloatArray]:
     """Return sample points (f, n_q, 3) [m] and strain there per displacement of nodes (f, n_q, n_f, 3) [1/m].
 
-    The direction is laid into the tangent plane of each sample.
+    The direction is projected onto the tangent plane of each sample.
     """
     point = np.einsum("qa,fac->fqc", reference.shape, position)
     tangent = np.einsum("qad,fac->fqcd", reference.gradient, position)

@@ -1,6 +1,6 @@
 """Supports of the body: surfaces that do not move, slide or rest on springs; or none, in free flight.
 
-Constraints are kept exactly: the displacement is u = free q with q the free motions, so a solver sees
+Constraints are kept exactly: the displacement is u = free q with q the free motions, so a solver gets
 free^T A free alone. At each held node the free motions are unit vectors, turned where the held directions are.
 """
 
@@ -19,10 +19,10 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 DISTINCT_NORMALS = 0.05
-"""Share of a node's facet normals that makes a direction of its own held: those of two planes 26 deg apart."""
+"""Fraction of a node's facet normals from which on a direction is held: that of two planes 26 deg apart."""
 
 SMALLEST_HOLD = 1e-12
-"""Least eigenvalue of the supports' hold on rigid motions, over the largest."""
+"""Smallest eigenvalue of the supports' hold on rigid motions, over the largest."""
 
 _AXES = ("x", "y", "z")
 MOTIONS = (*(f"translation along {axis}" for axis in _AXES), *(f"rotation about {axis}" for axis in _AXES))
@@ -139,12 +139,12 @@ def _normals_at_nodes(mesh: SolidMesh, surface: str) -> tuple[IntArray, FloatArr
     """Return nodes (k,) and normals (k, 3) of a surface; a node on its edges comes once per distinct normal."""
     facet = mesh.named_surface(surface)
     normal = normals_at_nodes(mesh.element_type, mesh.node[facet])
-    node, place = np.unique(facet, return_inverse=True)
+    node, index = np.unique(facet, return_inverse=True)
     spread = np.zeros((len(node), 3, 3))
-    np.add.at(spread, place.reshape(facet.shape), normal[..., :, None] * normal[..., None, :])
+    np.add.at(spread, index.reshape(facet.shape), normal[..., :, None] * normal[..., None, :])
     spread /= np.trace(spread, axis1=1, axis2=2)[:, None, None]
-    share, vector = np.linalg.eigh(spread)
-    which, column = np.nonzero(share > DISTINCT_NORMALS)
+    fraction, vector = np.linalg.eigh(spread)
+    which, column = np.nonzero(fraction > DISTINCT_NORMALS)
     return node[which], vector[which, :, column]
 
 
@@ -161,9 +161,9 @@ def free_motions(n_nodes: int, node: IntArray, direction: FloatArray) -> csr_arr
     -------
     (3 n_nodes, n_free) orthonormal columns.
     """
-    held, place = np.unique(node, return_inverse=True)
+    held, index = np.unique(node, return_inverse=True)
     gram = np.zeros((len(held), 3, 3))
-    np.add.at(gram, place, direction[:, :, None] * direction[:, None, :])
+    np.add.at(gram, index, direction[:, :, None] * direction[:, None, :])
     strength, vector = np.linalg.eigh(gram)
     which, column = np.nonzero(strength < DISTINCT_NORMALS)
     largest = np.take_along_axis(vector, np.abs(vector).argmax(axis=1, keepdims=True), axis=1)

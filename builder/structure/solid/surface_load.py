@@ -152,5 +152,5 @@ def nodal_force_load(mesh: SolidMesh, surface_name: str, transfer: csr_array | N
     weight = eye_array(len(node), format="csr") if transfer is None else csr_array(transfer)
     if weight.shape[1] != len(node):
         raise InputError(f"transfer {weight.shape}: surface '{surface_name}' has {len(node)} nodes")
-    place = csr_array((np.ones(len(node)), (node, np.arange(len(node)))), shape=(mesh.n_nodes, len(node)))
-    return csr_array(kron(place @ weight.T, eye_array(3)))
+    pick = csr_array((np.ones(len(node)), (node, np.arange(len(node)))), shape=(mesh.n_nodes, len(node)))
+    return csr_array(kron(pick @ weight.T, eye_array(3)))

@@ -22,7 +22,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 HEXAHEDRON = "hexahedron20"
-FEWEST_SECTORS = 6
+MIN_SECTORS = 6
 REGION = "wall"
 GUIDED, BORE = "guided", "tip_bore"
 
@@ -31,8 +31,8 @@ _EDGE_NODES = ((0, 1, 2), (6, 7, 8), (0, 3, 6), (2, 5, 8))
 _FACE_OF_EDGE = (0, 1, 4, 5)
 
 CORE_ELEMENTS = 2  # through the solid tip, inside the wall's layers
-BORE_SHARE = 0.1  # radius of the bore through the solid tip over the inner radius of the wall behind it
-CUT_SHARE = 0.02  # length cut off at the apex over the tip's length
+BORE_FRACTION = 0.1  # radius of the bore through the solid tip over the inner radius of the wall behind it
+CUT_FRACTION = 0.02  # length cut off at the apex over the tip's length
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,7 +80,7 @@ class SweptMesh(SolidMesh):
 
     Attributes
     ----------
-    quadrature : how its stiffness is integrated unless asked for otherwise.
+    quadrature : how its stiffness is integrated unless stated otherwise.
     """
 
     quadrature: Quadrature = "thin_wall"
@@ -88,7 +88,7 @@ class SweptMesh(SolidMesh):
 
 @dataclass(frozen=True)
 class SweptResolution:
-    """How finely a swept mesh resolves the wall.
+    """Resolution of the wall by a swept mesh.
 
     Attributes
     ----------
@@ -132,8 +132,8 @@ def sweep(
     InputError
         A node lies on the axis, or there are fewer than 6 sectors.
     """
-    if n_sectors < FEWEST_SECTORS:
-        raise InputError(f"n_sectors {n_sectors} must be at least {FEWEST_SECTORS}")
+    if n_sectors < MIN_SECTORS:
+        raise InputError(f"n_sectors {n_sectors} must be at least {MIN_SECTORS}")
     used = np.unique(np.delete(meridian_element, 4, axis=1))
     corner = np.unique(meridian_element[:, [0, 2, 6, 8]])
     if np.any(meridian_node[used, 1] <= 0.0):
@@ -160,9 +160,9 @@ def _facets(element: IntArray, meridian_element: IntArray, edge: IntArray) -> In
     """Return the facets (f, 8) of hexahedra over edges (f, 3) of their meridian elements."""
     middle = meridian_element[:, [nodes[1] for nodes in _EDGE_NODES]].ravel()
     order = np.argsort(middle, kind="stable")
-    place = order[np.searchsorted(middle[order], edge[:, 1])]
-    face = np.array(_FACE_OF_EDGE)[place % 4]
-    facet: IntArray = element[(place // 4)[:, None], element_faces(HEXAHEDRON)[face]]
+    index = order[np.searchsorted(middle[order], edge[:, 1])]
+    face = np.array(_FACE_OF_EDGE)[index % 4]
+    facet: IntArray = element[(index // 4)[:, None], element_faces(HEXAHEDRON)[face]]
     return facet
 
 
@@ -188,7 +188,7 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
 
     Stations, layers and grading of the wall are those of :func:`builder.structure.fourier.shell_mesh.shell_mesh`.
     Elements without thickness on the axis would tie all sectors together, so the solid tip has a bore of a tenth
-    of the wall's inner radius behind it, and its first fiftieth is cut off. Neither is felt: on the shipped
+    of the wall's inner radius behind it, and its first fiftieth is cut off. Neither has an effect: on the shipped
     vehicle compliance under uniform and under lateral pressure is within 5e-5, and strain 1 mm behind the tip
     within 0.3 %, of the Fourier model's, which has the whole tip. The cut belongs to the external surface, so that
     the air load of the meshed surface is complete.
@@ -217,7 +217,7 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
     n_tip = len(outer) - len(inner) + 1
     through = np.linspace(0.0, 1.0, 2 * size.n_layers + 1)[:, None]
     wall_node = inner[:, None] + through * (outer[n_tip - 1 :] - inner)[:, None]
-    core = np.linspace(BORE_SHARE, 1.0, 2 * CORE_ELEMENTS + 1)[:-1, None] * [0.0, inner[0, 1]]
+    core = np.linspace(BORE_FRACTION, 1.0, 2 * CORE_ELEMENTS + 1)[:-1, None] * [0.0, inner[0, 1]]
     core[:, 0] = inner[0, 0]
     tip_x = _blunted(outer[:n_tip, 0])
     tip_node = tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
@@ -249,7 +249,7 @@ def _named_resolution(resolution: SweptResolution | str) -> SweptResolution:
 def _blunted(x: FloatArray) -> FloatArray:
     """Move the first station from the apex to where the tip is cut, and the middle after it along."""
     blunted = x.copy()
-    blunted[0] = min(CUT_SHARE * x[-1], 0.5 * x[1])
+    blunted[0] = min(CUT_FRACTION * x[-1], 0.5 * x[1])
     blunted[1] = 0.5 * (blunted[0] + x[2])
     return blunted
 

@@ -1,4 +1,4 @@
-"""Linear tetrahedra of a swept mesh: what a structural model of constant-strain elements makes of the wall.
+"""Linear tetrahedra of a swept mesh: the wall in a structural model of constant-strain elements.
 
 For comparison alone. Linear elements lose most of a thin wall's ovalisation, and their strain is constant in each
 element; published models are nevertheless made of them. Every sector is cut in the same way, so the mesh stays
@@ -24,7 +24,7 @@ from strainfmu.errors import InputError
 
 TETRAHEDRON = "tetrahedron4"
 
-# Corners of a hexahedron by their place along, round and through (0 or 1), in VTK's order.
+# Corners of a hexahedron by their index along, round and through (0 or 1), in VTK's order.
 _CORNER = {
     (0, 0, 0): 0,
     (1, 0, 0): 1,
@@ -49,7 +49,7 @@ def tetrahedral_sector(sector: SweptSector) -> SweptSector:
         The sector is not of quadratic hexahedra.
     """
     if sector.element_type != HEXAHEDRON:
-        raise InputError(f"mesh: element type '{sector.element_type}' found, {HEXAHEDRON} wanted")
+        raise InputError(f"mesh: element type '{sector.element_type}' found, must be {HEXAHEDRON}")
     corner = sector.element[:, :8]
     used = np.unique(corner % sector.n_nodes)
     number = np.full(sector.n_nodes, -1)
@@ -98,7 +98,7 @@ def element_strain_rows(mesh: SolidMesh, gauges: Gauges) -> csr_array:
         The mesh is not of linear tetrahedra, or a surface does not exist.
     """
     if mesh.element_type != TETRAHEDRON:
-        raise InputError(f"mesh: element type '{mesh.element_type}' found, {TETRAHEDRON} wanted")
+        raise InputError(f"mesh: element type '{mesh.element_type}' found, must be {TETRAHEDRON}")
     row, column, entry = [], [], []
     facets = {name: mesh.named_surface(name) for name in dict.fromkeys(gauges.surface)}
     curved = {name: CurvedFacets(mesh.element_type, mesh.node[facet]) for name, facet in facets.items()}
@@ -115,9 +115,9 @@ def element_strain_rows(mesh: SolidMesh, gauges: Gauges) -> csr_array:
 def _strain_of_triangle(corner: FloatArray, direction: FloatArray) -> FloatArray:
     """Return (3, 3) strain per displacement [1/m] of a triangle (3, 3) [m] along ``direction`` (3,) in it."""
     edge = (corner[1:] - corner[0]).T
-    share = np.linalg.lstsq(edge, direction, rcond=None)[0]  # the direction, laid into the plane
-    along = edge @ share
+    part = np.linalg.lstsq(edge, direction, rcond=None)[0]  # the direction, projected onto the plane
+    along = edge @ part
     length = float(np.linalg.norm(along))
-    by_arc = np.array([-share.sum(), *share]) / length
+    by_arc = np.array([-part.sum(), *part]) / length
     weight: FloatArray = np.outer(by_arc, along / length)
     return weight

@@ -67,7 +67,7 @@ def write_vtu(path: Path, **options: object) -> None:
         ("a.csv", b"x,y,z,p\n", ("no line of numbers",)),
         ("a.csv", b"x,y,z,p,T\n0,0,0,1,2\n", ("2 columns could be meant", "p, T")),
         ("a.csv", b"x_mm,y_mm,z_mm,p\n0,0,0,1\n", ("x_mm", "another length_unit")),
-        ("a.csv", b"x,y,z,p,p\n0,0,0,1,2\n", ("'p' is there twice",)),
+        ("a.csv", b"x,y,z,p,p\n0,0,0,1,2\n", ("'p' occurs twice",)),
     ],
 )
 def test_damaged_files(
@@ -194,7 +194,7 @@ def test_manifest(tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str, 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("quantity,length_unit,file\n", ("no case behind the column names",)),
+        ("quantity,length_unit,file\n", ("no case after the column names",)),
         ("file,mach_number\na,5,6\n", ("line 2", "3 columns found", "2")),
         ("quantity,length_unit,file\nCp,m,a\np,m,a\n", ("line 3", "column 'quantity'", "'p' found", "'Cp'")),
         ("quantity,length_unit,file,mach_number\nCp,m,a,fast\n", ("line 2: mach_number: 'fast' found", "number")),

@@ -138,7 +138,7 @@ def test_facet_begun_at_another_corner_is_sound() -> None:
 def test_facet_that_is_there_twice_is_refused() -> None:
     mesh = ring()
     facet = np.concatenate([mesh.surface[EXTERNAL], mesh.surface[EXTERNAL][:1]])
-    with pytest.raises(InputError, match="surface 'external': 1 of 73 facets are there twice"):
+    with pytest.raises(InputError, match="surface 'external': 1 of 73 facets are listed twice"):
         check_mesh(replace(mesh, surface={**mesh.surface, EXTERNAL: facet}))
 
 
@@ -162,7 +162,7 @@ def test_doubled_nodes_are_named() -> None:
     slit = replace(
         mesh, node=node[used], element=element.reshape(mesh.element.shape), surface={FRONT: mesh.surface[FRONT]}
     )
-    with pytest.raises(InputError, match=r"pairs of nodes at one place.*merge coincident nodes"):
+    with pytest.raises(InputError, match=r"pairs of nodes at one point.*merge coincident nodes"):
         check_mesh(slit, surfaces=(FRONT,))
 
 

@@ -237,7 +237,7 @@ def test_gauge_that_misses_by_little_is_moved(mesh: SolidMesh) -> None:
 
 def test_twins_and_nothing_are_refused(mesh: SolidMesh) -> None:
     twice = gauges_at(np.array([POINT, POINT]), np.array([[1.0, 0.0, 0.0], [-2.0, 0.0, 0.0]]), ["a", "b"])
-    with pytest.raises(InputError, match="b: same place and direction as a"):
+    with pytest.raises(InputError, match="b: same position and direction as a"):
         gauge_rows(mesh, twice)
     with pytest.raises(InputError, match="no gauges: at least one is needed"):
         gauge_rows(mesh, gauges_at(np.zeros((0, 3)), np.zeros((0, 3))))

@@ -20,10 +20,10 @@ class BackEnd:
 
     Attributes
     ----------
-    name : the name a user asks for.
+    name : the name that a user gives.
     licence : of the binding over that of the library.
     install : the command that installs it.
-    installed : tells whether it is there.
+    installed : returns whether it is there.
     factor : prepares a problem; imports the library when called.
     """
 
@@ -34,7 +34,7 @@ class BackEnd:
     factor: Callable[[SparseProblem], Factor]
 
     def missing(self) -> InputError:
-        """Return the error for a wanted back end that is not there."""
+        """Return the error for a named back end that is not installed."""
         return InputError(f"solver '{self.name}' is not installed: {self.install} (licence: {self.licence})")
 
 

@@ -1,7 +1,7 @@
 """Conjugate gradients with a multigrid of smoothed aggregation (pyamg) that knows the rigid motions.
 
-The least memory of all, and slow: it suits one or a few loads on meshes of tetrahedra. On one layer of quadratic
-hexahedra convergence is poor, which is said, not hidden.
+It needs the smallest memory of all, and is slow: it suits one or a few loads on meshes of tetrahedra. On one layer
+of quadratic hexahedra convergence is poor; then an error is raised.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ def _conjugate_gradients(
     # The recurrence's own residual drifts from the true one, hence the factor.
     if not residual <= 10.0 * limits.tolerance:
         raise SolverError(
-            f"solver iterative: residual {residual:.1e} after {iterations} iterations, {limits.tolerance:g} "
-            "wanted; use a direct solver"
+            f"solver iterative: residual {residual:.1e} after {iterations} iterations, must be "
+            f"at most {limits.tolerance:g}; use a direct solver"
         )
     return np.asarray(answer)
 

@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from builder.structure.solid.solvers.problem import SparseProblem
 from strainfmu.arrays import FloatArray, IntArray
 
-SAME_PLACE = 1e-9  # of the size of the body: two nodes at one place
+SAME_PLACE = 1e-9  # of the size of the body: two nodes at one point
 SYMMETRY_BOUND = 1e-10  # largest |A R - R A| over the largest |A|, on a vector of numbers up to 1
 
 PLANES = {"y = 0": np.array([1.0, -1.0, 1.0]), "z = 0": np.array([1.0, 1.0, -1.0])}
@@ -68,7 +68,7 @@ def _partners(node: FloatArray, sign: FloatArray) -> IntArray | None:
 def _basis(n: int, reflections: list[csr_array], parity: tuple[float, ...]) -> csr_array:
     """Return the orthonormal basis (n, k) of motions x with R x = parity x for each reflection R.
 
-    The projection of a unit vector is, but for the sign, that of its mirror images: one of them stands for all.
+    The projection of a unit vector is, but for the sign, that of its mirror images: one of them represents all.
     """
     projection, first = csr_array(eye_array(n)), np.arange(n)
     for mirror, sign in zip(reflections, parity, strict=True):

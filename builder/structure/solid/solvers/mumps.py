@@ -5,7 +5,7 @@ from __future__ import annotations
 from builder.structure.solid.solvers.back_end import BackEnd, Factor, importable
 from builder.structure.solid.solvers.problem import SolverError, SparseProblem
 
-NEGATIVE_PIVOTS = 12  # place of their number in MUMPS's INFOG
+NEGATIVE_PIVOTS = 12  # index of their number in MUMPS's INFOG
 
 
 def _factor(problem: SparseProblem) -> Factor:

@@ -4,7 +4,7 @@ The processes run :mod:`~builder.structure.solid.solvers.petsc_worker` and live 
 loads reach them through files in a folder of their own, so their Python may be another one than ours: Debian's
 petsc4py, for one, is built for Debian's numpy.
 
-The peak of memory in the statistics is this process' own; each of the others holds its share of the factor.
+The peak of memory in the statistics is this process' own; each of the others holds its part of the factor.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class MpiLaunch:
 
 
 def launch_of_environment() -> MpiLaunch:
-    """Return the launch that STRAINFMU_PETSC_PYTHON and STRAINFMU_PETSC_RANKS ask for.
+    """Return the launch that STRAINFMU_PETSC_PYTHON and STRAINFMU_PETSC_RANKS request.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def distributed_factor(problem: SparseProblem, launch: MpiLaunch) -> Factor:
     InputError
         The launcher is not there, or the interpreter lacks petsc4py.
     SolverError
-        The processes fail; the message ends with what they said.
+        The processes fail; the message ends with what they reported.
     """
     if shutil.which(launch.mpiexec[0]) is None:
         raise InputError(f"solver petsc: '{launch.mpiexec[0]}' not found, install an MPI such as openmpi-bin")
@@ -109,15 +109,15 @@ def _say(process: subprocess.Popen[str], word: str) -> None:
 
 
 def _answer(process: subprocess.Popen[str], folder: Path) -> None:
-    """Wait until the processes are done; if they have ended instead, say why."""
+    """Wait until the processes are done; if they have ended instead, raise their error."""
     assert process.stdout is not None
     for line in process.stdout:
         if line.strip() == "done":
             return
     process.wait()
-    said = (folder / "complaint.txt").read_text().strip().splitlines()
-    errors = [line for line in said if "error" in line.lower()]
-    reason = (errors or said or ["no message"])[0]
+    printed = (folder / "complaint.txt").read_text().strip().splitlines()
+    errors = [line for line in printed if "error" in line.lower()]
+    reason = (errors or printed or ["no message"])[0]
     shutil.rmtree(folder, ignore_errors=True)
     raise SolverError(f"solver petsc: the processes ended: {reason[:LAST_WORDS]}")
 

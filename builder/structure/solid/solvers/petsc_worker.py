@@ -1,6 +1,6 @@
 """One process of the distributed solver; run under MPI with the folder of a problem.
 
-It stands alone, with numpy, mpi4py and petsc4py, because its interpreter may lack this project. Each process reads
+It imports only numpy, mpi4py and petsc4py, because its interpreter may lack this project. Each process reads
 its own rows. Rank 0 takes one word at a time from standard input, ``solve`` or ``end``, and prints ``done``.
 """
 
@@ -17,9 +17,9 @@ def factorise(folder: Path, petsc: Any, communicator: Any) -> Any:
     """Return the factorised matrix and the rows (first, last) of this process."""
     pointer = np.load(folder / "pointer.npy", mmap_mode="r")
     n = len(pointer) - 1
-    share, rest = divmod(n, communicator.size)
-    first = communicator.rank * share + min(communicator.rank, rest)
-    last = first + share + (communicator.rank < rest)
+    n_rows, rest = divmod(n, communicator.size)
+    first = communicator.rank * n_rows + min(communicator.rank, rest)
+    last = first + n_rows + (communicator.rank < rest)
     stored = slice(int(pointer[first]), int(pointer[last]))
     own_pointer = np.asarray(pointer[first : last + 1] - pointer[first], dtype=petsc.IntType)
     index = np.asarray(np.load(folder / "index.npy", mmap_mode="r")[stored], dtype=petsc.IntType)
@@ -55,7 +55,7 @@ def solve(folder: Path, petsc: Any, solver: Any, first: int, last: int) -> None:
 
 
 def main(folder: Path) -> None:
-    """Serve one problem until told to end."""
+    """Serve one problem until the word ``end`` comes."""
     import petsc4py
 
     petsc4py.init([])

@@ -91,15 +91,15 @@ def checked_loads(loads: FloatArray | csr_array, n_dof: int) -> FloatArray | csc
 
 @dataclass(frozen=True, kw_only=True)
 class SolveStatistics:
-    """What a solver has used so far.
+    """Resources that a solver has used so far.
 
     Attributes
     ----------
     n_dof : displacement components, held ones included.
     n_entries : stored entries of the matrix.
     factor_seconds, solve_seconds : wall time [s] of preparing (ordering included) and of all solutions.
-    peak_memory : most memory the process has held [byte]; 0 where the platform does not tell.
-    relative_residual : largest ||A x - b|| / ||b|| of solutions asked for.
+    peak_memory : maximum memory the process has held [byte]; 0 where the platform does not report it.
+    relative_residual : largest ||A x - b|| / ||b|| of requested solutions.
     probe_residual : the same of probes that move the whole body (:func:`probe_loads`): rounding error times the
         condition of the matrix, a pessimistic guide to the relative error of Z_p where the body bends as a beam.
     """
@@ -114,7 +114,7 @@ class SolveStatistics:
 
 
 def peak_memory() -> int:
-    """Return the most memory this process has held [byte]; 0 where the platform does not tell."""
+    """Return the maximum memory this process has held [byte]; 0 where the platform does not report it."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,7 +1,7 @@
 """Gauge rows of a structure of equal sectors, taken apart into patterns and shifts by sectors.
 
-Gauges at the same place of different sectors have the same response but for the shift, so that a row of gauges at
-four roll angles costs one solution instead of four.
+Gauges at the same position in different sectors have the same response but for the shift, so that a row of gauges
+at four roll angles costs one solution instead of four.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ def shifted_rows(sector: SweptSector, rows: csr_array) -> ShiftedRows:
     parts = [_row_in_sector_frames(sector, csr_array(rows[[i]])) for i in range(rows.shape[0])]
     kept: list[int] = []
     pattern_of_row = np.empty(len(parts), dtype=np.int64)
-    for i, (_, place, entry) in enumerate(parts):
-        equal = (n for n, k in enumerate(kept) if _same(parts[k][1], parts[k][2], place, entry))
+    for i, (_, index, entry) in enumerate(parts):
+        equal = (n for n, k in enumerate(kept) if _same(parts[k][1], parts[k][2], index, entry))
         pattern_of_row[i] = next(equal, len(kept))
         if pattern_of_row[i] == len(kept):
             kept.append(i)
-    place = np.concatenate([parts[k][1] for k in kept])
+    index = np.concatenate([parts[k][1] for k in kept])
     return ShiftedRows(
         n_sectors=sector.n_sectors,
         n_dof=sector.n_dof,
         pattern=np.repeat(np.arange(len(kept)), [len(parts[k][1]) for k in kept]),
-        sector=place // sector.n_dof,
-        dof=place % sector.n_dof,
+        sector=index // sector.n_dof,
+        dof=index % sector.n_dof,
         entry=np.concatenate([parts[k][2] for k in kept]),
         pattern_of_row=pattern_of_row,
         shift_of_row=np.array([first for first, _, _ in parts], dtype=np.int64),
@@ -74,7 +74,7 @@ def shifted_rows(sector: SweptSector, rows: csr_array) -> ShiftedRows:
 
 
 def _row_in_sector_frames(sector: SweptSector, row: csr_array) -> tuple[int, IntArray, FloatArray]:
-    """Return the first sector of a row, its places (sector after the first) * n_dof + dof, sorted, and entries."""
+    """Return a row's first sector, its indices (sector after the first) * n_dof + dof, sorted, and its entries."""
     node, slot = np.unique(row.indices // 3, return_inverse=True)
     vector = np.zeros((len(node), 3))
     np.add.at(vector, (slot, row.indices % 3), row.data)
@@ -97,7 +97,7 @@ def _first_sector(sector: IntArray, n_sectors: int) -> int:
     return int(used[gap.argmax()])
 
 
-def _same(place: IntArray, entry: FloatArray, other_place: IntArray, other: FloatArray) -> bool:
-    if not np.array_equal(place, other_place):
+def _same(index: IntArray, entry: FloatArray, other_index: IntArray, other: FloatArray) -> bool:
+    if not np.array_equal(index, other_index):
         return False
     return bool(np.abs(entry - other).max(initial=0.0) <= SAME_ENTRY * np.abs(entry).max(initial=0.0))

@@ -36,7 +36,7 @@ BLOCK = 64
 
 BACK_ENDS = (SUPERLU, MUMPS, CHOLMOD, CVXOPT, PARDISO, ITERATIVE, petsc_back_end())
 AUTOMATIC = (MUMPS, SUPERLU)
-"""Back ends chosen without being asked for, fastest first: their licences bind no program that calls them.
+"""Back ends chosen where none is named, fastest first: their licences bind no program that calls them.
 
 GPL and Intel's licence are a user's decision; petsc starts other processes; iterative may not converge.
 """
@@ -138,30 +138,28 @@ class SparseSolver:
         return displacement
 
 
-def choose_solver(
-    problem: SparseProblem | CyclicProblem, wanted: str | None = None
-) -> SparseSolver | CyclicSolver:
-    """Prepare a problem with the wanted solver, or with the best that is there.
+def choose_solver(problem: SparseProblem | CyclicProblem, name: str | None = None) -> SparseSolver | CyclicSolver:
+    """Prepare a problem with the named solver, or with the best installed one.
 
     A problem made of sectors goes to ``cyclic``, any other to the fastest installed one of :data:`AUTOMATIC`.
 
     Raises
     ------
     InputError
-        The wanted one does not exist, is not installed (the message says what to install and its licence), or
+        The named one does not exist, is not installed (the message gives what to install and its licence), or
         does not fit the problem.
     SolverError
         The matrix is singular, not positive definite or too large.
     """
     if isinstance(problem, CyclicProblem):
-        if wanted not in (None, CYCLIC):
-            raise InputError(f"solver '{wanted}' found: a problem made of sectors is solved by '{CYCLIC}' alone")
+        if name not in (None, CYCLIC):
+            raise InputError(f"solver '{name}' found: a problem made of sectors is solved by '{CYCLIC}' alone")
         return CyclicSolver(problem)
-    if wanted == CYCLIC:
+    if name == CYCLIC:
         raise InputError(f"solver '{CYCLIC}' needs a mesh of equal sectors, such as one swept round the axis")
-    if wanted is None:
+    if name is None:
         return SparseSolver(problem, next(back_end for back_end in AUTOMATIC if back_end.installed()))
-    return SparseSolver(problem, named_back_end(wanted))
+    return SparseSolver(problem, named_back_end(name))
 
 
 def named_back_end(name: str, back_ends: Sequence[BackEnd] = BACK_ENDS) -> BackEnd:
