@@ -37,6 +37,12 @@ def pressure_and_temperature(altitude: float) -> tuple[float, float]:
     ------
     InputError
         The altitude is outside 0 to 71 km.
+
+    Example
+    -------
+    >>> pressure, temperature = pressure_and_temperature(20e3)
+    >>> print(f"{pressure:.1f} Pa, {temperature:.2f} K")
+    5474.9 Pa, 216.65 K
     """
     if not 0.0 <= altitude <= LAYERS[-1][0]:
         raise InputError(f"altitude: {altitude:g} m found, 0 to {LAYERS[-1][0]:g} m allowed")

@@ -21,6 +21,13 @@ class FlightCondition:
     angle_of_attack : alpha [rad], positive nose-up.
     sideslip_angle : beta [rad], positive with the wind from starboard.
     altitude : H, geopotential [m].
+
+    Example
+    -------
+    >>> from math import degrees, radians
+    >>> condition = FlightCondition(6.0, radians(4.0), radians(3.0), 20e3)
+    >>> print(f"{degrees(condition.total_incidence):.3f} deg, {1e-3 * condition.dynamic_pressure:.1f} kPa")
+    4.999 deg, 138.0 kPa
     """
 
     mach_number: float

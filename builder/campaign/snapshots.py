@@ -179,6 +179,11 @@ def load_snapshots(path: str | Path) -> Snapshots:
     ------
     InputError
         The file is missing, damaged, altered, or of another schema version.
+
+    Example
+    -------
+    >>> load_snapshots("demo/snapshots.h5").pressure.shape
+    (90, 8640)
     """
     return load_record(Snapshots, Path(path), SCHEMA, SCHEMA_VERSION)
 

@@ -126,6 +126,13 @@ def load_vehicle(path: str | Path) -> Vehicle:
     ------
     InputError
         The file is missing or no TOML, or an entry is unknown, missing or outside its limits.
+
+    Example
+    -------
+    >>> import builder
+    >>> vehicle = builder.load_vehicle(builder.IC3X)
+    >>> print(f"{vehicle.name}, {vehicle.body().length} m, {len(vehicle.flight_conditions())} conditions")
+    IC3X surrogate, 3.6 m, 90 conditions
     """
     path = Path(path)
     try:

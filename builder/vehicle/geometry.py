@@ -134,6 +134,13 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
     ------
     InputError
         Stations do not increase, the tip is not pointed, or the radius falls to zero.
+
+    Example
+    -------
+    >>> from math import radians
+    >>> body = chain_segments([(1.75, radians(5.0), radians(5.0)), (3.6, radians(1.0), radians(1.0))])
+    >>> print(f"{body.length} m long, base radius {1e3 * body.base_radius:.1f} mm")
+    3.6 m long, base radius 185.4 mm
     """
     segments: list[Segment] = []
     x, radius = 0.0, 0.0

@@ -64,7 +64,7 @@ for number, (name, inverse_map) in enumerate(maps.items()):
         axis.errorbar([number], [0.0], yerr=[3.0 * sigma.mean()], capsize=6, color=f"C{number}")
         axis.plot(number + np.linspace(-0.25, 0.25, len(values)), values, ".", ms=4, color=f"C{number}")
 for axis, name in zip(axes, names, strict=True):
-    axis.set(title=f"error of {name}", xlim=(-0.6, 1.6))
+    axis.set(xlabel=f"error of {name}", xlim=(-0.6, 1.6))
     axis.set_xticks([0, 1], ["Case 1", "Case 2"])
     axis.ticklabel_format(axis="y", scilimits=(-2, 2))
 plt.show()

@@ -53,8 +53,12 @@ class Estimator:
 
     Example
     -------
-    >>> estimator = strainfmu.load("map.h5")  # doctest: +SKIP
-    >>> estimator.estimate(strain, dynamic_pressure=95.8e3).C_N  # doctest: +SKIP
+    >>> import strainfmu
+    >>> estimator = strainfmu.load("demo/map.h5")
+    >>> strain = estimator.inverse_map.mean_strain  # in place of a measurement
+    >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
+    >>> print(f"{result.C_N:.3f} +- {3 * result.sigma.C_N:.3f}, {result.health.name}")
+    0.335 +- 0.005, OK
     """
 
     def __init__(self, inverse_map: InverseMap, settings: EstimatorSettings | None = None) -> None:

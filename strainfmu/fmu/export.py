@@ -98,6 +98,10 @@ def export_estimator(map_path: Path, fmu_path: Path, options: ExportOptions | No
     StrainfmuError
         PythonFMU is not installed (kind python), or the FMU could not be written; ``fmu_path`` keeps its old
         content.
+
+    Example
+    -------
+    >>> export_estimator(Path("demo/map.h5"), Path("arrays.fmu"), ExportOptions(fmi_version="3"))
     """
     options = options or ExportOptions()
     check_fmu_path(fmu_path)
