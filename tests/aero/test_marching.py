@@ -230,7 +230,7 @@ from strainfmu.errors import FlowReachError
 
 body_march.MAX_LEGS, body_march.LARGEST_UNREST = 3, float("inf")  # unsettled, but the same in both
 ten = radians(10.0)
-grid = MarchingGrid(8, 8, conical_tolerance=1.0)
+grid = MarchingGrid(n_radial=8, n_circumferential=8, conical_tolerance=1.0)
 body = chain_segments([(0.5, ten, ten), (0.52, 0.0, 0.0), (0.53, 0.0, -0.02)])
 flow = solve_flow(body, 5.0, radians(4.0), grid)
 corner = chain_segments([(0.5, ten, ten), (0.6, 4.0 * ten, 4.0 * ten)])
