@@ -3,7 +3,7 @@
 Model: d = m + A q + e with cov(e) = Gamma; m is the strain of the mean pressure. Case 1: A = Z V with the kept
 POD modes V, q free [Pa]. Case 2: A = Z F with the factor F of the prior covariance, q standard normal [1]. The
 estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, L L' = Gamma (Pham et al., eq.
-segmented-ls-solution). The loads are f = M q + f_mean and what the residual tells of load outside the states
+segmented-ls-solution). The loads are f = M q + f_mean and what the residual reveals of load outside the states
 (:mod:`strainfmu.estimator.load_errors`). T and the residual whitening W follow from A, Gamma and
 gamma, and so does the estimate without any of the gauges; the file holds both, and a map in which they disagree is
 refused.

@@ -2,7 +2,7 @@
 
 Loads f = f_mean + M q + g, strains d = m + A q + e: g is load that no state holds, as that of truncated modes, and
 may be correlated with their strain in e, X = cov(e, g). What the states leave of the strain, d - m - A q, so
-tells of g: its best linear estimate is X' Gamma^-1 (d - m - A q), so that with q = T (d - m)
+depends on g: its best linear estimate is X' Gamma^-1 (d - m - A q), so that with q = T (d - m)
 
     f = f_mean + G (d - m),   G = (M - X' Gamma^-1 A) T + X' Gamma^-1.
 

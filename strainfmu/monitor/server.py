@@ -1,4 +1,4 @@
-"""The monitor: datagrams to all open pages by Server-Sent Events, on loopback unless told otherwise."""
+"""The monitor: datagrams to all open pages by Server-Sent Events, on loopback by default."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
         version, first = -1, True
         try:
             while not self.server.stopped():
-                # The heartbeat is what tells of a bridge that has gone silent.
+                # The heartbeat shows that a bridge has gone silent.
                 version = self.server.state.wait(version, _HEARTBEAT)
                 content = self.server.state.snapshot(time.monotonic(), first)
                 first = False

@@ -20,7 +20,7 @@ from bus_run import live_run
 from chromium import PROGRAM, Browser
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.publisher import GaugePlace, Publisher, gauge_places, parsed_address
+from strainfmu.can.bridge.publisher import GaugePosition, Publisher, gauge_positions, parsed_address
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Cause, Quality
@@ -53,9 +53,9 @@ def result(quality: Quality = Quality.VALID, value: float = 0.5) -> CycleResult:
 
 
 def publisher(port: int, rate: float = 1e4) -> Publisher:
-    places = [GaugePlace(name, 0.5, 90.0 * k) for k, name in enumerate("abc")]
+    positions = [GaugePosition(name, 0.5, 90.0 * k) for k, name in enumerate("abc")]
     return Publisher(
-        ("127.0.0.1", port), places, rate=rate, account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE
+        ("127.0.0.1", port), positions, rate=rate, account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE
     )
 
 
@@ -121,11 +121,11 @@ def test_the_rate_is_limited_but_for_a_change_of_quality() -> None:
 
 @pytest.mark.fast
 def test_places_of_the_gauges_come_from_the_fmu(synthetic: SyntheticFiles) -> None:
-    places = gauge_places(synthetic.estimator_1)
-    assert [place.name for place in places] == [f"G{i}" for i in range(N_GAUGES)]
+    positions = gauge_positions(synthetic.estimator_1)
+    assert [position.name for position in positions] == [f"G{i}" for i in range(N_GAUGES)]
     # synthetic_vehicle puts them evenly from 0.3 to 3.3 m and around.
-    np.testing.assert_allclose([place.x for place in places], np.linspace(0.3, 3.3, N_GAUGES), atol=1e-3)
-    assert len({place.roll_angle for place in places}) == N_GAUGES
+    np.testing.assert_allclose([position.x for position in positions], np.linspace(0.3, 3.3, N_GAUGES), atol=1e-3)
+    assert len({position.roll_angle for position in positions}) == N_GAUGES
 
 
 @pytest.mark.fast

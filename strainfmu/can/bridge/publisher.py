@@ -27,7 +27,7 @@ _PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) d
 
 
 @dataclass(frozen=True)
-class GaugePlace:
+class GaugePosition:
     """Position of a gauge: ``x`` [m] aft of the nose tip, ``roll_angle`` [deg]; None where it is not known."""
 
     name: str
@@ -35,7 +35,7 @@ class GaugePlace:
     roll_angle: float | None = None
 
 
-def gauge_places(fmu: Path) -> tuple[GaugePlace, ...]:
+def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
     """Return the positions of the gauges of an estimator FMU, from the descriptions of its inputs.
 
     Raises
@@ -51,8 +51,8 @@ def gauge_places(fmu: Path) -> tuple[GaugePlace, ...]:
         match = _PLACE.match(variable.description or "")
         if match:
             angle = None if match[3] is None else float(match[3])
-            found[match[1]] = GaugePlace(match[1], float(match[2]), angle)
-    return tuple(found.get(name, GaugePlace(name)) for name in gauge_names_of(fmu))
+            found[match[1]] = GaugePosition(match[1], float(match[2]), angle)
+    return tuple(found.get(name, GaugePosition(name)) for name in gauge_names_of(fmu))
 
 
 def parsed_address(text: str, option: str) -> tuple[str, int]:
@@ -87,7 +87,7 @@ class Publisher:
     def __init__(
         self,
         address: tuple[str, int],
-        gauges: Sequence[GaugePlace],
+        gauges: Sequence[GaugePosition],
         rate: float,
         account: Callable[[], FrameAccount],
         bus_state: Callable[[], BusState],

@@ -30,7 +30,7 @@ class Score:
     answered : cycles with a result; ``published`` those with coefficients; ``cycles`` that were sent.
     rms_error, mean_sigma : (5,) [1].
     rms_error_of_range : (5,) over the range of the truth, NaN where it is constant.
-    coverage : (5,) share with the truth inside 3 sigma.
+    coverage : (5,) fraction with the truth inside 3 sigma.
     qualities : results by quality.
     """
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu.can.bridge.publisher import Publisher, gauge_places, parsed_address
+from strainfmu.can.bridge.publisher import Publisher, gauge_positions, parsed_address
 from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import monotonic
@@ -50,7 +50,7 @@ def observed_bridge(
 ) -> Iterator[ObservedBridge]:
     """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
 
-    ``also`` is told every result before the publisher.
+    ``also`` gets every result before the publisher.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def observed_bridge(
     if publish is not None and not 0.0 < publish_rate <= 10_000.0:
         raise InputError(f"--publish-rate: {publish_rate:g} Hz found, more than 0 to 10,000 Hz allowed")
     address = None if publish is None else parsed_address(publish, "--publish")
-    places = () if address is None else gauge_places(fmu)
+    positions = () if address is None else gauge_positions(fmu)
     watchers = [] if also is None else [also]
     publisher = None
 
@@ -85,7 +85,7 @@ def observed_bridge(
         if address is not None:
             bridge = ready.bridge
             publisher = Publisher(
-                address, places, rate=publish_rate, account=bridge.account, bus_state=lambda: bridge.bus_state
+                address, positions, rate=publish_rate, account=bridge.account, bus_state=lambda: bridge.bus_state
             )
             watchers.append(publisher.result)
             stack.callback(publisher.close)

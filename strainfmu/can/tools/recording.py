@@ -166,7 +166,7 @@ class Recorder:
 
 
 class _LogFile:
-    """One of python-can's writers, made to put onto the disk what it has when it is told to."""
+    """One of python-can's writers, which can be made to write to the disk what it holds."""
 
     def __init__(self, path: Path, start: float) -> None:
         import_can()
@@ -232,7 +232,7 @@ def check_log(path: Path) -> None:
     reasons = {
         ".db": "python-can loses rows of it on stop",
         ".trc": "it holds neither CAN FD nor error frames",
-        ".csv": "it does not tell CAN FD frames from others",
+        ".csv": "it does not distinguish CAN FD frames",
         ".mf4": "it is not on the disk before its end",
     }
     reason = reasons.get(path.suffix.lower())

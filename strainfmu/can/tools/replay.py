@@ -63,7 +63,7 @@ def replay_log(
     on_result: Callable[[CycleResult], None],
     progress: Callable[[int, int], None] | None = None,
 ) -> ReplaySummary:
-    """Send the received frames of ``log`` through a core; tell ``on_result`` every result.
+    """Send the received frames of ``log`` through a core; pass every result to ``on_result``.
 
     Parameters
     ----------

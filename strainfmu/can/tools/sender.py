@@ -22,7 +22,7 @@ from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 SETTLING_CYCLES = 40
-"""Cycles without faults at the start, in which the bridge comes to believe its input."""
+"""Cycles without faults at the start, after which the bridge accepts its input."""
 
 FAILURES_IN_A_ROW = 200
 """Frames in a row that the bus did not take, after which the sender gives up."""

@@ -29,7 +29,7 @@ _PATIENCE = 30.0
 
 @dataclass(frozen=True)
 class BusFlight:
-    """What the two processes said: the sender's score and lines, and the bridge's summary."""
+    """Output of the two processes: the sender's score and lines, and the bridge's summary."""
 
     score: Score
     sender: str

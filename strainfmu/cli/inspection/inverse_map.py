@@ -196,7 +196,7 @@ def _gauges(loaded: InverseMap) -> Table:
 
 
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
-    """Draw what the map alone tells and return the names of the files."""
+    """Draw the figures that need the map alone and return the names of the files."""
     from builder.figures import build_report
     from builder.figures.canvas import save
     from builder.reports.gauge_value import gauge_value
