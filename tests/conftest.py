@@ -9,6 +9,7 @@ from collections.abc import Callable
 from math import radians
 from pathlib import Path
 
+import hypothesis
 import pytest
 from once import once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
@@ -17,6 +18,10 @@ from strainfmu.cli.main import main
 
 # Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# An example may be the first call of a compiled function, and other processes may use the machine.
+hypothesis.settings.register_profile("strainfmu", deadline=None)
+hypothesis.settings.load_profile("strainfmu")
 
 pytest_plugins = ["coarse_vehicle"]
 
@@ -28,7 +33,7 @@ TOGETHER = ("inverse", "reports")
 
 FIRST = (
     "acceptance/test_demo.py",
-    "can/test_campaign.py",
+    "can/cycle/test_campaign.py",
     "inverse",
     "reports",
     "campaign/test_resume.py",
@@ -36,8 +41,8 @@ FIRST = (
     "structure/test_structure_command.py",
     "campaign/test_reuse.py",
     "acceptance/test_bad_input.py",
-    "can/test_demo_bus.py",
-    "can/test_two_processes.py",
+    "can/tools/test_demo_bus.py",
+    "can/tools/test_two_processes.py",
 )
 """The longest groups, begun first so that no process is left with one at the end.
 
@@ -55,6 +60,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = item.path.relative_to(TESTS)
         groups[item] = path.parts[0] if path.parts[0] in TOGETHER else path.as_posix()
         item.add_marker(pytest.mark.xdist_group(groups[item]))
+    missing = [name for name in (*FIRST, *TOGETHER) if not (TESTS / name).exists()]
+    if missing:
+        raise pytest.UsageError(f"tests/conftest.py: not among the tests: {', '.join(missing)}")
     order = {name: position for position, name in enumerate(FIRST)}
     items.sort(key=lambda item: order.get(groups[item], len(FIRST)))
 

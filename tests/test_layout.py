@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,15 +22,15 @@ TOP_LEVEL = ("pyproject.toml", "strainfmu", "builder", "tests", "fmus", "README.
 MAX_POSITIONAL = 6
 """Arguments a call may pass by position."""
 
-POSITIONAL_ONLY = {"CFUNCTYPE", "add_row", "revolve", "rotate"}
-"""Functions of other packages that take many arguments by position alone (ctypes, rich, Gmsh)."""
+POSITIONAL_ONLY = {"CFUNCTYPE", "add_row"}
+"""Functions of other packages that take many arguments by position alone (ctypes, rich)."""
 
 
-def sources(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
-    """Yield the Python files of the folders, by their paths in the project, parsed."""
-    for folder in folders:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            yield path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))
+@cache
+def sources(*folders: str) -> list[tuple[Path, ast.Module]]:
+    """Return the Python files of the folders, by their paths in the project, parsed."""
+    paths = (path for folder in folders for path in sorted((ROOT / folder).rglob("*.py")))
+    return [(path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
 
 def name_of(node: ast.expr) -> str:

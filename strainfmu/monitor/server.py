@@ -1,4 +1,4 @@
-"""The monitor: datagrams to all open pages by Server-Sent Events, on loopback by default."""
+"""The server of the live view: datagrams to all open pages by Server-Sent Events, on loopback by default."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from strainfmu.errors import StrainfmuError
 from strainfmu.monitor.state import MonitorState
 
 PUSH_PERIOD = 0.1
-"""Time between two events to a page [s]: more than an eye sees."""
+"""Time between two events to a page [s]; an eye sees no faster changes."""
 
 LARGEST_DATAGRAM = 1 << 16
 _HEARTBEAT = 1.0
@@ -35,7 +35,7 @@ class Monitor:
     Raises
     ------
     StrainfmuError
-        An address is in use or not this host's.
+        An address is in use, or is not one of this host.
     """
 
     def __init__(self, listen: tuple[str, int], http: tuple[str, int]) -> None:
@@ -94,7 +94,7 @@ def shown_address(address: tuple[str, int]) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether ``host``, a name or an address, is this host to itself: all of 127.0.0.0/8, ::1, localhost."""
+    """Return whether ``host``, a name or an address, is a loopback: 127.0.0.0/8, ::1 or localhost."""
     if host.lower() == "localhost":
         return True
     try:
@@ -141,7 +141,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        # A page elsewhere that has its own name point here must not read what this host measures.
+        # A foreign page whose host name points to this host must not read its measurements.
         host = _HOST.fullmatch(self.headers.get("Host", ""))
         if self.server.is_local and (host is None or not is_loopback(host[1].strip("[]"))):
             self.send_error(403)
@@ -165,7 +165,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _stream(self) -> None:
-        """Send what is newest, until the page is closed."""
+        """Send the latest state, until the page is closed."""
         self.send_response(200)
         self.send_header("Content-Type", "text/event-stream")
         self.send_header("Cache-Control", "no-store")
@@ -173,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
         version, first = -1, True
         try:
             while not self.server.stopped():
-                # The heartbeat shows that a bridge has gone silent.
+                # The heartbeat reports a bridge that has gone silent.
                 version = self.server.state.wait(version, _HEARTBEAT)
                 content = self.server.state.snapshot(time.monotonic(), first)
                 first = False

@@ -1,4 +1,4 @@
-"""State of the live page: the last result of the bridge and the last minute of it; datagrams in, JSON out."""
+"""The state of the live view: last datagram and last minute of the bridge; datagrams in, JSON for the page out."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, NoReturn
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 HISTORY = 60.0
-"""Seconds of history that a new page gets."""
+"""Length of the history that a new page gets [s]."""
 
 HISTORY_PERIOD = 0.1
 """Time between two points of the history [s]."""
 
 SILENT_AFTER = 1.5
-"""Seconds without a datagram after which the page says that the bridge is silent."""
+"""Time without a datagram after which the page reports that the bridge is silent [s]."""
 
 _LARGEST = 1 << 16
 _NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
@@ -26,7 +26,7 @@ _TEXTS = ("quality_name", "health_name", "bus_state")
 
 
 class MonitorState:
-    """The newest datagram replaces the one before: a slow page sees fewer of them, never old ones."""
+    """The latest datagram replaces the one before: a slow page shows fewer of them, never old ones."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -38,7 +38,7 @@ class MonitorState:
         self.datagrams = self.refused = 0
 
     def take(self, datagram: bytes, now: float) -> None:
-        """Take a datagram that came at ``now`` [s, monotonic]; what is no result of a bridge is counted only."""
+        """Take in a datagram that came at ``now`` [s, monotonic]; others than a bridge's are only counted."""
         try:
             content = json.loads(datagram[:_LARGEST], parse_constant=_refused)
             if "layout" in content:
@@ -64,20 +64,20 @@ class MonitorState:
             self._count()
 
     def _count(self) -> None:
-        """Count a datagram and wake who waits for it; with the lock held."""
+        """Count a datagram and wake the waiting threads; the lock must be held."""
         self.datagrams += 1
         self.version += 1
         self._changed.notify_all()
 
     def wait(self, version: int, timeout: float) -> int:
-        """Wait up to ``timeout`` [s] for something newer than ``version``; return the version there is."""
+        """Wait up to ``timeout`` [s] for a version other than ``version``; return the present one."""
         with self._changed:
             if self.version == version:
                 self._changed.wait(timeout)
             return self.version
 
     def snapshot(self, now: float, with_history: bool) -> str:
-        """Return what the page shows, as JSON on one line."""
+        """Return the contents of the page as JSON on one line."""
         with self._changed:
             content: dict[str, Any] = {
                 "gauges": self._gauges,
@@ -92,9 +92,9 @@ class MonitorState:
 
 
 def _result(content: dict[str, Any]) -> dict[str, Any]:
-    """Return what the page shows of a result, flat and of known types; raise if it is none.
+    """Return the contents of a result for the page, flat and of known types; raise if it is no result.
 
-    What a page cannot parse must not come to it: a number that JSON does not have, or a depth without end.
+    A page must not receive what it cannot parse: a number that JSON does not have, or a structure without end.
     """
     timestamp = _number(content["timestamp"])
     if timestamp is None:
@@ -112,7 +112,7 @@ def _result(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _gauge(content: dict[str, Any]) -> dict[str, Any]:
-    """Return name and place of a gauge; raise if it is none."""
+    """Return name and position of a gauge; raise if it is none."""
     return {
         "name": str(content["name"]),
         "x": _number(content["x"]),

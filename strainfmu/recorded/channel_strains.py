@@ -12,8 +12,6 @@ import numpy as np
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
 
-# --- measurement files of other makers -------------------------------------------------------------------------
-
 
 @contextmanager
 def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
@@ -77,6 +75,6 @@ def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
 
 
 def _useful(names: Sequence[str], gauge_names: tuple[str, ...]) -> list[str]:
-    """Return the names that may be of use, so that no other channel is read."""
+    """Return the names of the channels to read."""
     ends = {f"strain[{i}]" for i in range(1, len(gauge_names) + 1)} | {"dynamic_pressure"}
     return [name for name in names if name in gauge_names or name.rpartition(".")[2] in ends]

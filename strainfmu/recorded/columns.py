@@ -1,4 +1,4 @@
-"""Assignment of a table's columns to gauges, with units."""
+"""The columns of a table: which is which gauge, and in which unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from strainfmu.errors import InputError
 from strainfmu.units import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
-"""Strain [m/m] above which a whole column is taken for one in another unit: no gauge bears it."""
+"""Strain [m/m] above which a column is taken to be in another unit: no gauge bears it."""
 
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
@@ -39,7 +39,7 @@ class StrainBlock:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ColumnPlan:
-    """Where the samples are in a table, and the factors to SI.
+    """Columns of the samples in a table, and their factors to SI.
 
     Attributes
     ----------
@@ -89,11 +89,11 @@ class ColumnPlan:
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; state the unit, "
                 "as in 'name [um/m]'"
             )
-        # What is beyond any gauge is no value.
+        # A strain that no gauge bears is no value.
         return StrainBlock(time, np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan), pressure)
 
     def _check_finite(self, table: FloatArray, first_row: int) -> None:
-        """Refuse infinity: NaN is how a file says that there is no value, an overflow says something else."""
+        """Refuse infinity: NaN stands for "no value" in a file, an overflow does not."""
         infinite = np.argwhere(np.isinf(table))
         if len(infinite):
             row, column = (int(one) for one in infinite[0])
@@ -117,7 +117,7 @@ class ColumnPlan:
 
     @staticmethod
     def _is_other_unit(strain: FloatArray) -> bool:
-        """Tell a wrong unit from single bad values: by the median of what is there."""
+        """Return whether the unit is wrong rather than single values: the median decides."""
         finite = np.abs(strain[np.isfinite(strain)])
         return len(finite) > 0 and float(np.median(finite)) > LARGEST_STRAIN
 
@@ -142,7 +142,7 @@ def plan_columns(
     Raises
     ------
     InputError
-        A column is missing, is there twice, by whichever names, or has a unit that is not known.
+        A column is missing, appears twice (under any of its names), or has an unknown unit.
     """
     parts = [_split(heading) for heading in headings]
     given = [unit if units is None else (units[i] or unit) for i, (_, unit) in enumerate(parts)]

@@ -20,10 +20,7 @@ from strainfmu.recorded.columns import (
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?nan", re.IGNORECASE)
-"""What a cell may hold: digits of ASCII and a decimal point, or NaN. float() takes more, as 1_0 for 10."""
-
-
-# --- CSV -------------------------------------------------------------------------------------------------------
+"""A number in a cell: ASCII digits and a decimal point, or NaN. float() accepts more, such as 1_0 for 10."""
 
 
 @contextmanager
@@ -44,7 +41,7 @@ def csv_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
 def _csv_blocks(
     path: Path, stream: TextIO, delimiter: str, plan: ColumnPlan, done: int
 ) -> Iterator[tuple[StrainBlock, int]]:
-    """Yield blocks; rows are counted as lines of the file are, the headings being the first."""
+    """Yield blocks; rows are counted as lines of the file, the headings being the first."""
     line, first, rows = 1, 2, []
 
     def counted() -> Iterator[str]:
@@ -53,7 +50,7 @@ def _csv_blocks(
             done += len(text)
             yield text
 
-    # One row of the block before goes on into the next, so that times are compared across blocks.
+    # The last time of a block is kept, so that times are compared across blocks.
     last = -np.inf
     for cells in _rows(path, counted(), delimiter):
         line += 1
@@ -78,7 +75,7 @@ def _rows(path: Path, lines: Iterator[str], delimiter: str) -> Iterator[list[str
 
 def _numbers(path: Path, cells: Sequence[str], plan: ColumnPlan, line: int) -> list[float]:
     """Return the cells in use as numbers; an empty cell is no value."""
-    # A cell too many shifts all behind it, as a decimal comma between commas does.
+    # A surplus cell shifts all after it, as a decimal comma between commas does.
     if max(plan.columns) >= len(cells) or any(cell.strip() for cell in cells[len(plan.names) :]):
         raise InputError(f"{path}: line {line}: expected {len(plan.names)} cells, got {len(cells)}")
     numbers = []

@@ -23,9 +23,6 @@ from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_blo
 _SLASH = "%2F"
 
 
-# --- HDF5 ------------------------------------------------------------------------------------------------------
-
-
 @contextmanager
 def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
     """Open an HDF5 file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
@@ -103,7 +100,7 @@ def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterato
 
 
 def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]) -> None:
-    """Where the file names its gauges, hold them against the map's."""
+    """Compare the file's names of gauges, if it has any, with the map's."""
     if "gauge_names" not in file:
         return
     held = file["gauge_names"]

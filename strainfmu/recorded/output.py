@@ -1,4 +1,4 @@
-"""Estimates written row by row as CSV or HDF5; the file appears when it is whole."""
+"""Writers of estimates, row by row as CSV or HDF5; the file appears when it is complete."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ESTIMATE_COLUMNS = (
 
 
 class EstimateWriter(ABC):
-    """Takes rows; whole numbers are written as such."""
+    """Writes rows to a file."""
 
     def __init__(self, columns: Sequence[tuple[str, str]]) -> None:
         self.columns = tuple(columns)
@@ -77,7 +77,7 @@ class _Hdf5Writer(EstimateWriter):
 
 
 def check_output(path: Path) -> None:
-    """Refuse an output of another kind before any work.
+    """Refuse an output of another kind before any work begins.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def estimate_writer(path: Path, columns: Sequence[tuple[str, str]] = ESTIMATE_CO
     InputError
         It is neither CSV nor HDF5.
     StrainfmuError
-        It cannot be written; what was there before is untouched.
+        It cannot be written; an earlier file remains unchanged.
     """
     check_output(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")

@@ -1,4 +1,4 @@
-"""Recorded strains through an estimator, block by block."""
+"""The estimation of recorded strains, block by block."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ Progress = Callable[[int, int], None]
 
 @dataclass(kw_only=True)
 class EstimationSummary:
-    """What was done.
+    """Summary of an estimation.
 
     Attributes
     ----------
-    samples : rows estimated.
+    samples : number of rows estimated.
     duration : from the first to the last sample [s].
-    missing_strains : single strains without a value, per gauge that has any.
-    missing_pressure : samples without a dynamic pressure.
-    refused : steps that the FMU refused; their outputs are NaN.
-    health : samples by state.
+    missing_strains : number of strains without a value, by gauge.
+    missing_pressure : number of samples without a dynamic pressure.
+    refused : number of steps that the FMU refused; their outputs are NaN.
+    health : number of samples by state.
     """
 
     samples: int = 0
@@ -98,5 +98,5 @@ def _estimates(ready: ReadyStep, block: StrainBlock, last: float, summary: Estim
 
 
 def _first_step(block: StrainBlock) -> float:
-    """Return a step size for the first sample [s], which has none before it."""
+    """Return a step size for the first sample [s], which has no predecessor."""
     return float(block.time[1] - block.time[0]) if len(block.time) > 1 else 1e-3

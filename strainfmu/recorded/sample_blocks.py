@@ -23,7 +23,7 @@ BLOCK_ROWS = 2000
 
 @dataclass(frozen=True, eq=False)
 class StrainFile:
-    """An open file: its length in ``unit`` for a progress bar, and blocks with how far into it each reaches."""
+    """An open file: its length, in any unit, and blocks with the position in the file that each reaches."""
 
     length: int
     blocks: Iterator[tuple[StrainBlock, int]]
@@ -47,7 +47,7 @@ def column_file(
     gauge_names: tuple[str, ...],
     fixed: float | None,
 ) -> StrainFile:
-    """Read columns that a library gives one by one; all have the same length."""
+    """Read columns that a library provides one by one; all must have the same length."""
     names = list(columns)
     plan = plan_columns(
         path, names, gauge_names=gauge_names, fixed_pressure=fixed, units=[units[name] for name in names]

@@ -54,7 +54,7 @@ def open_strains(
 
 
 def _not_empty(path: Path, blocks: Iterator[tuple[StrainBlock, int]]) -> Iterator[tuple[StrainBlock, int]]:
-    """Give ``blocks`` on; refuse a file without any, which is most often an export that failed."""
+    """Yield ``blocks``; refuse a file without any, which usually is an export that failed."""
     first = next(blocks, None)
     if first is None:
         raise InputError(f"{path}: no samples found")

@@ -196,7 +196,7 @@ def test_missing_and_damaged_fmus_are_refused(synthetic: SyntheticFiles, tmp_pat
 def test_an_fmu_that_fails_says_why(
     synthetic: SyntheticFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(strainfmu.fmu.export, "check_envelope", lambda *_: None)
+    monkeypatch.setattr(strainfmu.fmu.export, "check_envelope", lambda *_, **__: None)
     rows = f"{','.join(HEADER)}\n0,5,0,0,20\n1,9,0,0,20\n"
     trajectory = write_trajectory(tmp_path / "t.csv", rows)
     strainfmu.fmu.export.export_plant(synthetic.flight_model, trajectory, tmp_path / "fast.fmu")

@@ -90,10 +90,10 @@ WRONG: tuple[tuple[str, Any, str], ...] = (
 def test_wrong_entries_get_one_line(log: Path, entry: str, value: Any, line: str) -> None:
     held = json.loads(sidecar(log).read_text())
     *above, last = entry.split(".")
-    place = held
+    entry = held
     for name in above:
-        place = place[name]
-    place[last] = value
+        entry = entry[name]
+    entry[last] = value
     sidecar(log).write_text(json.dumps(held))
     with pytest.raises(InputError) as error:
         load_description(log)

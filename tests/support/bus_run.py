@@ -25,7 +25,7 @@ CYCLE = 0.01
 
 @dataclass
 class LiveRun:
-    """What the bridge published, its summary and what its watchers said."""
+    """Results and summary of the bridge, and the notes of its recorder and publisher."""
 
     results: list[CycleResult]
     summary: BridgeSummary

@@ -144,7 +144,7 @@ def run_campaign(
 
 
 class Oracle:
-    """Knows what was true when, what was sent and which faults there were; believes nothing else."""
+    """Knows the truth at every time, the frames sent and the faults, and uses nothing else."""
 
     def __init__(
         self, layout: InputLayout, faults: list[Fault], truth: Truth, step: Projection, settings: BridgeSettings
@@ -157,7 +157,7 @@ class Oracle:
         self.false_valid: list[str] = []
 
     def judge(self, result: CycleResult) -> None:
-        """Hold a result against every truth that is young enough; of a stuck gauge, against what it says."""
+        """Compare a result with every truth that is young enough; of a stuck gauge, with its reading."""
         if result.quality is not Quality.VALID:
             return
         now = result.time

@@ -61,7 +61,7 @@ class NeverSheds(Acceptance):
 
 
 def of_any_format(layout: InputLayout, frame: Frame) -> Frame:
-    """Return ``frame`` cut or padded to what the layout says of its identifier, of whichever width."""
+    """Return ``frame`` cut or padded to the layout's format of its identifier, of either width."""
     formats = {item.layout.key: item.layout for item in layout.frames}
     own = formats.get(frame.key) or formats.get(frame.key ^ EXTENDED_FLAG)
     if own is None:

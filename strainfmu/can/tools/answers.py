@@ -1,4 +1,4 @@
-"""The bridge's results as the other end of the bus hears them, and how well they meet the truth."""
+"""The bridge's results as received at the other end of the bus, and their errors against the truth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Score:
 
     Attributes
     ----------
-    answered : cycles with a result; ``published`` those with coefficients; ``cycles`` that were sent.
+    cycles, answered, published : number of cycles sent, with a result, with coefficients.
     rms_error, mean_sigma : (5,) [1].
     rms_error_of_range : (5,) over the range of the truth, NaN where it is constant.
     coverage : (5,) fraction with the truth inside 3 sigma.
@@ -45,7 +45,7 @@ class Score:
 
 
 class Listener:
-    """Keeps the result frames ``LoadEstimate`` that a bus brings, in a thread of its own."""
+    """Keeps the result frames ``LoadEstimate`` of a bus, in a thread of its own."""
 
     def __init__(self, bus: Any, layout: FrameLayout) -> None:
         self._bus, self._layout = bus, layout

@@ -14,7 +14,7 @@ from strainfmu.files import write_bytes_atomically
 
 
 def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, identifiers: Identifiers) -> int:
-    """Write the DBC file of a map's (or its FMU's) frames; return how many frames it holds.
+    """Write the DBC file of a map's (or its FMU's) frames; return its number of frames.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Seeded faults on a stream of strain frames, as sensors, senders, gateways and buses cause them.
+"""Seeded faults injected into a stream of strain frames, as sensors, senders, gateways and buses cause them.
 
-Names follow ISO 26262-6 (annex D) and IEC 61784-3 where they have one. A faulty sender is driven cycle by cycle,
-in any time: a test in virtual time and a sender on a real bus inject the same faults.
+A faulty sender is driven cycle by cycle, in any time: a test in virtual time and a sender on a real bus inject the
+same faults.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
 
 @dataclass(eq=False, kw_only=True)
 class Sample:
-    """What the sender of one cycle would send; faults of sensors and senders change it."""
+    """Values of one cycle, which faults of sensors and senders change."""
 
     strain: FloatArray
     dynamic_pressure: float
@@ -109,7 +109,7 @@ class FaultySender:
     # --- faults of sensors and senders ------------------------------------------------------------------------
 
     def _falsify(self, fault: Fault, number: int, time: float, sample: Sample) -> None:
-        """Change what is sent."""
+        """Change the values of one cycle."""
         random = np.random.default_rng(fault.seed)
         gauge = int(random.integers(len(sample.strain)))
         first = number == fault.start
@@ -177,7 +177,7 @@ class FaultySender:
                 return self._insert(fault, time, frames=frames, random=random)
 
     def _insert(self, fault: Fault, time: float, frames: list[Frame], random: np.random.Generator) -> list[Frame]:
-        """Change frames one by one, or put others beside them."""
+        """Change frames one by one, or insert others."""
         at = time + 0.4 * self._layout.cycle_time
         known = [frame_of(item.layout, bytes(item.layout.length)) for item in self._layout.frames]
         match fault.kind:
@@ -215,14 +215,14 @@ class FaultySender:
                 return frames
 
     def _end_of_range(self, frames: list[Frame], fault: Fault) -> list[Frame]:
-        """Put one gauge to the end of its range, under a right CRC: the converter is overdriven, not the bus."""
+        """Put one gauge at the end of its range, with a correct CRC: the converter is overdriven, not the bus."""
         item = self._layout.strain_frames[fault.seed % len(self._layout.strain_frames)]
         signal = item.layout.signals[item.indices[fault.seed % len(item.indices)]]
         raw = int.from_bytes(np.float32(2.0e15).tobytes(), "little") if signal.kind == FLOAT else 0x7FFF
         return self._rewritten(frames, item, bits=signal.bits, raw=raw)
 
     def _rewritten(self, frames: list[Frame], item: InputFrame, bits: tuple[int, ...], raw: int) -> list[Frame]:
-        """Write ``raw`` into ``bits`` of one frame and renew the CRC over it."""
+        """Write ``raw`` into ``bits`` of one frame and recompute its CRC."""
         trailer = self._layout.trailer
         changed, covered = [], b""
         strain_keys = {frame.layout.key for frame in self._layout.strain_frames}

@@ -14,18 +14,18 @@ from strainfmu.errors import InputError
 
 
 class FaultKind(Enum):
-    """What can go wrong; values are the words of the command line."""
+    """Kinds of faults; the values are the names on the command line."""
 
     LOSS = "loss"
     """Single frames are lost."""
     SILENCE = "silence"
     """The sender is off."""
     REPETITION = "repetition"
-    """Frames come twice or more often."""
+    """Frames are sent twice or more often."""
     SEQUENCE = "sequence"
     """Frames of a cycle come after the first of the next."""
     REPLAY = "replay"
-    """A recorded cycle of before is inserted."""
+    """A recorded earlier cycle is inserted."""
     LENGTH = "length"
     """Frames with other lengths."""
     FORMAT = "format"
@@ -37,11 +37,11 @@ class FaultKind(Enum):
     BURST_ERROR = "burst-error"
     """Bits within eight neighbouring ones are flipped."""
     MASQUERADE = "masquerade"
-    """Another sender's frames, with another DataID, on our identifiers."""
+    """Frames of another sender, with another DataID, on our identifiers."""
     CONFIGURATION = "configuration"
     """A sender with another assignment of gauges."""
     DELAY = "delay"
-    """A gateway holds frames back, then lets them go on in order."""
+    """A gateway holds frames back, then releases them in order."""
     FREEZE = "freeze"
     """The sender sends the same strains again and again, with new counters and times."""
     STUCK_GAUGE = "stuck-gauge"
@@ -49,17 +49,17 @@ class FaultKind(Enum):
     ZERO_GAUGE = "zero-gauge"
     """One gauge reads exactly zero, as amplifiers send on an error."""
     NO_VALUE = "no-value"
-    """Gauges say "not available"."""
+    """Gauges report "not available"."""
     OUT_OF_RANGE = "out-of-range"
     """A gauge is at the end of its converter's range; a float is 2.0E15."""
     JUMP = "jump"
-    """A gauge jumps by more than any structure."""
+    """A gauge jumps by more than a structure can."""
     SENDER_STATUS = "sender-status"
-    """The sender says that its values are not to be used, and they are not."""
+    """The sender reports that its values are not to be used, and sends wrong ones."""
     BABBLING = "babbling"
     """A node fills one of our identifiers with garbage."""
     UNKNOWN_IDENTIFIER = "unknown-identifier"
-    """A node fills the bus with identifiers that are nobody's."""
+    """A node fills the bus with unknown identifiers."""
     OWN_IDENTIFIER = "own-identifier"
     """The bridge's own frames come back."""
     ERROR_FRAMES = "error-frames"
@@ -77,12 +77,12 @@ class FaultKind(Enum):
     PRESSURE_SILENCE = "pressure-silence"
     """The dynamic pressure is not sent."""
     PRESSURE_NONE = "pressure-none"
-    """The dynamic pressure says "not available", or is negative."""
+    """The dynamic pressure is "not available"."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault from cycle ``start`` on for ``cycles`` cycles; ``seed`` decides all that is random in it."""
+    """One fault from cycle ``start`` on for ``cycles`` cycles; ``seed`` determines all that is random in it."""
 
     kind: FaultKind
     start: int
@@ -90,7 +90,7 @@ class Fault:
     seed: int = 0
 
     def is_active(self, cycle: int) -> bool:
-        """Tell whether the fault acts in ``cycle``."""
+        """Return whether the fault acts in ``cycle``."""
         return self.start <= cycle < self.start + self.cycles
 
 

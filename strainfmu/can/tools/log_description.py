@@ -45,7 +45,7 @@ def load_description(path: Path) -> dict[str, Any] | None:
 
 
 def _run(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a description says of the run itself, times in s; raise if an entry is of another kind."""
+    """Return the entries of a description about the run itself, times in s; raise if one is of another kind."""
     run: dict[str, Any] = {name: _checked(name, found[name], str) for name in ("fmu", "fmu_sha256")}
     run |= {name: _checked(name, found[name], float) for name in ("start", "log_start")}
     run["end"] = _checked("end", found.get("end"), float | None)

@@ -1,4 +1,4 @@
-"""The results of a replayed CAN log, written as estimates are."""
+"""The results of a replayed CAN log, written as a file of estimates."""
 
 from __future__ import annotations
 

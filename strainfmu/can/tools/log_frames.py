@@ -1,4 +1,4 @@
-"""Frames of a log, in order, with the times that they were stamped with."""
+"""The frames of a log, in order, with their time stamps."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from strainfmu.errors import InputError
 
 @dataclass
 class LogState:
-    """What reading a log found out.
+    """Findings of reading a log.
 
     Attributes
     ----------
-    ends_early : why, of a log that was not closed.
-    backwards : frames with a time before the last, which are taken as of that time.
+    ends_early : reason, for a log that was not closed.
+    backwards : number of frames with a time before the previous one; they count at the time of that one.
     """
 
     ends_early: str = ""
@@ -35,12 +35,12 @@ def log_frames(
 ) -> Iterator[tuple[Frame, bool]]:
     """Yield frames and whether they were received; times [s], those of ASC from ``origin`` on.
 
-    A log of a process that was killed may end anywhere; all before that is read.
+    The log of a killed process may end anywhere; all whole frames are read.
 
     Raises
     ------
     InputError
-        The file is missing, of another format, or holds no log at all.
+        The file is missing, of another format, or no log.
     """
     check_log(path)
     can = import_can()

@@ -1,4 +1,4 @@
-"""A bridge with a recorder and a publisher beside it, if they are asked for."""
+"""A bridge with an optional recorder and an optional publisher."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from strainfmu.errors import InputError
 
 @dataclass
 class ObservedBridge:
-    """A bridge that is ready, and what watches it."""
+    """A bridge that is ready, its recorder and its publisher."""
 
     ready: ReadyBridge
     recorder: Recorder | None
@@ -50,7 +50,7 @@ def observed_bridge(
 ) -> Iterator[ObservedBridge]:
     """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
 
-    ``also`` gets every result before the publisher.
+    ``also`` is called with every result before the publisher.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Recording of everything on the bus: BLF, ASC or candump's log, by a thread of its own, on disk within a second.
+"""The recorder of a bus: BLF, ASC or candump's log, written by a thread of its own, on disk within a second.
 
-Beside the log lies LOG.json: the bridge's options, its start and its end, so that a replay is the run again.
+Beside the log lies LOG.json, with which a replay repeats the run.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from strainfmu.files import write_bytes_atomically
 LOG_SUFFIXES = (".blf", ".asc", ".log")
 
 FLUSH_PERIOD = 0.25
-"""Time between two flushes [s]: a quarter of what may be lost when the process is killed."""
+"""Time between two flushes [s]: a quarter of the time that a killed process may lose."""
 
 WAITING_FRAMES = 200_000
-"""Frames that wait for the disk at most; what comes beyond is counted, not kept."""
+"""Maximum number of frames that wait for the disk; further ones are counted and dropped."""
 _BUFFER = 1 << 20
-"""Bytes of the file's buffer: a flush is one write, so that a kill finds a container whole or not at all."""
+"""Size of the file's buffer [bytes]: a flush is one write, so that a kill leaves a container whole or absent."""
 
 
 class MicrosecondClock:
@@ -45,7 +45,7 @@ class MicrosecondClock:
         self._origin = time.monotonic_ns()
 
     def __call__(self) -> float:
-        """Return the time [s] since 1970, as it would be without leaps since the start."""
+        """Return the time since 1970 [s], without steps of the system's clock after the start."""
         return (self._start + (time.monotonic_ns() - self._origin) // 1000) / 1e6
 
 
@@ -60,7 +60,7 @@ class Recorder:
     Raises
     ------
     InputError
-        The format is not one that holds all of a bus, or the file is there already.
+        The format does not hold all frames of a bus, or the file exists already.
     StrainfmuError
         The file cannot be written, or python-can is not installed.
     """
@@ -84,7 +84,7 @@ class Recorder:
         self._thread.start()
 
     def describe(self, fmu: Path, options: BridgeOptions, start: float) -> None:
-        """Write what a replay needs to know: which FMU, which options, when the core began [s]."""
+        """Write the description for a replay: FMU, options, start of the core [s]."""
         self._description = {
             "version": SIDECAR_VERSION,
             "fmu": fmu.name,
@@ -96,11 +96,11 @@ class Recorder:
         self._write_sidecar()
 
     def received(self, frame: Frame) -> None:
-        """Take a frame that was received; its time is when."""
+        """Record a frame that was received at its time."""
         self._put(frame, True)
 
     def sent(self, frame: Frame) -> None:
-        """Take a frame that was sent; its time is when."""
+        """Record a frame that was sent at its time."""
         self._put(frame, False)
 
     def close(
@@ -109,11 +109,11 @@ class Recorder:
         skips: Sequence[tuple[float, float]] = (),
         unanswered: Sequence[tuple[float, float]] = (),
     ) -> None:
-        """Write what waits and close the log, at the first call.
+        """Write the waiting frames and close the log; further calls do nothing.
 
         Parameters
         ----------
-        end : up to when the core was advanced [s].
+        end : time to which the core was advanced [s].
         skips, unanswered : the core's.
         """
         if self._stop.is_set():
@@ -153,7 +153,7 @@ class Recorder:
             try:
                 self._log.write(frame, is_received)
             except (struct.error, ValueError, TypeError, OverflowError):
-                # One frame that the format cannot hold, unless it is the file; a disk that fails raises OSError.
+                # The format cannot hold this frame, unless the file is closed; a disk that fails raises OSError.
                 if self._log.is_closed:
                     raise
                 self.lost += 1
@@ -166,7 +166,7 @@ class Recorder:
 
 
 class _LogFile:
-    """One of python-can's writers, which can be made to write to the disk what it holds."""
+    """One of python-can's writers, with a flush that brings all frames to the disk."""
 
     def __init__(self, path: Path, start: float) -> None:
         import_can()
@@ -198,7 +198,7 @@ class _LogFile:
         return bool(self._file.closed)
 
     def flush(self) -> None:
-        """Bring everything to the operating system, which keeps it whatever becomes of this process.
+        """Pass everything to the operating system, which keeps it even if this process is killed.
 
         BLFWriter has no public way to end a container early, nor to bring the header up to date.
         """
@@ -220,7 +220,7 @@ class _LogFile:
 
 
 def check_log(path: Path) -> None:
-    """Refuse a log format that loses something.
+    """Refuse a log format that loses data.
 
     Raises
     ------
@@ -232,8 +232,8 @@ def check_log(path: Path) -> None:
     reasons = {
         ".db": "python-can loses rows of it on stop",
         ".trc": "it holds neither CAN FD nor error frames",
-        ".csv": "it does not distinguish CAN FD frames",
-        ".mf4": "it is not on the disk before its end",
+        ".csv": "it does not distinguish CAN FD frames from others",
+        ".mf4": "it is on disk only at its end",
     }
     reason = reasons.get(path.suffix.lower())
     raise InputError(

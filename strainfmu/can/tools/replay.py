@@ -1,4 +1,4 @@
-"""A log through the same state machines as the live run, off line: its time stamps are the clock."""
+"""The replay of a log through the state machines of the live run; the time stamps are the clock."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.cosim.step import Step
 
 _OF_THE_MOMENT = ("E2E_CRC", "Age")
-"""Signals of a result that hold when it went out, which no replay knows."""
+"""Signals of a result that depend on when it was sent, which no replay knows."""
 
 _UNMATCHED = 10_000
-"""Result frames kept at most without their like: a log without sent frames has none."""
+"""Maximum number of result frames kept without a counterpart: a log without sent frames has none."""
 
 
 @dataclass(kw_only=True)
 class ReplaySummary:
-    """What a replay was.
+    """Summary of a replay.
 
     Attributes
     ----------
     duration : of the log [s].
     account, qualities : as of a live run.
-    compared, equal : result frames in the log, and how many of them the replay gave again bit by bit, but for the
-        age at the time of sending and the CRC over it.
+    compared, equal : number of result frames in the log, and of those that the replay repeated bit by bit, except
+        for the age at the time of sending and the CRC over it.
     notes : lines for the user.
     """
 
@@ -63,12 +63,12 @@ def replay_log(
     on_result: Callable[[CycleResult], None],
     progress: Callable[[int, int], None] | None = None,
 ) -> ReplaySummary:
-    """Send the received frames of ``log`` through a core; pass every result to ``on_result``.
+    """Send the received frames of ``log`` through a core; call ``on_result`` with every result.
 
     Parameters
     ----------
     source : file of the estimator, compared with that of the recording.
-    step, gauge_names : of it.
+    step, gauge_names : of the estimator.
     options : makes the options from those of the recording, None if the log has no description beside it.
 
     Raises
@@ -89,7 +89,7 @@ def replay_log(
     start = first[0].time if described is None else described["start"]
     core, layouts, configuration = make_core(step, chosen, gauge_names=gauge_names, start=start)
     comparison = _Comparison(layouts, configuration)
-    door = Acceptance(core.layout, [layout.key for layout in layouts], core.settings)
+    acceptance = Acceptance(core.layout, [layout.key for layout in layouts], core.settings)
     account = FrameAccount()
 
     def give(results: list[CycleResult]) -> None:
@@ -104,7 +104,7 @@ def replay_log(
     for frame, is_received in chain([first], frames):
         time = frame.time
         if is_received:
-            give(_received(core, door, account=account, frame=frame, skips=skips, unanswered=unanswered))
+            give(_received(core, acceptance, account=account, frame=frame, skips=skips, unanswered=unanswered))
         else:
             comparison.logged(frame)
     end = described.get("end") if described else None
@@ -118,7 +118,7 @@ def replay_log(
 
 
 def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[CycleResult]:
-    """Advance event by event, as a live bridge does but where it stood still (see ``BridgeCore.skips``)."""
+    """Advance event by event, as a live bridge does, except where it stood still (see ``BridgeCore.skips``)."""
     results = []
     while core.next_event <= time:
         results += core.advance(skips.get(core.next_event, core.next_event))
@@ -127,14 +127,14 @@ def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[
 
 def _received(
     core: BridgeCore,
-    door: Acceptance,
+    acceptance: Acceptance,
     account: FrameAccount,
     frame: Frame,
     skips: dict[float, float],
     unanswered: deque[Sequence[float]],
 ) -> list[CycleResult]:
-    """Take a frame past the door, as the live receiver does, and into the core; it is answered if it was then."""
-    refused = door.refused(frame)
+    """Pass a frame through the receiver's acceptance into the core; answer it only if the live run did."""
+    refused = acceptance.refused(frame)
     if refused is None or refused is FrameClass.ERROR_FRAME:
         while unanswered and unanswered[0][1] < frame.time:
             unanswered.popleft()
@@ -148,7 +148,7 @@ def _received(
 
 
 class _Comparison:
-    """Result frames of the log against those of the replay, frame by frame in their order."""
+    """Comparison of the result frames of the log with those of the replay, in their order."""
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._frames = ResultFrames(layouts, configuration)
@@ -183,7 +183,7 @@ class _Comparison:
 
 
 def _notes(log: Path, source: Path, state: LogState, described: dict[str, Any] | None) -> list[str]:
-    """Return what a user should know."""
+    """Return notes for the user."""
     notes = []
     if described is None:
         notes.append(f"{log}: no description beside it; the bridge is taken to have started with the first frame")

@@ -1,4 +1,4 @@
-"""A virtual sender: samples as frames on a bus, paced by a monotonic clock, with faults if asked for."""
+"""A virtual sender: samples as frames on a bus, paced by a monotonic clock, with optional faults."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
 SETTLING_CYCLES = 40
-"""Cycles without faults at the start, after which the bridge accepts its input."""
+"""Cycles without faults at the start, in which the bridge comes to trust its input."""
 
 FAILURES_IN_A_ROW = 200
-"""Frames in a row that the bus did not take, after which the sender gives up."""
+"""Failed frames in a row after which the sender gives up."""
 
 _SHORTEST_SLEEP = 1e-4
 
 
 @dataclass(eq=False, kw_only=True)
 class SentFlight:
-    """What was sent.
+    """Summary of a sender's run.
 
     Attributes
     ----------
-    cycles, frames, not_sent : numbers; a bus may refuse what a fault made of a frame.
+    cycles, frames, not_sent : numbers of cycles, of frames sent and not sent; a bus may refuse a faulty frame.
     duration : [s].
-    lateness : [s] of each cycle's first frame behind its time.
+    lateness : of each cycle's first frame [s].
     truth : true coefficients (5,) by cycle.
-    faults : how many of each kind began.
+    faults : number of faults that began, by kind.
     """
 
     cycles: int = 0
@@ -62,10 +62,10 @@ def send_flight(
     stopped: Callable[[], bool] = lambda: False,
     own: Frame | None = None,
 ) -> SentFlight:
-    """Send one sample per cycle of ``layout`` on ``bus`` until there are no more, or ``stopped`` says so.
+    """Send one sample per cycle of ``layout`` on ``bus`` until there are no more, or ``stopped`` returns True.
 
-    Every cycle has its own time, counted from the start, so that no lateness adds up; a sender that is late sends
-    without a pause until it is not.
+    Every cycle has its own time from the start, so that delays do not add up; a late sender sends without a pause
+    until it has caught up.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def send_flight(
     Raises
     ------
     StrainfmuError
-        The bus takes no frames any more.
+        The bus accepts no frames any more.
     """
     sender = FaultySender(layout, list(faults), own)
     can = import_can()
@@ -98,7 +98,7 @@ def send_flight(
                 sent.not_sent += 1
                 in_a_row += 1
                 if in_a_row >= FAILURES_IN_A_ROW:
-                    raise StrainfmuError(f"the bus takes no frames: {error_line(error)}") from error
+                    raise StrainfmuError(f"the bus accepts no frames: {error_line(error)}") from error
                 continue
             in_a_row = 0
             sent.frames += 1
@@ -136,7 +136,7 @@ def planned_faults(kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int
 
 
 def lateness_text(sent: SentFlight) -> str:
-    """Return percentiles of the lateness in words."""
+    """Return percentiles of the lateness as text."""
     if not sent.lateness:
         return "-"
     values = 1e3 * np.percentile(sent.lateness, (50.0, 99.0, 100.0))

@@ -1,4 +1,4 @@
-"""Sources of a virtual sender: a plant FMU, a flown scenario, or recorded strains, sample by sample."""
+"""Sources of strains for a virtual sender: a plant FMU, a flown scenario or recorded strains, sample by sample."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from strainfmu.interface.fmi_variables import strain_names
 
 @dataclass(frozen=True, eq=False)
 class FlownSample:
-    """What the gauges of the vehicle read, and what a flight alone knows.
+    """Readings of the gauges, with the truth where it is known.
 
     Attributes
     ----------
     strain : (n_d,) [m/m].
     dynamic_pressure : q_inf [Pa].
-    truth : (5,) true coefficients C_A, C_N, C_Y, M_P, M_Y [1], NaN where nobody knows them.
+    truth : (5,) true coefficients C_A, C_N, C_Y, M_P, M_Y [1], NaN where they are not known.
     """
 
     strain: FloatArray
@@ -56,7 +56,7 @@ def plant_samples(
             tempfile.TemporaryDirectory(prefix="strainfmu_", dir=parent, ignore_cleanup_errors=True)
         )
         unzip(path, Path(folder))
-        instance = Instance("plant", path, description, Path(folder))
+        instance = Instance("plant", path, description=description, folder=Path(folder))
         stack.callback(instance.close)
         instance.begin(duration + cycle_time)
         instance.end_initialization()
@@ -96,7 +96,7 @@ def _stepped(
 
 @contextmanager
 def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Iterator[Iterator[FlownSample]]:
-    """Fly a scenario in closed loop first, at the rate of the bus, then give what its plant put out.
+    """Fly a scenario in closed loop first, at the rate of the bus, then yield the outputs of its plant.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Itera
 def recorded_samples(
     path: Path, gauge_names: Sequence[str], dynamic_pressure: float | None
 ) -> Iterator[Iterator[FlownSample]]:
-    """Give the rows of a file of recorded strains, one per cycle whatever their times.
+    """Yield the rows of a file of recorded strains, one per cycle whatever their times.
 
     Raises
     ------

@@ -42,7 +42,7 @@ def fly_over_bus(folder: Path, duration: float) -> BusFlight:
     Raises
     ------
     StrainfmuError
-        There is no route for multicast, or a process failed; its own words are in the line.
+        There is no route for multicast, or a process failed; the message holds its own.
     """
     port = private_port()
     check_multicast(port)
@@ -50,7 +50,7 @@ def fly_over_bus(folder: Path, duration: float) -> BusFlight:
     cycle = ("--cycle-time", f"{1e3 * CYCLE_TIME:g}")
     with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
         report = Path(temporary) / "score.json"
-        # Wide enough for the tables, whatever the terminal.
+        # Wide enough for the tables on any terminal.
         environment = {**os.environ, "COLUMNS": "120"}
         with _running([*_COMMAND, "bridge", str(folder / "estimator.fmu"), *bus, *cycle], environment) as bridge:
             sender = subprocess.run(
@@ -71,9 +71,7 @@ def fly_over_bus(folder: Path, duration: float) -> BusFlight:
             ("bridge", bridge.returncode, errors),
         ):
             if code:
-                raise StrainfmuError(
-                    f"CAN {name}: ended with exit code {code}: {text.strip() or 'without a word'}"
-                )
+                raise StrainfmuError(f"CAN {name}: ended with exit code {code}: {text.strip() or 'no message'}")
         score = Score(**json.loads(report.read_text()))
     return BusFlight(score, sender.stdout, summary)
 
@@ -95,17 +93,17 @@ def _running(command: list[str], environment: dict[str, str]) -> Iterator[subpro
 
 
 def private_port() -> int:
-    """Return a port that another demonstration on this host hardly uses."""
+    """Return a port that is unlikely to be in use by another demonstration on this host."""
     return FIRST_PORT + os.getpid() % PORTS
 
 
 def check_multicast(port: int) -> None:
-    """Send one frame to the group, to find out before the flight whether there is a way.
+    """Send one frame to the group, to check the route before the flight.
 
     Raises
     ------
     StrainfmuError
-        There is none; the line says what helps.
+        There is none; the message states a remedy.
     """
     import can
 

@@ -50,11 +50,11 @@ def _definitions() -> OrderedDict[str, Any]:
             ("BusType", DbcAttributeDefinition("BusType", "CAN", type_name="STRING")),
             (
                 E2E_PROFILE,
-                DbcAttributeDefinition(E2E_PROFILE, 0, "BO_", "INT", minimum=0, maximum=22),
+                DbcAttributeDefinition(E2E_PROFILE, 0, kind="BO_", type_name="INT", minimum=0, maximum=22),
             ),
             (
                 E2E_DATA_ID,
-                DbcAttributeDefinition(E2E_DATA_ID, 0, "BO_", "INT", minimum=0, maximum=65535),
+                DbcAttributeDefinition(E2E_DATA_ID, 0, kind="BO_", type_name="INT", minimum=0, maximum=65535),
             ),
         )
     )

@@ -204,7 +204,7 @@ def test_a_closed_socket_is_replaced_by_a_new_bus(multicast: Running) -> None:
     assert summary.last_fault
     seen = [result.quality for result in multicast.results]
     lost = next(i for i, result in enumerate(multicast.results) if result.causes & Cause.BUS)
-    assert Quality.VALID in seen[lost:], "believed again, after it has proven itself again"
+    assert Quality.VALID in seen[lost:], "trusted again, after it has proven itself"
 
 
 def test_a_bus_off_is_left_and_a_new_bus_opened(virtual: Running) -> None:
@@ -328,7 +328,7 @@ def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Runni
     summary = virtual.end()
     answered = [r for r in virtual.results[known:] if r.sample_time is not None]
     assert len(summary.account.unknown) == 64
-    # A slow machine may come to a cycle after its time is over, or skip it; it says so, and believes none of it.
+    # A slow machine may come to a cycle after its time is over, or skip it; it reports that and trusts none.
     classes = summary.account.classes
     assert len(answered) + classes[FrameClass.SKIPPED] // 3 >= 30
     own = (FrameClass.USED, FrameClass.LATE, FrameClass.TOO_OLD, FrameClass.SKIPPED)

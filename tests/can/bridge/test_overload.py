@@ -133,7 +133,7 @@ def test_an_overloaded_bridge_answers_the_newest_cycles(profile: str, service: f
     over = run(profile, service, 600)
     assert over.overrun == 0, "long before the queue is full"
     assert over.core.account.classes[FrameClass.SKIPPED] > 0
-    # All go out with coefficients but the first three; those that follow a gap say so.
+    # All but the first three have coefficients; those that follow a gap report it.
     good = over.count(Quality.VALID) + over.count(Quality.DEGRADED)
     assert good >= len(over.answers) - 3
     assert good >= 0.8 * 600 / service
@@ -151,7 +151,7 @@ def test_an_answer_that_takes_longer_than_strains_may_be_old_is_never_valid() ->
 
 
 def test_even_if_skipping_is_too_slow_some_cycles_are_answered() -> None:
-    """The bridge is behind for good: what it says every 25 cycles is that strains are STALE."""
+    """The bridge is behind for good: every 25 cycles it reports that strains are STALE."""
     backlog = Backlog(SETTINGS.max_age, CYCLE)
     answered = [backlog.is_answered(0.5) for _ in range(100)]
     assert [number for number, one in enumerate(answered) if one] == [25, 51, 77]
@@ -162,7 +162,7 @@ def test_after_the_bridge_stood_still_it_answers_the_newest_and_is_soon_valid(le
     over = run("fd64", 0.3, 400, stall=(100, length))
     behind = [r for r in over.answers if r.time > (100 + length) * CYCLE]
     # In the queue are 50 cycles at most, two of which are answered on the way as what they are. Behind a gap that
-    # the queue made the first cycle is out of sequence; one more says that frames were dropped.
+    # the queue made the first cycle is out of sequence; one more reports that frames were dropped.
     assert [r.quality for r in behind[5:]] == [Quality.VALID] * (len(behind) - 5)
     assert len(behind) >= 300 - length - 20
     assert (over.core.account.classes[FrameClass.SKIPPED] > 0) == (length > 2.5)

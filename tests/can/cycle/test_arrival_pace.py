@@ -34,10 +34,10 @@ def test_all_of_a_burst_behind_a_pause_are_doubted() -> None:
         [100.0, 100.34, 100.68, 101.02, 101.36],  # no faster than what is not yet babbling
     ],
 )
-def test_cycles_at_a_senders_pace_are_believed_from_the_fourth_on(live: list[float]) -> None:
+def test_cycles_at_a_senders_pace_are_trusted_from_the_fourth_on(live: list[float]) -> None:
     assert doubted([0.0, *live]) == [False, True, True, True, False, False]
 
 
-def test_frames_handed_over_in_heaps_are_believed_in_the_end() -> None:
+def test_frames_handed_over_in_heaps_are_trusted_in_the_end() -> None:
     heaps = [100.0 + 4.0 * (k // 8) for k in range(24)]  # heap behind heap sooner than a pause
     assert doubted([0.0, *heaps])[9:] == [False] * 16

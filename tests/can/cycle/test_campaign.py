@@ -1,7 +1,7 @@
-"""Random faults in virtual time: nothing false is called VALID, nothing is lost count of, and it recovers.
+"""Random faults in virtual time: nothing false is VALID, every frame is counted, and the bridge recovers.
 
-The oracle (can_case.Oracle) holds every VALID result against the true strains of the last cycles; it uses nothing
-that the core decides by. Without any one of the guards, these tests see something wrong.
+The oracle (can_case.Oracle) compares every VALID result with the true strains of the last cycles; it uses nothing
+on which the core bases its decisions. Without any one of the guards, these tests find something wrong.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def test_results_name_the_cycle_that_they_answer(profile: str) -> None:
 
 
 class SickStep(Projection):
-    """An estimator that is not content, or whose answer is no number."""
+    """An estimator that reports ill health, or whose outputs are not finite."""
 
     def __init__(self, n_gauges: int, health: HealthState, coefficient: float) -> None:
         super().__init__(n_gauges)
@@ -174,14 +174,14 @@ SCENARIOS: dict[str, tuple[Callable[[MakeCore], Campaign], Callable[[Campaign], 
 
 
 def pressure_used_twice(run: Campaign) -> bool:
-    """Tell whether more frames of q_inf were used than were sent: one a cycle, on an identifier of its own."""
+    """Return whether more frames of q_inf were used than were sent: one per cycle, on an identifier of its own."""
     used = count(run, FrameClass.USED)
     sent = len(run.core.layout.frames) * (40 + 80 + 12)
     return used > sent - 9
 
 
 def value_inside_the_range(make_core: MakeCore) -> Campaign:
-    """A layout whose "not available" lies where strains are: only its name tells it from one."""
+    """A layout whose "not available" lies among the strains: only its code distinguishes it."""
     layout = layout_of("fd64")
     marker = 1500
     frames = tuple(
@@ -218,7 +218,7 @@ def held_back(make_core: MakeCore) -> Campaign:
     return run_campaign(replace(timed, strain_frames=frames), [], 160, change=gateway, make_core=make_core)
 
 
-def test_held_back_cycles_are_stale_and_live_ones_are_believed_at_once() -> None:
+def test_held_back_cycles_are_stale_and_live_ones_are_trusted_at_once() -> None:
     run = held_back(bridge_core)
     at_once = [result.quality for result in run.results if result.arrival and 1.1 <= result.arrival < 1.105]
     assert Quality.STALE in at_once

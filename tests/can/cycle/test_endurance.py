@@ -52,7 +52,7 @@ def run(seconds: float, checks: int) -> list[int]:
             memory.append(resident_memory())
     assert core.account.unaccounted == 0
     assert core.account.classes[FrameClass.OWN] == 0
-    # Each lost cycle costs itself; the first three are not believed yet.
+    # Each lost cycle costs itself; the first three are not trusted yet.
     assert valid >= n_cycles - 3 - (n_cycles // 997 + 1)
     if seconds >= 60.0:  # the drift is fitted over a minute
         assert core.drift_ppm == pytest.approx(1e6 * DRIFT, abs=1.0)

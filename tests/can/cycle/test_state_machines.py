@@ -111,7 +111,7 @@ def test_age_is_the_delay_beyond_the_least_and_drift_is_none() -> None:
         delay = 8e-3 if k % 7 == 3 else 1e-3
         ages.append(clock.read(source * (1.0 + 50e-6) + delay, round(source * 1e6) % 2**32).age)
     late = np.arange(4000) % 7 == 3
-    # The least delay is forgotten at 200 ppm, of which 50 are drift: 1.5e-6 s a cycle.
+    # The smallest delay is forgotten at 200 ppm, of which 50 are drift: 1.5e-6 s a cycle.
     assert np.abs(np.array(ages)[~late]).max() < 2e-5
     assert np.array(ages)[late] == pytest.approx(7e-3, abs=2e-5)
     assert clock.drift_ppm == pytest.approx(50.0, abs=1.0)
@@ -190,19 +190,20 @@ def test_constant_signals_can_be_allowed_but_zeros_are_always_found() -> None:
         BridgeSettings(zero_cycles=0)
 
 
-# --- the door, the account, the bus
+# --- acceptance, account, bus
 
 
 def test_more_frames_than_a_sender_can_mean_are_shed_and_the_next_cycles_are_not() -> None:
     layout = layout_of("fd64")
-    door = Acceptance(layout, [], BridgeSettings())
+    acceptance = Acceptance(layout, [], BridgeSettings())
     frame = layout.strain_frames[0].layout
     burst = [
-        door.refused(Frame(identifier=frame.identifier, data=bytes(64), time=1.0, is_fd=True)) for _ in range(1000)
+        acceptance.refused(Frame(identifier=frame.identifier, data=bytes(64), time=1.0, is_fd=True))
+        for _ in range(1000)
     ]
     assert burst.count(FrameClass.SHED) == 1000 - 64
     later = [
-        door.refused(Frame(identifier=frame.identifier, data=bytes(64), time=1.0 + k * CYCLE, is_fd=True))
+        acceptance.refused(Frame(identifier=frame.identifier, data=bytes(64), time=1.0 + k * CYCLE, is_fd=True))
         for k in range(1, 50)
     ]
     assert later == [None] * 49
@@ -249,7 +250,7 @@ def test_back_off_doubles_to_a_bound_and_gives_up() -> None:
     assert back_off.exhausted
 
 
-def test_back_off_starts_anew_only_after_the_bus_has_worked_for_a_while() -> None:
+def test_back_off_starts_again_only_after_the_bus_has_worked_for_a_while() -> None:
     back_off = BackOff(BackOffSettings(first=0.1, settle=2.0))
     back_off.failed(0.0)
     back_off.opened(1.0)

@@ -147,7 +147,7 @@ def test_state_machine(statuses: list[E2EStatus], state: E2EState) -> None:
     assert machine.state is state
 
 
-def test_state_machine_against_counting_the_window_anew() -> None:
+def test_state_machine_against_counting_the_window_again() -> None:
     random = np.random.default_rng(4)
     machine, history, state = E2EStateMachine(SETTINGS), [], E2EState.NO_DATA
     for _ in range(5000):

@@ -138,7 +138,7 @@ def test_a_blf_cut_anywhere_gives_what_is_whole(tmp_path: Path) -> None:
 
 
 def test_formats_that_lose_something_are_refused(tmp_path: Path) -> None:
-    for name, reason in (("x.db", "loses rows"), ("x.trc", "neither CAN FD"), ("x.mf4", "before its end")):
+    for name, reason in (("x.db", "loses rows"), ("x.trc", "neither CAN FD"), ("x.mf4", "only at its end")):
         with pytest.raises(InputError, match=reason):
             Recorder(tmp_path / name, MicrosecondClock())
     with pytest.raises(InputError, match=r"expected one of .blf, .asc, .log, got '.txt'$"):

@@ -46,7 +46,7 @@ def replayed(log: Path, fmu: Path) -> tuple[list[CycleResult], ReplaySummary]:
 
 
 def check_equal(run: LiveRun, results: list[CycleResult]) -> None:
-    """Hold every published result against its replay, bit by bit; a live bridge that stood still may say STALE."""
+    """Compare every published result with its replay, bit by bit; a bridge that stood still may report STALE."""
     assert len(results) == len(run.results)
     for live, again in zip(run.results, results, strict=True):
         assert (again.counter, again.sample_time) == (live.counter, live.sample_time)
@@ -144,7 +144,7 @@ def test_bad_logs_get_one_line(synthetic: SyntheticFiles, tmp_path: Path, run: R
 
 
 def test_settings_of_the_run_are_those_of_the_replay(synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    """A replay with another period is another run: the comparison with the log says so."""
+    """A replay with another period is another run: the comparison with the log shows it."""
     log = tmp_path / "run.blf"
     live_run(synthetic.estimator_1, "replay_other", 30, record=log)
 

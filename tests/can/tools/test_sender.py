@@ -1,4 +1,4 @@
-"""The virtual sender: what it sends, when, with which faults, and what its score says."""
+"""The virtual sender: its frames, their times, its faults and its score."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Time:
 
 
 class Bus:
-    """Takes messages with their times by ``clock``; refuses all if told so."""
+    """Keeps messages with their times by ``clock``, or refuses all."""
 
     def __init__(self, clock: Time, broken: bool = False) -> None:
         self.sent: list[tuple[float, can.Message]] = []
@@ -76,12 +76,12 @@ def test_every_cycle_goes_out_at_its_own_time() -> None:
     per_cycle = len(LAYOUT.frames)
     assert (sent.cycles, sent.frames, sent.not_sent) == (50, 50 * per_cycle, 0)
     first = np.array([time for time, _ in bus.sent[::per_cycle]])
-    # Nothing adds up over the cycles: a sleep ends at most 0.1 ms early, by _SHORTEST_SLEEP.
+    # Delays do not add up over the cycles: a sleep ends at most 0.1 ms early, by _SHORTEST_SLEEP.
     np.testing.assert_allclose(first, 50.0 + CYCLE * np.arange(50), atol=1.01e-4, rtol=0.0)
     assert sent.duration == pytest.approx(50 * CYCLE, abs=1.01e-4)
 
 
-def test_a_core_believes_what_is_sent() -> None:
+def test_a_core_trusts_what_is_sent() -> None:
     clock = Time()
     bus = Bus(clock)
     given = samples(30)
@@ -126,7 +126,7 @@ def test_planned_faults_leave_the_start_alone_and_fit() -> None:
 
 def test_a_bus_that_takes_nothing_ends_the_sender() -> None:
     clock = Time()
-    with pytest.raises(StrainfmuError, match="takes no frames: no buffer space"):
+    with pytest.raises(StrainfmuError, match="accepts no frames: no buffer space"):
         send_flight(
             Bus(clock, broken=True), LAYOUT, samples=samples(200), faults=(), clock=clock, sleep=clock.sleep
         )

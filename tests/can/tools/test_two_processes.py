@@ -119,7 +119,7 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
     quality = run.column("Quality")[answers].astype(int)
     valid = quality == Quality.VALID
     if lossless:
-        # Three cycles until it is believed. A host that stands still makes others late or partial: they say so.
+        # Three cycles until it is trusted. A host that stands still makes others late or partial; they report it.
         assert valid.sum() >= 0.8 * n_cycles
         assert (run.column("Causes")[answers][~valid] != 0).all()
     found = np.column_stack([run.column(name) for name in COEFFICIENT_NAMES])[answers]

@@ -142,7 +142,7 @@ def test_big_endian_frames_of_an_amplifier() -> None:
         frames.append(Frame(identifier=257, data=struct.pack(">2H4x", raw[4], raw[2]), time=k * CYCLE + 1e-3))
     results, core = run_core(layout, frames, 6, dynamic_pressure=9e4)
     good = [result for result in results if result.quality is Quality.UNPROTECTED]
-    assert len(good) == 37, "never VALID: no CRC; three cycles until it is believed"
+    assert len(good) == 37, "never VALID: no CRC; three cycles until it is trusted"
     # 0.025 um/m, half a quantum.
     np.testing.assert_allclose(good[-1].strain, truth.cycle(39)[0], atol=0.0251e-6)
     assert core.account.classes[FrameClass.USED] == 74
@@ -313,7 +313,7 @@ def test_the_script_in_the_docs_writes_frames_that_the_bridge_accepts(example: M
     results, core = run_core(layout, frames, 30)
     assert [result.quality for result in results[3:]] == [Quality.VALID] * 27
     np.testing.assert_allclose(results[-1].strain, truth.cycle(29)[0], atol=0.126e-6)
-    assert core.account.rejected == 9, "but for the three cycles until they are believed"
+    assert core.account.rejected == 9, "except in the three cycles until they are trusted"
 
 
 RESULT = CycleResult(

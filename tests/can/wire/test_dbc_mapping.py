@@ -43,7 +43,7 @@ MULTIPLEXED = """BO_ 256 R: 8 A
  SG_ St m1 : 8|16@1+ (1,0) [0|0] "" B
  SG_ T m1 : 24|32@1+ (1,0) [0|0] "us" B
 """
-# A switch that itself comes with a value of another one: cantools reads it, one level of ours would not tell.
+# A multiplexer that is itself multiplexed: cantools reads it; our one level could not decide.
 NESTED = """BO_ 256 R: 8 A
  SG_ outer M : 0|8@1+ (1,0) [0|0] "" B
  SG_ page m3M : 8|8@1+ (1,0) [0|0] "" B

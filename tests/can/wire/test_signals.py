@@ -1,4 +1,4 @@
-"""Signals of any place, length, byte order and kind: decoded and encoded as cantools does."""
+"""Signals of any start, length, byte order and kind: decoded and encoded as cantools does."""
 
 from __future__ import annotations
 
