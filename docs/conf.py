@@ -100,4 +100,5 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "copyfile_regex": r".*\.toml",
     "min_reported_time": 1000,
+    "write_computation_times": False,  # its page loads scripts from content networks
 }

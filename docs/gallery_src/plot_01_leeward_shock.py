@@ -27,7 +27,7 @@ figure, axes = plt.subplots(1, 2, figsize=(9, 3.2), sharey=True, layout="constra
 for axis, (angle, flow) in zip(axes, flows.items(), strict=True):
     for stations, ratio in flow.pieces:
         shown = axis.pcolormesh(
-            stations, np.degrees(flow.roll_angle), np.log10(ratio.T), vmin=-0.8, vmax=0.6, cmap="viridis"
+            stations, np.degrees(flow.roll_angle), np.log10(ratio.T), vmin=-0.8, vmax=0.6, shading="gouraud"
         )
     axis.set(title=f"Mach 5, total incidence {angle:g} deg", xlabel="x [m]")
 axes[0].set_ylabel("roll angle from leeward [deg]")

@@ -57,6 +57,6 @@ for axis, name, column in zip(axes, ["C_N", "C_Y", "M_P"], [1, 2, 3], strict=Tru
     axis.plot(time, value, lw=0.7, color="C0", label="estimate")
     axis.plot(time, truth[:, column], "k--", lw=1, label="truth")
     axis.set_ylabel(name)
-axes[0].legend(ncols=3, loc="upper right")
+figure.legend(*axes[0].get_legend_handles_labels(), ncols=3, loc="outside upper center")
 axes[-1].set_xlabel("time [s]")
 plt.show()

@@ -51,5 +51,5 @@ for result, label in ((trusting, "with gauge 20"), (isolating, "left out once na
         time, (result.coefficients - truth.coefficients)[:, 3] / result.coefficients_std[:, 3], label=label
     )
 bottom.set(xlabel="time [s]", ylabel="error of M_P by the drift\n[its sigma]")
-bottom.legend(loc="lower left")
+bottom.legend(loc="upper left")
 plt.show()
