@@ -97,6 +97,7 @@ def test_page_with_what_takes_long(name: str, folder: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="a source archive has nothing to clone")
 def test_first_command_of_the_readme(tmp_path: Path) -> None:
     (snippet,) = [s for s in PAGES["README.md"] if s.kind == "clone"]
     clone = tmp_path / "clone"
