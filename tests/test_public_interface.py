@@ -50,3 +50,16 @@ def test_first_lines_of_a_user(kind: type, tmp_path: Path) -> None:
 def test_wrong_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(strainfmu.InputError, match="no such file"):
         strainfmu.load(tmp_path / "none.h5")
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_paths_are_text_or_paths(kind: type, tmp_path: Path) -> None:
+    inverse_map = random_map()
+    source, fmu, data, loads = (kind(tmp_path / name) for name in ("map.h5", "a.fmu", "run.csv", "loads.csv"))
+    strainfmu.save_inverse_map(inverse_map, source)
+    strainfmu.export_estimator(source, fmu)
+    row = ",".join(repr(value) for value in inverse_map.mean_strain.tolist())
+    table = [",".join(("time", *inverse_map.gauge_names)), f"0,{row}", f"1,{row}"]
+    Path(data).write_text("\n".join(table) + "\n", encoding="utf-8")
+    assert strainfmu.estimate_file(source, data, loads, dynamic_pressure=95.8e3).samples == 2
+    assert Path(fmu).exists()

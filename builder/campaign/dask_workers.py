@@ -116,10 +116,12 @@ def _local_client(workers: int) -> Iterator[Client]:
 @contextmanager
 def _remote_client(address: str) -> Iterator[Client]:
     from distributed import Client
+    from distributed.comm import parse_address, parse_host_port
 
-    if "://" not in address:
-        raise InputError(f"--scheduler: '{address}' found, must be like tcp://host:8786")
     try:
+        # Before the client, which on a busy machine may run out of time before it looks at the port.
+        _, location = parse_address(address, strict=True)
+        parse_host_port(location)
         client = Client(address, timeout=CONNECT_TIMEOUT)
     except ValueError as error:
         raise InputError(f"--scheduler: '{address}' found, must be like tcp://host:8786") from error

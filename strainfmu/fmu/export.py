@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 from strainfmu.archive import write_archive
@@ -88,7 +89,9 @@ class ExportOptions:
             raise InputError("platforms: FMUs of kind python have those of PythonFMU, linux64 and win64")
 
 
-def export_estimator(map_path: Path, fmu_path: Path, options: ExportOptions | None = None) -> None:
+def export_estimator(
+    map_path: str | PathLike[str], fmu_path: str | PathLike[str], options: ExportOptions | None = None
+) -> None:
     """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
 
     Raises
@@ -104,6 +107,7 @@ def export_estimator(map_path: Path, fmu_path: Path, options: ExportOptions | No
     >>> export_estimator(Path("demo/map.h5"), Path("arrays.fmu"), ExportOptions(fmi_version="3"))
     """
     options = options or ExportOptions()
+    map_path, fmu_path = Path(map_path), Path(fmu_path)
     check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)

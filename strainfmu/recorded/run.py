@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,11 @@ class EstimationSummary:
 
 
 def estimate_file(
-    source: Path, data: Path, output: Path, dynamic_pressure: float | None = None, progress: Progress | None = None
+    source: str | PathLike[str],
+    data: str | PathLike[str],
+    output: str | PathLike[str],
+    dynamic_pressure: float | None = None,
+    progress: Progress | None = None,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -55,6 +60,7 @@ def estimate_file(
     StrainfmuError
         Something needed is not installed, the FMU failed, or the output cannot be written.
     """
+    source, data, output = Path(source), Path(data), Path(output)
     check_output(output)
     summary = EstimationSummary()
     with (

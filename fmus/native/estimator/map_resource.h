@@ -1,7 +1,8 @@
 /* The inverse map of an FMU: resources/map.bin, read and checked.
 
    The file is little endian: a header of HEADER_SIZE bytes, then float64 arrays in the order of Map, each row by row
-   unless they are described otherwise. strainfmu/fmu/native_resource.py writes it, docs/native.md describes it. */
+   unless they are described otherwise. strainfmu/fmu/native_resource.py writes it, docs/explanation/native.md describes
+   it. */
 
 #ifndef MAP_RESOURCE_H
 #define MAP_RESOURCE_H
