@@ -7,7 +7,7 @@
     result.C_N, result.sigma.C_N, result.health
 
 Names are imported when they are used first. Applying a map needs numpy and h5py; the rest comes with the extras.
-The package ``builder`` makes the maps.
+``strainfmu build`` makes the maps.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def python_entries(description: FmuDescription, code: SlaveCode, payload: Mappin
             script, project_files = _stage(
                 folder=stage / "resources", description=description, code=code, payload=payload
             )
-            entries = _run_builder(script, project_files, stage)
+            entries = _run_pythonfmu(script, project_files, stage)
     except OSError as error:
         raise StrainfmuError(f"the FMU could not be packed: {error.strerror or error}") from error
     # As generated, not as PythonFMU formatted it.
@@ -137,7 +137,7 @@ def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
         target.write_bytes(content)
 
 
-def _run_builder(script: Path, project_files: Sequence[Path], stage: Path) -> dict[str, bytes]:
+def _run_pythonfmu(script: Path, project_files: Sequence[Path], stage: Path) -> dict[str, bytes]:
     """Let PythonFMU pack the FMU; return the content of its entries by name."""
     with _imports_put_back():
         try:
