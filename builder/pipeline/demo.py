@@ -106,7 +106,7 @@ def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Repo
         ("Mach number", flown[:, 0], vehicle.conditions.mach_number, ""),
         ("angle of attack", np.degrees(flown[:, 1]), vehicle.conditions.angle_of_attack_deg, " deg"),
         ("sideslip angle", np.degrees(flown[:, 2]), vehicle.conditions.sideslip_angle_deg, " deg"),
-        ("altitude", 1e-3 * flown[:, 3], [vehicle.conditions.altitude_km], " km"),
+        ("altitude", 1e-3 * flown[:, 3], vehicle.conditions.altitudes_km, " km"),
     )
     for name, values, covered, unit in ranges:
         low, high = float(values.min()), float(values.max())

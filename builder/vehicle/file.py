@@ -105,7 +105,10 @@ class Vehicle(Section):
         """Return the snapshots' conditions in the order of the file."""
         entry = self.conditions
         return condition_grid(
-            entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, 1e3 * entry.altitude_km
+            entry.mach_number,
+            entry.angle_of_attack_deg,
+            entry.sideslip_angle_deg,
+            [1e3 * altitude for altitude in entry.altitudes_km],
         )
 
     def internal_pressure(self, condition: FlightCondition) -> float:

@@ -108,12 +108,15 @@ def condition_grid(
     mach_numbers: Iterable[float],
     angles_of_attack_deg: Iterable[float],
     sideslip_angles_deg: Iterable[float],
-    altitude: float,
+    altitude: float | Iterable[float],
 ) -> list[FlightCondition]:
-    """Return all combinations, sideslip running fastest. Angles in degrees, altitude in metres."""
+    """Return all combinations, sideslip running fastest and altitude slowest. Angles in degrees, altitude in metres."""
+    altitudes = (altitude,) if isinstance(altitude, int | float) else altitude
     return [
-        FlightCondition(mach, radians(alpha), radians(beta), altitude)
-        for mach, alpha, beta in product(mach_numbers, angles_of_attack_deg, sideslip_angles_deg)
+        FlightCondition(mach, radians(alpha), radians(beta), height)
+        for height, mach, alpha, beta in product(
+            altitudes, mach_numbers, angles_of_attack_deg, sideslip_angles_deg
+        )
     ]
 
 

@@ -33,7 +33,7 @@ def _entries(vehicle: Vehicle) -> list[tuple[str, str]]:
     body, wall, air = vehicle.body(), vehicle.structure, vehicle.conditions
     stations = _gauge_stations(vehicle)
     number = "gauges" if stations is None else f"{len(stations)} gauges"
-    conditions = len(air.mach_number) * len(air.angle_of_attack_deg) * len(air.sideslip_angle_deg)
+    conditions = len(vehicle.flight_conditions())
     return [
         ("length", f"{body.length:.4g} m"),
         ("base diameter", f"{2.0 * body.base_radius:.4g} m"),
@@ -43,7 +43,7 @@ def _entries(vehicle: Vehicle) -> list[tuple[str, str]]:
         (
             "conditions",
             f"{conditions}: M {_range(air.mach_number)}, angle of attack {_range(air.angle_of_attack_deg)} deg, "
-            f"sideslip angle {_range(air.sideslip_angle_deg)} deg, altitude {air.altitude_km:.4g} km",
+            f"sideslip angle {_range(air.sideslip_angle_deg)} deg, altitude {_range(air.altitudes_km)} km",
         ),
         ("engine", vehicle.aerodynamics.engine),
         ("noise", _noise(vehicle)),

@@ -10,6 +10,11 @@ ENGINE_NAMES = ("euler", "newtonian", "table")
 """Sources of surface pressure by name; :data:`builder.aero.engines.ENGINES` makes them."""
 
 
+HIGHEST_ALTITUDE_KM = 71.0
+"""Of the standard atmosphere (:mod:`strainfmu.atmosphere`)."""
+Altitude = Annotated[float, Field(ge=0.0, le=HIGHEST_ALTITUDE_KM)]
+
+
 class Section(BaseModel):
     """A table of a file: unknown entries, wrong types, NaN and infinity are refused; it never changes."""
 
@@ -149,12 +154,31 @@ class Gauges(Section):
 
 
 class Conditions(Section):
-    """Flight conditions of the snapshots: all combinations."""
+    """Flight conditions of the snapshots: all combinations. ``altitude_km`` is one number or a list."""
 
     mach_number: list[Annotated[float, Field(gt=1.0)]] = Field(min_length=1)
     angle_of_attack_deg: list[Annotated[float, Field(gt=-60.0, lt=60.0)]] = Field(min_length=1)
     sideslip_angle_deg: list[Annotated[float, Field(gt=-60.0, lt=60.0)]] = Field(min_length=1)
-    altitude_km: float = Field(ge=0.0, le=71.0)
+    altitude_km: Altitude | Annotated[list[Altitude], Field(min_length=1)]
+
+    @field_validator("altitude_km", mode="before")
+    @classmethod
+    def _number_or_list(cls, value: Any) -> Any:
+        """Refuse here, in one line, what is no altitude: a union has a fault for each of its parts."""
+        given = value if isinstance(value, list) else [value]
+        if not given:
+            raise ValueError("an empty list found, must hold at least 1 altitude")
+        for one in given:
+            if isinstance(one, bool) or not isinstance(one, int | float) or not 0.0 <= one <= HIGHEST_ALTITUDE_KM:
+                raise ValueError(
+                    f"{one!r} found, must be from 0 to {HIGHEST_ALTITUDE_KM:g}, or a list of such numbers"
+                )
+        return value
+
+    @property
+    def altitudes_km(self) -> list[float]:
+        """Altitudes [km], in the order of the file."""
+        return self.altitude_km if isinstance(self.altitude_km, list) else [self.altitude_km]
 
 
 class Aerodynamics(Section):

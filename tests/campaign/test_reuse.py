@@ -40,6 +40,7 @@ def changed(vehicle: Vehicle, **entries: Any) -> Vehicle:
         ({"structure__wall_thickness_mm": 5.0}, 0),
         ({"structure__internal_pressure_Pa": "ambient"}, 0),
         ({"conditions__altitude_km": 25.0}, 0),
+        ({"conditions__altitude_km": [15.0, 22.0, 30.0]}, 0),
         ({"reference__moment_station_m": 1.0}, 0),
         ({"resolution__map__surface_roll_angles": 48}, 0),
         ({"resolution__map__surface_stations": 60}, 0),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from builder.vehicle.file import load_vehicle
 from builder.vehicle.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
@@ -90,3 +91,14 @@ def test_unreadable_csv_file(content: bytes | None, tmp_path: Path) -> None:
         path.write_bytes(content)
     with pytest.raises(InputError, match="cannot be read as CSV text" if content else "P1, P2 or a CSV file"):
         condition_set(str(path))
+
+
+def test_altitudes_of_a_vehicle_file(tmp_path: Path) -> None:
+    """A list of altitudes gives all combinations, altitude running slowest, and no flow beyond those of one."""
+    text = OGIVE.read_text(encoding="utf-8").replace("altitude_km = 22.0", "altitude_km = [15, 22.0, 30.0]")
+    path = tmp_path / "vehicle.toml"
+    path.write_text(text, encoding="utf-8")
+    one, three = load_vehicle(OGIVE).flight_conditions(), load_vehicle(path).flight_conditions()
+    assert [c.altitude for c in three] == [15e3] * len(one) + [22e3] * len(one) + [30e3] * len(one)
+    assert three[len(one) : 2 * len(one)] == one
+    assert {flow_key(c) for c in three} == {flow_key(c) for c in one}

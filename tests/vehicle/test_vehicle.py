@@ -186,7 +186,17 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
         (
             "altitude_km = 20.0",
             "altitude_km = 72.0",
-            r"conditions.altitude_km: 72.0 found, must be less than or equal to 71",
+            r"conditions.altitude_km: 72.0 found, must be from 0 to 71",
+        ),
+        (
+            "altitude_km = 20.0",
+            "altitude_km = [20.0, 72.0]",
+            r"conditions.altitude_km: 72.0 found, must be from 0 to 71",
+        ),
+        (
+            "altitude_km = 20.0",
+            "altitude_km = []",
+            r"conditions.altitude_km: an empty list found, must hold at least 1 altitude",
         ),
         ("count = 9", "count = 1", r"configuration_1.rows.1.count: 1 found, must be greater than or equal to 2"),
         (
