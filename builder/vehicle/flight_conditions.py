@@ -110,7 +110,7 @@ def condition_grid(
     sideslip_angles_deg: Iterable[float],
     altitude: float | Iterable[float],
 ) -> list[FlightCondition]:
-    """Return all combinations, sideslip running fastest, altitude slowest. Angles in degrees, altitudes in metres."""
+    """Return all combinations, sideslip running fastest, altitude slowest. Angles in degrees, altitude in m."""
     altitudes = (altitude,) if isinstance(altitude, int | float) else altitude
     return [
         FlightCondition(mach, radians(alpha), radians(beta), height)
