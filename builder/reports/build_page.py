@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.figures import build_report as draw
 from builder.reports.build_report import BuildReport
-from builder.reports.build_tables import first_rows, report_tables
+from builder.reports.build_tables import report_tables
 from builder.reports.html import Block, Files, Items, Page, Paragraph, Section, picture, write_page
 from builder.reports.tables import Table, tables_json, write_csv
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
@@ -18,7 +18,6 @@ from strainfmu.files import write_bytes_atomically
 CSV_FOLDER = "report_tables"
 JSON_NAME = "report.json"
 PAGE_NAME = "report.html"
-ROWS_ON_PAGE = 20
 
 SCHEMA_VERSION = 1
 """Version of report.json; raised when names or meanings change."""
@@ -151,8 +150,8 @@ def _observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "Bars of the variance of each mode with marks for the part that remains after the estimate.",
                 "svg",
             ),
-            first_rows(tables["modes"], ROWS_ON_PAGE),
-            first_rows(tables["singular_values"], ROWS_ON_PAGE),
+            tables["modes"],
+            tables["singular_values"],
         ),
     )
 
@@ -254,7 +253,7 @@ def _losses(report: BuildReport, tables: dict[str, Table]) -> Section:
         "Cost of a lost gauge",
         (
             tables["worst_losses"],
-            first_rows(tables["worst_pairs"], ROWS_ON_PAGE),
+            tables["worst_pairs"],
             picture(
                 draw.pair_loss(
                     report.inverse_map,
@@ -293,7 +292,7 @@ def _gamma(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "Curve of solution norm over residual norm with marks for each rule.",
                 "svg",
             ),
-            first_rows(tables["eigenvalues"], ROWS_ON_PAGE),
+            tables["eigenvalues"],
         ),
     )
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal
 
 from builder.reports.tables import Table, is_number, shown
 from strainfmu.files import write_bytes_atomically
+from strainfmu.pages import STYLE, table_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -126,7 +127,7 @@ def page_html(page: Page) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(page.title)}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{escape(page.title)}</title>\n<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"
         f"<h1>{escape(page.title)}</h1>\n{opening}\n{_contents(anchors)}\n{body}\n</body>\n</html>\n"
     )
 
@@ -189,24 +190,14 @@ def _list(items: Iterator[str]) -> str:
 
 def _table(table: Table) -> str:
     """Return a table; a column is aligned as numbers where all its cells are."""
-    right = [all(is_number(row[i]) for row in table.rows) and bool(table.rows) for i in range(len(table.columns))]
-    marks = [' class="number"' if one else "" for one in right]
-    head = "".join(
-        f'<th scope="col"{mark}>{escape(column.title)}</th>'
-        for mark, column in zip(marks, table.columns, strict=True)
-    )
-    rows = "\n".join(
-        "<tr>"
-        + "".join(
-            f"<td{mark}>{escape(shown(cell, column))}</td>"
-            for mark, cell, column in zip(marks, row, table.columns, strict=True)
-        )
-        + "</tr>"
-        for row in table.rows
-    )
-    return (
-        f'<div class="wide"><table id="table-{escape(table.name)}">\n<caption>{escape(table.caption)}</caption>\n'
-        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table></div>"
+    return table_html(
+        [column.title for column in table.columns],
+        [[shown(cell, column) for cell, column in zip(row, table.columns, strict=True)] for row in table.rows],
+        caption=table.caption,
+        name=f"table-{table.name}",
+        number_columns=[
+            bool(table.rows) and all(is_number(row[i]) for row in table.rows) for i in range(len(table.columns))
+        ],
     )
 
 
@@ -219,25 +210,23 @@ def _picture(one: Picture) -> str:
     )
 
 
-STYLE = """\
+PAGE_STYLE = """\
 body { font: 16px/1.5 system-ui, "Segoe UI", "Liberation Sans", Arial, sans-serif; color: #1a1a1a;
-  background: #fff; max-width: 62rem; margin: 0 auto; padding: 1.5rem; }
+  background: #fff; max-width: 76rem; margin: 0 auto; padding: 1.5rem; }
 h1 { font-size: 1.7rem; line-height: 1.2; } h2 { font-size: 1.3rem; margin-top: 2.2rem;
   border-bottom: 1px solid #bbb; } h3 { font-size: 1.08rem; margin-top: 1.6rem; } h4 { font-size: 1rem; }
 p, li { max-width: 46rem; } a { color: #0b4f9c; }
 nav ul { list-style: none; padding: 0.6rem 1rem; border: 1px solid #ccc; }
 nav li.level3 { margin-left: 1.5rem; font-size: 0.93rem; }
-.wide { overflow-x: auto; margin: 1rem 0; }
-table { border-collapse: collapse; font-size: 0.88rem; font-variant-numeric: tabular-nums; }
-caption { text-align: left; padding-bottom: 0.3rem; color: #333; font-weight: 600; }
-th, td { padding: 0.16rem 0.7rem; text-align: left; vertical-align: top; }
+table { margin: 1rem 0; font-size: 0.88rem; }
+caption { padding-bottom: 0.3rem; color: #333; font-weight: 600; }
+th, td { padding: 0.16rem 0.7rem; vertical-align: top; }
 thead th { border-bottom: 2px solid #444; vertical-align: bottom; }
 tbody tr:nth-child(even) { background: #f4f4f4; } tbody tr { border-bottom: 1px solid #e2e2e2; }
-.number { text-align: right; }
-figure { margin: 1.2rem 0; } figure img { max-width: 100%; height: auto; }
+figure { margin: 1.2rem 0; }
 figcaption { font-size: 0.9rem; color: #333; max-width: 46rem; }
-pre { background: #f4f4f4; padding: 0.6rem; overflow-x: auto; font-size: 0.85rem; }
-@media print { body { font-size: 10pt; max-width: none; padding: 0; } .wide { overflow: visible; }
+pre { background: #f4f4f4; padding: 0.6rem; font-size: 0.85rem; }
+@media print { body { font-size: 10pt; max-width: none; padding: 0; }
   h2, h3 { break-after: avoid; } figure, tr { break-inside: avoid; } thead { display: table-header-group; }
   a { color: inherit; text-decoration: none; } }
 """

@@ -12,11 +12,11 @@ from importlib import resources
 from strainfmu.fmu.description import FmuDescription
 from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
 from strainfmu.interface.fmi_variables import Variable
+from strainfmu.pages import STYLE, table_html
 
 _STYLE = (
-    "body{font-family:sans-serif;max-width:60em;margin:2em auto;line-height:1.4;color:#222}"
-    "table{border-collapse:collapse;font-size:90%}"
-    "td,th{border:1px solid #bbb;padding:.2em .5em;text-align:left}"
+    "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4;color:#222}"
+    "table{font-size:90%}td,th{border:1px solid #bbb;padding:.2em .5em}"
     "th{background:#eee}code,pre{background:#f4f4f4}"
 )
 
@@ -68,12 +68,13 @@ def index_html(fmu: FmuDescription, sections: Sequence[Section], kind: str) -> s
     ):
         parts.append(f"<h2>{escape(heading)}</h2>")
         parts.extend(
-            text if text.startswith(("<table", "<svg", "<pre")) else f"<p>{text}</p>" for text in paragraphs
+            text if text.startswith(("<table", "<details", "<svg", "<pre")) else f"<p>{text}</p>"
+            for text in paragraphs
         )
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f"<title>{escape(fmu.model_name)}</title>"
-        f"<style>{_STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
+        f"<style>{_STYLE}\n{STYLE}</style></head>\n<body>\n" + "\n".join(parts) + "\n</body></html>\n"
     )
 
 
@@ -90,7 +91,11 @@ def _variable_table(interface: Sequence[Variable]) -> str:
         )
         for variable in interface
     ]
-    return table_html(("Name", "Causality", "Unit", "Shown in", "Start", "Description"), rows)
+    return table_html(
+        ("Name", "Causality", "Unit", "Shown in", "Start", "Description"),
+        rows,
+        caption="Variables and their units",
+    )
 
 
 def _start_text(variable: Variable) -> str:
@@ -103,11 +108,5 @@ def _start_text(variable: Variable) -> str:
 
 def _health_table() -> str:
     """Return the table of health states."""
-    return table_html(("Value", "State", "Meaning"), [(str(int(s)), s.name, text) for s, text in HEALTH_ITEMS])
-
-
-def table_html(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return an HTML table."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
-    body = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><tr>{head}</tr>\n{body}</table>"
+    rows = [(str(int(state)), state.name, text) for state, text in HEALTH_ITEMS]
+    return table_html(("Value", "State", "Meaning"), rows, caption="States of health")

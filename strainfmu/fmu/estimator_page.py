@@ -7,8 +7,9 @@ from math import atan2, degrees
 
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.validity import ValidRange, valid_ranges
-from strainfmu.fmu.documentation import Section, table_html
+from strainfmu.fmu.documentation import Section
 from strainfmu.fmu.reference_run import ReferenceRun, example_plot
+from strainfmu.pages import table_html
 from strainfmu.version import __version__
 
 _LIMITS = (
@@ -82,7 +83,7 @@ def _validity(inverse_map: InverseMap) -> list[str]:
     return [
         "The map was built from flight conditions in these ranges. Outside them the estimate is an extrapolation, "
         "and sigma need not hold.",
-        table_html(("Quantity", "Range"), rows),
+        table_html(("Quantity", "Range"), rows, caption="Ranges of the snapshots"),
     ]
 
 
@@ -107,4 +108,5 @@ def _gauge_table(inverse_map: InverseMap) -> str:
             start=1,
         )
     ]
-    return table_html(("No.", "Gauge", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma [um/m]"), rows)
+    headings = ("No.", "Gauge", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma [um/m]")
+    return table_html(headings, rows, caption="Gauges in the order of the strains")
