@@ -1,6 +1,8 @@
 """The errors a user can cause or meet; each carries one line with the cause and the cure.
 
-The command line prints that line and ends with :attr:`StrainfmuError.exit_code`.
+Only :class:`FaultsError` carries several, one for each wrong entry of a file.
+
+The command line prints them and ends with :attr:`StrainfmuError.exit_code`.
 """
 
 
@@ -9,11 +11,24 @@ class StrainfmuError(Exception):
 
     exit_code = 1
 
+    @property
+    def lines(self) -> list[str]:
+        """The message as the command line prints it: one line, but for :class:`FaultsError`."""
+        return [" ".join(str(self).split())]
+
 
 class InputError(StrainfmuError):
     """An input is wrong: which file, entry or signal, what was found, what is allowed. Exit code 2."""
 
     exit_code = 2
+
+
+class FaultsError(InputError):
+    """Several entries of a file are wrong: a line each."""
+
+    @property
+    def lines(self) -> list[str]:
+        return [" ".join(line.split()) for line in str(self).split("\n")]
 
 
 class FlowReachError(InputError):

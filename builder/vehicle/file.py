@@ -13,7 +13,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
 
-from builder.vehicle.faults import first_fault
+from builder.vehicle.faults import Faults, all_faults
 from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.geometry import BodyOfRevolution, chain_segments
 from builder.vehicle.map_options import MapEntry, Noise
@@ -31,17 +31,21 @@ from builder.vehicle.sections import (
     Structure,
     Truth,
 )
-from strainfmu.errors import InputError
+from builder.vehicle.sizes import size_faults
+from strainfmu.errors import FaultsError, InputError
 from strainfmu.flight_condition import FlightCondition
 
 VEHICLES = Path(__file__).parents[1] / "vehicles"
 IC3X = VEHICLES / "ic3x.toml"
 
+_MOST_FAULTS = 40
+"""Lines of faults that are shown."""
+
 
 def one_line(text: str) -> str:
     """Refuse text that a file name, a table or XML could not hold: control characters, line breaks."""
     if not text.isprintable():
-        raise ValueError(f"{text!r} found, must be printable text on one line")
+        raise ValueError(f"expected printable text on one line, got {text!r}")
     return text
 
 
@@ -64,17 +68,16 @@ class Vehicle(Section):
     _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
-    def _free_flight_has_mass(self) -> Vehicle:
+    def _sections_fit_each_other(self) -> Vehicle:
+        faults = []
         if self.structure.support == "free_flight" and self.material.density_kg_per_m3 is None:
-            raise ValueError("structure.support 'free_flight' needs material.density_kg_per_m3")
-        return self
-
-    @model_validator(mode="after")
-    def _noise_layout_exists(self) -> Vehicle:
+            faults.append("structure.support 'free_flight' needs material.density_kg_per_m3")
         if self.noise.of_layout is not None and self.noise.of_layout not in self.gauges.layouts:
-            raise ValueError(
+            faults.append(
                 f"noise.of_layout '{self.noise.of_layout}' is not among the layouts {sorted(self.gauges.layouts)}"
             )
+        if faults:
+            raise Faults(faults)
         return self
 
     def beside(self, name: str) -> Path:
@@ -127,8 +130,10 @@ def load_vehicle(path: str | Path) -> Vehicle:
 
     Raises
     ------
+    FaultsError
+        Entries are unknown, missing or outside their limits, or sizes that follow from them are: one line each.
     InputError
-        The file is missing or no TOML, or an entry is unknown, missing or outside its limits.
+        The file is missing or no TOML.
 
     Example
     -------
@@ -139,19 +144,25 @@ def load_vehicle(path: str | Path) -> Vehicle:
     """
     path = Path(path)
     try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number with thousands of digits
         raise InputError(f"{path}: not a TOML file: {error}") from error
     try:
         vehicle = Vehicle.model_validate(entries)
-        vehicle._folder = path.parent
-        vehicle.body()
+        faults = size_faults(vehicle)
     except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error, Vehicle)}") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        faults = all_faults(error, Vehicle)
+    if faults:
+        raise FaultsError("\n".join(f"{path}: {line}" for line in _limited(faults)))
+    vehicle._folder = path.parent
     return vehicle
+
+
+def _limited(faults: list[str]) -> list[str]:
+    """Return ``faults``, or the first of them and how many more there are."""
+    more = len(faults) - _MOST_FAULTS
+    return faults if more <= 0 else [*faults[:_MOST_FAULTS], f"{more} more entries are wrong"]

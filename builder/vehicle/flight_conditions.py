@@ -9,6 +9,7 @@ from itertools import product
 from math import radians
 from pathlib import Path
 
+from builder.vehicle.limits import ALTITUDE_KM, MACH_NUMBER, STREAM_ANGLE_DEG
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -80,20 +81,15 @@ def _condition(path: Path, line: int, row: list[str]) -> FlightCondition:
     """Return the condition of one row."""
     if len(row) != len(CSV_COLUMNS):
         raise InputError(f"{path}: line {line}: expected {len(CSV_COLUMNS)} values, got {len(row)}")
-    allowed = (
-        ("a number greater than 1", lambda value: 1.0 < value < float("inf")),
-        ("a number between -60 and 60", lambda value: -60.0 < value < 60.0),
-        ("a number between -60 and 60", lambda value: -60.0 < value < 60.0),
-        ("a number from 0 to 71", lambda value: 0.0 <= value <= 71.0),
-    )
+    allowed = (MACH_NUMBER, STREAM_ANGLE_DEG, STREAM_ANGLE_DEG, ALTITUDE_KM)
     values = []
-    for column, cell, (expected, holds) in zip(CSV_COLUMNS, row, allowed, strict=True):
+    for column, cell, limits in zip(CSV_COLUMNS, row, allowed, strict=True):
         try:
             value = float(cell)
         except ValueError:
             value = float("nan")
-        if not holds(value):
-            raise InputError(f"{path}: line {line}, column {column}: expected {expected}, got '{cell.strip()}'")
+        if not limits.holds(value):
+            raise InputError(f"{path}: line {line}, column {column}: expected {limits}, got '{cell.strip()}'")
         values.append(value)
     mach_number, alpha, beta, altitude = values
     return FlightCondition(mach_number, radians(alpha), radians(beta), 1e3 * altitude)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveFloat, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from builder.vehicle.gamma_rules import RULES
+from builder.vehicle.limits import GAMMA
 from builder.vehicle.sections import Section
+
+StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
 
 class MapEntry(Section):
@@ -18,19 +21,19 @@ class MapEntry(Section):
     ``inner_product`` is that of the POD. ``keep_field`` writes the pressure field into the map.
     """
 
-    modes: int = Field(default=5, ge=1)
+    modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1
     inner_product: Literal["euclidean", "area"] = "euclidean"
-    prior_modes: int | None = Field(default=None, ge=1)
+    prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
 
     @field_validator("gamma", mode="before")
     @classmethod
     def _number_or_rule(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 < value < float("inf")
-        if value not in RULES and not number:
-            raise ValueError(f"{value!r} found, must be a positive number or one of {', '.join(RULES)}")
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value not in RULES and not (number and GAMMA.holds(value)):
+            raise ValueError(f"expected {GAMMA} or one of {', '.join(RULES)}, got {value!r}")
         return value
 
 
@@ -45,18 +48,18 @@ class Noise(Section):
     deviation.
     """
 
-    percent_of_median_strain: PositiveFloat | None = None
+    percent_of_median_strain: float | None = Field(default=None, ge=1e-6, le=100.0)
     of_layout: str | None = None
-    std_um_per_m: PositiveFloat | None = None
-    std_of_gauges_um_per_m: list[PositiveFloat] | None = Field(default=None, min_length=1)
+    std_um_per_m: StrainStd | None = None
+    std_of_gauges_um_per_m: list[StrainStd] | None = Field(default=None, min_length=1)
     covariance_file: str | None = None
     model: Literal["default", "paper"] = "default"
     truncated_modes: bool = True
     nuisance_file: str | None = None
-    apparent_strain_um_per_m: float = Field(default=0.0, ge=0.0)
-    gauge_gain_percent: float = Field(default=0.0, ge=0.0)
-    gauge_position_mm: float = Field(default=0.0, ge=0.0)
-    gauge_orientation_deg: float = Field(default=0.0, ge=0.0)
+    apparent_strain_um_per_m: float = Field(default=0.0, ge=0.0, le=1e4)
+    gauge_gain_percent: float = Field(default=0.0, ge=0.0, le=100.0)
+    gauge_position_mm: float = Field(default=0.0, ge=0.0, le=100.0)
+    gauge_orientation_deg: float = Field(default=0.0, ge=0.0, le=90.0)
 
     @model_validator(mode="after")
     def _one_way(self) -> Noise:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from builder.vehicle.limits import (
+    ALTITUDE_KM,
+    HALF_ANGLE_DEG,
+    INTERNAL_PRESSURE_PA,
+    MACH_NUMBER,
+    STATION_M,
+    STREAM_ANGLE_DEG,
+    once_each,
+)
 
 ENGINE_NAMES = ("euler", "newtonian", "table")
 """Sources of surface pressure by name; :data:`builder.aero.engines.ENGINES` makes them."""
-
-
-HIGHEST_ALTITUDE_KM = 71.0
-"""Of the standard atmosphere (:mod:`strainfmu.atmosphere`)."""
-Altitude = Annotated[float, Field(ge=0.0, le=HIGHEST_ALTITUDE_KM)]
 
 
 class Section(BaseModel):
@@ -21,21 +26,30 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
+MachNumber = Annotated[float, Field(ge=MACH_NUMBER.low, le=MACH_NUMBER.high)]
+StreamAngle = Annotated[float, Field(ge=STREAM_ANGLE_DEG.low, le=STREAM_ANGLE_DEG.high)]
+Altitude = Annotated[float, Field(ge=ALTITUDE_KM.low, le=ALTITUDE_KM.high)]
+HalfAngle = Annotated[float, Field(ge=HALF_ANGLE_DEG.low, le=HALF_ANGLE_DEG.high)]
+Station = Annotated[float, Field(ge=STATION_M.low, le=STATION_M.high)]
+GaugeLength = Annotated[float, Field(ge=0.0, le=100.0)]
+FoundationStiffness = Annotated[float, Field(ge=1e3, le=1e18)]
+
+
 class Cone(Section):
     """A straight piece of the meridian."""
 
     kind: Literal["cone"]
-    half_angle_deg: float = Field(gt=-45.0, lt=45.0)
-    end_x_m: PositiveFloat
+    half_angle_deg: HalfAngle
+    end_x_m: Station
 
 
 class Arc(Section):
     """A circular arc of the meridian, such as a tangent ogive."""
 
     kind: Literal["arc"]
-    start_half_angle_deg: float = Field(gt=-45.0, lt=45.0)
-    end_half_angle_deg: float = Field(gt=-45.0, lt=45.0)
-    end_x_m: PositiveFloat
+    start_half_angle_deg: HalfAngle
+    end_half_angle_deg: HalfAngle
+    end_x_m: Station
 
 
 class Structure(Section):
@@ -45,13 +59,13 @@ class Structure(Section):
     normal of the aft ring.
     """
 
-    wall_thickness_mm: PositiveFloat
-    solid_tip_length_m: PositiveFloat
+    wall_thickness_mm: float = Field(ge=0.01, le=1e3)
+    solid_tip_length_m: Station
     model: Literal["fourier", "solid"] = "fourier"
     resolution: Literal["paper", "medium", "coarse"] = "medium"
     support: Literal["clamped_aft", "elastic_foundation", "free_flight"] = "clamped_aft"
-    foundation_normal_N_per_m3: PositiveFloat | None = None
-    foundation_tangential_N_per_m3: PositiveFloat | None = None
+    foundation_normal_N_per_m3: FoundationStiffness | None = None
+    foundation_tangential_N_per_m3: FoundationStiffness | None = None
     internal_pressure_Pa: float | Literal["ambient"] = "ambient"
 
     @model_validator(mode="after")
@@ -68,39 +82,39 @@ class Structure(Section):
     @field_validator("internal_pressure_Pa", mode="before")
     @classmethod
     def _ambient_or_number(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < float("inf")
-        if value != "ambient" and not number:
-            raise ValueError(f"{value!r} found, must be 'ambient' or a number of at least 0")
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value != "ambient" and not (number and INTERNAL_PRESSURE_PA.holds(value)):
+            raise ValueError(f"expected 'ambient' or {INTERNAL_PRESSURE_PA}, got {value!r}")
         return value
 
 
 class MaterialEntry(Section):
     """Isotropic linear elasticity."""
 
-    youngs_modulus_GPa: float = Field(ge=1e-3, le=1e4)
-    poisson_ratio: float = Field(ge=0.0, lt=0.5)
-    density_kg_per_m3: float | None = Field(default=None, ge=1.0, le=1e5)
+    youngs_modulus_GPa: float = Field(ge=0.1, le=2e3)
+    poisson_ratio: float = Field(ge=0.0, le=0.499)
+    density_kg_per_m3: float | None = Field(default=None, ge=10.0, le=3e4)
 
 
 class Reference(Section):
     """Reference quantities of the coefficients; area and length default to base area and base diameter."""
 
-    area_m2: PositiveFloat | None = None
-    length_m: PositiveFloat | None = None
-    moment_station_m: float
+    area_m2: float | None = Field(default=None, ge=1e-6, le=1e6)
+    length_m: Station | None = None
+    moment_station_m: float = Field(ge=-1e3, le=1e3)
 
 
 class GaugeRow(Section):
     """Gauges along one meridian of a surface, axial, hoop or both; of length 0 read strain at a point."""
 
-    roll_angle_deg: float
+    roll_angle_deg: float = Field(ge=-360.0, le=360.0)
     surface: Literal["inner", "outer"] = "inner"
-    length_mm: float = Field(default=0.0, ge=0.0)
+    length_mm: GaugeLength = 0.0
     directions: list[Literal["axial", "hoop"]] = Field(min_length=1, max_length=2)
-    x_m: list[PositiveFloat] | None = Field(default=None, min_length=1)
-    first_x_m: PositiveFloat | None = None
-    last_x_m: PositiveFloat | None = None
-    count: int | None = Field(default=None, ge=2)
+    x_m: list[Station] | None = Field(default=None, min_length=1)
+    first_x_m: Station | None = None
+    last_x_m: Station | None = None
+    count: int | None = Field(default=None, ge=2, le=1000)
 
     @model_validator(mode="after")
     def _one_way_to_give_stations(self) -> GaugeRow:
@@ -129,7 +143,7 @@ class GaugeLayoutEntry(Section):
     rows: list[GaugeRow] | None = Field(default=None, min_length=1)
     file: str | None = None
     surface: Literal["inner", "outer"] | None = None
-    length_mm: float | None = Field(default=None, ge=0.0)
+    length_mm: GaugeLength | None = None
 
     @model_validator(mode="after")
     def _rows_or_file(self) -> GaugeLayoutEntry:
@@ -156,9 +170,9 @@ class Gauges(Section):
 class Conditions(Section):
     """Flight conditions of the snapshots: all combinations. ``altitude_km`` is one number or a list."""
 
-    mach_number: list[Annotated[float, Field(gt=1.0)]] = Field(min_length=1)
-    angle_of_attack_deg: list[Annotated[float, Field(gt=-60.0, lt=60.0)]] = Field(min_length=1)
-    sideslip_angle_deg: list[Annotated[float, Field(gt=-60.0, lt=60.0)]] = Field(min_length=1)
+    mach_number: list[MachNumber] = Field(min_length=1)
+    angle_of_attack_deg: list[StreamAngle] = Field(min_length=1)
+    sideslip_angle_deg: list[StreamAngle] = Field(min_length=1)
     altitude_km: Altitude | Annotated[list[Altitude], Field(min_length=1)]
 
     @field_validator("altitude_km", mode="before")
@@ -167,13 +181,16 @@ class Conditions(Section):
         """Refuse here, in one line, what is no altitude: a union has a fault for each of its parts."""
         given = value if isinstance(value, list) else [value]
         if not given:
-            raise ValueError("an empty list found, must hold at least 1 altitude")
+            raise ValueError("expected at least 1 value, got []")
         for one in given:
-            if isinstance(one, bool) or not isinstance(one, int | float) or not 0.0 <= one <= HIGHEST_ALTITUDE_KM:
-                raise ValueError(
-                    f"{one!r} found, must be from 0 to {HIGHEST_ALTITUDE_KM:g}, or a list of such numbers"
-                )
+            if isinstance(one, bool) or not isinstance(one, int | float) or not ALTITUDE_KM.holds(one):
+                raise ValueError(f"expected {ALTITUDE_KM}, or a list of such numbers, got {one!r}")
         return value
+
+    @field_validator("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+    @classmethod
+    def _each_value_once(cls, values: list[float] | float) -> list[float] | float:
+        return once_each(values) if isinstance(values, list) else values
 
     @property
     def altitudes_km(self) -> list[float]:
@@ -199,7 +216,7 @@ class Aerodynamics(Section):
     @classmethod
     def _engine_exists(cls, value: str) -> str:
         if value not in ENGINE_NAMES:
-            raise ValueError(f"'{value}' found, must be one of {', '.join(ENGINE_NAMES)}")
+            raise ValueError(f"expected one of {', '.join(ENGINE_NAMES)}, got '{value}'")
         return value
 
 
@@ -211,30 +228,30 @@ class Resolution(Section):
     surface_stations: int = Field(ge=10, le=2000)
     surface_roll_angles: int = Field(ge=16, le=720)
     harmonics: int = Field(ge=4, le=200)
-    element_length_mm: PositiveFloat
+    element_length_mm: float = Field(ge=0.1, le=1e4)
     wall_layers: int = Field(ge=1, le=8)
 
     @model_validator(mode="after")
     def _harmonics_fit(self) -> Resolution:
         if 2 * self.harmonics >= self.surface_roll_angles:
-            raise ValueError("harmonics must be less than half of surface_roll_angles")
+            raise ValueError(
+                f"harmonics: expected less than half of surface_roll_angles {self.surface_roll_angles}, "
+                f"got {self.harmonics}"
+            )
         return self
 
 
 class Truth(Section):
     """The independent model that plays the vehicle in system simulations."""
 
-    mach_number: list[Annotated[float, Field(gt=1.0)]] = Field(min_length=4)
-    total_incidence_deg: list[Annotated[float, Field(gt=0.0, lt=60.0)]] = Field(min_length=4)
+    mach_number: list[MachNumber] = Field(min_length=4)
+    total_incidence_deg: list[Annotated[float, Field(ge=0.01, le=STREAM_ANGLE_DEG.high)]] = Field(min_length=4)
     manoeuvre: str
 
-    @model_validator(mode="after")
-    def _distinct(self) -> Truth:
-        for name in ("mach_number", "total_incidence_deg"):
-            values = getattr(self, name)
-            if len(set(values)) < len(values):
-                raise ValueError(f"{name} holds a value twice")
-        return self
+    @field_validator("mach_number", "total_incidence_deg")
+    @classmethod
+    def _each_value_once(cls, values: list[float]) -> list[float]:
+        return once_each(values)
 
 
 class Resolutions(Section):

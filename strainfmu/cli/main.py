@@ -1,6 +1,7 @@
 """The command ``strainfmu``.
 
-Whatever goes wrong ends in one line on standard error: exit code 2 for an input, 1 for anything else.
+Whatever goes wrong ends in one line on standard error, or one for each wrong entry of a file: exit code 2 for an
+input, 1 for anything else.
 Set STRAINFMU_TRACEBACK=1 to see where an error came from.
 """
 
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except KeyboardInterrupt:
         _fail("interrupted; what was finished is kept", 130)
     except StrainfmuError as error:
-        _fail(str(error), error.exit_code)
+        _fail_with(error.lines, error.exit_code)
     except ImportError as error:
         _fail(
             f"'{(error.name or str(error)).partition('.')[0]}' is not installed: pip install 'strainfmu[all]'", 1
@@ -46,7 +47,13 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
 def _fail(message: str, exit_code: int) -> NoReturn:
     """Print one line and leave."""
+    _fail_with([" ".join(message.split())], exit_code)
+
+
+def _fail_with(lines: list[str], exit_code: int) -> NoReturn:
+    """Print lines and leave."""
     if os.environ.get("STRAINFMU_TRACEBACK"):
         traceback.print_exc()
-    print(f"strainfmu: {' '.join(message.split())}", file=sys.stderr)
+    for line in lines:
+        print(f"strainfmu: {line}", file=sys.stderr)
     sys.exit(exit_code)

@@ -1,0 +1,56 @@
+"""Limits that several entries share, and limits of derived sizes: wide enough for any vehicle that can be meant.
+
+A value beyond them is a slip of unit or of a digit; it is refused before it costs hours or memory.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Limits:
+    """A closed range of numbers; as text ``low .. high``."""
+
+    low: float
+    high: float
+
+    def holds(self, value: float) -> bool:
+        """Return whether ``value`` lies in the range; NaN does not."""
+        return self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        return f"{self.low:g} .. {self.high:g}"
+
+
+MACH_NUMBER = Limits(1.01, 30.0)
+STREAM_ANGLE_DEG = Limits(-60.0, 60.0)
+HALF_ANGLE_DEG = Limits(-45.0, 45.0)
+ALTITUDE_KM = Limits(0.0, 71.0)
+"""Of the US Standard Atmosphere 1976 as far as it is modelled."""
+STATION_M = Limits(1e-4, 1e3)
+INTERNAL_PRESSURE_PA = Limits(0.0, 1e8)
+GAMMA = Limits(1e-12, 1e12)
+
+MAX_CONDITIONS = 20_000
+MAX_GAUGES = 2_000
+"""Of one layout: the covariance of strain is a full matrix."""
+MAX_PRESSURES = 250_000_000
+"""Values of one array: conditions or gauges, times surface nodes; 2 GB."""
+MAX_ELEMENTS = 200_000
+"""Elements along the meridian times layers of the wall."""
+
+
+def once_each(values: list[float]) -> list[float]:
+    """Return ``values``.
+
+    Raises
+    ------
+    ValueError
+        A value is there more than once; every combination with it would count more than once.
+    """
+    repeated = next((value for value, number in Counter(values).items() if number > 1), None)
+    if repeated is not None:
+        raise ValueError(f"expected each value once, got {repeated:g} more than once")
+    return values
