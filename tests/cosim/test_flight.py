@@ -400,11 +400,12 @@ def test_the_plant_alone(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
         (["--motion", "trajectory"], "a trajectory is needed"),
         (["--trajectory", "none.csv"], "only for that"),
         (["--motion", "trajectory", "--trajectory", "t.csv", "--altitude", 3], "--altitude: not with --motion"),
-        (["--angle-of-attack", "nan"], "start: angle_of_attack nan found, must be finite"),
-        (["--altitude", "inf"], "start: altitude inf found"),
-        (["--mach-number", 60], "start: mach_number: 60 found"),
+        (["--angle-of-attack", "nan"], "--angle-of-attack: expected -60 .. 60 deg, got nan"),
+        (["--altitude", "inf"], "--altitude: expected 0 .. 71 km, got inf"),
+        (["--mach-number", 60], "--mach-number: expected 1.01 .. 30, got 60"),
+        (["--mach-number", 20], "start: mach_number: 20 found"),
         (["--motion", "short_period", "--angle-of-attack", 50], "start: total incidence: 50 deg found"),
-        (["--altitude", 1000], "start: altitude"),
+        (["--altitude", 1000], "--altitude: expected 0 .. 71 km, got 1000"),
     ):
         code, _, err = run("plant", model, "-o", tmp_path / "q.fmu", *arguments)
         assert code == 2

@@ -24,34 +24,6 @@ def cycle_time_of(milliseconds: float) -> float:
     return checked_cycle_time(milliseconds / 1e3, "--cycle-time")
 
 
-def check_run(duration: float | None, stuck_cycles: int, max_age: float) -> None:
-    """Refuse a run that cannot be: ``duration`` [s] or None for without end, ``max_age`` [cycles].
-
-    Raises
-    ------
-    InputError
-        One of them is no positive finite number, or ``stuck_cycles`` is negative.
-    """
-    if duration is not None and not 0.0 < duration < float("inf"):
-        raise InputError(f"--duration: expected a positive number, got {duration:g} s")
-    if stuck_cycles < 0:
-        raise InputError(f"--stuck-cycles: expected 0 for never or a positive number, got {stuck_cycles}")
-    if not 0.0 < max_age < float("inf"):
-        raise InputError(f"--max-age: expected a positive number, got {max_age:g} cycles")
-
-
-def check_dynamic_pressure(pressure: float | None) -> None:
-    """Refuse a fixed q_inf [Pa] that is none; None is for none stated.
-
-    Raises
-    ------
-    InputError
-        It is not a positive finite number.
-    """
-    if pressure is not None and not 0.0 < pressure < float("inf"):
-        raise InputError(f"--dynamic-pressure: expected a positive number, got {pressure:g} Pa")
-
-
 def check_bus_options(interface: str, names: Iterable[str]) -> None:
     """Refuse options that nothing of the interface reads: python-can passes over them without a word.
 

@@ -11,12 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from strainfmu.cli.commands.bus_options import (
-    check_bus_options,
-    check_dynamic_pressure,
-    check_run,
-    cycle_time_of,
-)
+from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of
+from strainfmu.cli.commands.number_ranges import DURATION_S, PRESSURE_PA, within
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +20,9 @@ if TYPE_CHECKING:
     from strainfmu.can.wire.profiles import Identifiers
 
 ProfileOption = Annotated[str, typer.Option(help="fd64, classic-le, classic-be or float2.")]
-CycleTimeOption = Annotated[float, typer.Option(metavar="MS", help="Period of the strain frames.")]
+CycleTimeOption = Annotated[
+    float, typer.Option(metavar="MS", callback=within(0.1, 10_000.0, "ms"), help="Period of the strain frames.")
+]
 BaseOption = Annotated[str, typer.Option(metavar="ID", help="Identifier of the first input frame.")]
 ResultBaseOption = Annotated[str, typer.Option(metavar="ID", help="Identifier of the first result frame.")]
 ExtendedOption = Annotated[bool, typer.Option("--extended", help="29 bit identifiers.")]
@@ -48,16 +46,35 @@ def bridge(
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
     dynamic_pressure: Annotated[
-        float | None, typer.Option(metavar="PA", help="Fixed dynamic pressure, instead of its frame.")
+        float | None,
+        typer.Option(
+            metavar="PA",
+            callback=within(*PRESSURE_PA, "Pa"),
+            help="Fixed dynamic pressure, instead of its frame.",
+        ),
     ] = None,
     result: Annotated[
         str | None, typer.Option(help="Form of the results: fd, classic-le, classic-be. Default: the input's.")
     ] = None,
-    duration: Annotated[float | None, typer.Option(metavar="S", help="Stop after so long.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Stop after so long."),
+    ] = None,
     stuck_cycles: Annotated[
-        int, typer.Option(help="Equal values in a row after which a gauge is left out; 0: never.")
+        int,
+        typer.Option(
+            callback=within(0, 1_000_000),
+            help="Equal values in a row after which a gauge is left out; 0: never.",
+        ),
     ] = 25,
-    max_age: Annotated[float, typer.Option(metavar="CYCLES", help="Largest age of strains that are used.")] = 5.0,
+    max_age: Annotated[
+        float,
+        typer.Option(
+            metavar="CYCLES",
+            callback=within(0.01, 1e6, "cycles"),
+            help="Largest age of strains that are used.",
+        ),
+    ] = 5.0,
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Record the bus: X.blf, X.asc or X.log (candump).")
     ] = None,
@@ -65,7 +82,12 @@ def bridge(
         str | None, typer.Option(metavar="HOST:PORT", help="Send results as UDP-JSON: to 'strainfmu monitor' ...")
     ] = None,
     publish_rate: Annotated[
-        float, typer.Option(metavar="HZ", help="With --publish: maximum number of datagrams a second.")
+        float,
+        typer.Option(
+            metavar="HZ",
+            callback=within(0.001, 10_000.0, "Hz"),
+            help="With --publish: maximum number of datagrams a second.",
+        ),
     ] = 50.0,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
@@ -86,8 +108,6 @@ def bridge(
 
     if (dbc is None) != (mapping is None):
         raise InputError("--dbc and --mapping: expected both or none, got one")
-    check_run(duration, stuck_cycles, max_age)
-    check_dynamic_pressure(dynamic_pressure)
     options = BridgeOptions(
         interface=interface,
         channel=channel,

@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.bus_options import check_dynamic_pressure, cycle_time_of
+from strainfmu.cli.commands.bus_options import cycle_time_of
 from strainfmu.cli.commands.can_bus import identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
+from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,11 +27,17 @@ def replay(
     profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be or float2.")] = None,
     dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames.")] = None,
     mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
-    cycle_time: Annotated[float | None, typer.Option(metavar="MS", help="Period of the strain frames.")] = None,
+    cycle_time: Annotated[
+        float | None,
+        typer.Option(metavar="MS", callback=within(0.1, 10_000.0, "ms"), help="Period of the strain frames."),
+    ] = None,
     id_base: Annotated[str | None, typer.Option(metavar="ID", help="First input identifier.")] = None,
     result_base: Annotated[str | None, typer.Option(metavar="ID", help="First result identifier.")] = None,
     extended: Annotated[bool | None, typer.Option("--extended", help="29 bit identifiers.")] = None,
-    dynamic_pressure: Annotated[float | None, typer.Option(metavar="PA", help="Fixed dynamic pressure.")] = None,
+    dynamic_pressure: Annotated[
+        float | None,
+        typer.Option(metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Fixed dynamic pressure."),
+    ] = None,
 ) -> None:
     """Give the results of a recorded run again, off line, from its time stamps alone.
 
@@ -62,7 +69,10 @@ def estimate(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Estimates to write: CSV or HDF5.")],
     dynamic_pressure: Annotated[
-        float | None, typer.Option(metavar="PA", help="Of the whole file, instead of its column.")
+        float | None,
+        typer.Option(
+            metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Of the whole file, instead of its column."
+        ),
     ] = None,
 ) -> None:
     """Estimate loads from recorded strains.
@@ -81,7 +91,6 @@ def estimate(
     from strainfmu.can.tools.recording import LOG_SUFFIXES
     from strainfmu.recorded.run import estimate_file
 
-    check_dynamic_pressure(dynamic_pressure)
     console = Console()
     if data.suffix.lower() in LOG_SUFFIXES:
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
@@ -126,7 +135,6 @@ def _given_options(
     """Return the bridge's options that were stated."""
     if (dbc is None) != (mapping is None):
         raise InputError("--dbc and --mapping: expected both or none, got one")
-    check_dynamic_pressure(dynamic_pressure)
     given: dict[str, Any] = {
         "profile": profile,
         "dbc": dbc,

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from strainfmu.cli.commands.bus_options import check_bus_options, check_dynamic_pressure, cycle_time_of
+from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of
 from strainfmu.cli.commands.can_bus import (
     BaseOption,
     CycleTimeOption,
@@ -23,6 +23,7 @@ from strainfmu.cli.commands.can_bus import (
     ResultBaseOption,
     identifiers_of,
 )
+from strainfmu.cli.commands.number_ranges import DURATION_S, PRESSURE_PA, within
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
@@ -47,7 +48,12 @@ def send(
         Path | None, typer.Option(metavar="FILE", help="Recorded strains (CSV, HDF5 ...), one row per cycle.")
     ] = None,
     dynamic_pressure: Annotated[
-        float | None, typer.Option(metavar="PA", help="With --data: fixed, instead of its column.")
+        float | None,
+        typer.Option(
+            metavar="PA",
+            callback=within(*PRESSURE_PA, "Pa"),
+            help="With --data: fixed, instead of its column.",
+        ),
     ] = None,
     option: Annotated[
         list[str] | None, typer.Option("--bus-option", metavar="KEY=VALUE", help="Option of the interface.")
@@ -57,12 +63,20 @@ def send(
     id_base: BaseOption = "0x300",
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
-    duration: Annotated[float, typer.Option(metavar="S", help="Longest duration.")] = 20.0,
-    faults: Annotated[int, typer.Option(metavar="N", help="Faults to inject, spread over the flight.")] = 0,
+    duration: Annotated[
+        float, typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Longest duration.")
+    ] = 20.0,
+    faults: Annotated[
+        int,
+        typer.Option(metavar="N", callback=within(0, 100_000), help="Faults to inject, spread over the flight."),
+    ] = 0,
     fault: Annotated[
         list[str] | None, typer.Option(metavar="KIND", help="Kind of fault, several allowed; default: all.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the faults: the same seed, the same faults.")] = 1,
+    seed: Annotated[
+        int,
+        typer.Option(callback=within(0, 2**31 - 1), help="Of the faults: the same seed, the same faults."),
+    ] = 1,
     report: Annotated[
         Path | None,
         typer.Option(metavar="X.json", help="Write what the bridge's results were worth, against the truth."),
@@ -84,9 +98,8 @@ def send(
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
         raise InputError("expected one of --plant, --scenario, --data")
-    check_dynamic_pressure(dynamic_pressure)
     period = cycle_time_of(cycle_time)
-    if not cycle_time <= 1e3 * duration < float("inf"):
+    if not cycle_time <= 1e3 * duration:
         raise InputError(
             f"--cycle-time {cycle_time:g} ms, --duration {duration:g} s: the duration must hold a cycle"
         )

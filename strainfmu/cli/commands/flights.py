@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.number_ranges import within
 
 if TYPE_CHECKING:
     from strainfmu.cosim.flight import FlightResult
@@ -109,12 +110,21 @@ def plant(
     trajectory: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="With --motion trajectory: the table to fly.")
     ] = None,
-    mach_number: Annotated[float | None, typer.Option(help="Start value; 6 if not given.")] = None,
-    altitude: Annotated[float | None, typer.Option(metavar="KM", help="Start value; 20 if not given.")] = None,
-    angle_of_attack: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Start value; 0 if not given.")
+    mach_number: Annotated[
+        float | None, typer.Option(callback=within(1.01, 30.0), help="Start value; 6 if not given.")
     ] = None,
-    sideslip: Annotated[float | None, typer.Option(metavar="DEG", help="Start value; 0 if not given.")] = None,
+    altitude: Annotated[
+        float | None,
+        typer.Option(metavar="KM", callback=within(0.0, 71.0, "km"), help="Start value; 20 if not given."),
+    ] = None,
+    angle_of_attack: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", callback=within(-60.0, 60.0, "deg"), help="Start value; 0 if not given."),
+    ] = None,
+    sideslip: Annotated[
+        float | None,
+        typer.Option(metavar="DEG", callback=within(-60.0, 60.0, "deg"), help="Start value; 0 if not given."),
+    ] = None,
 ) -> None:
     """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
 

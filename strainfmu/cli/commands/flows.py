@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.number_ranges import within
 
 
 def snapshots(
@@ -38,7 +39,10 @@ def snapshots(
     ] = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=0, help="Local worker processes; 0: threads of this process. Default: one per core."),
+        typer.Option(
+            callback=within(0, 1024),
+            help="Local worker processes; 0: threads of this process. Default: one per core.",
+        ),
     ] = None,
 ) -> None:
     """Solve the flow at many flight conditions: surface pressure in one HDF5 file.

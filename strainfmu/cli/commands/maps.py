@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.number_ranges import within
 
 
 def build(
@@ -129,7 +130,9 @@ def bench(
     solver: Annotated[
         list[str] | None, typer.Option(help="Solver of the structure; may be given several times.")
     ] = None,
-    largest: Annotated[int, typer.Option(help="Largest number of degrees of freedom.")] = 5_000_000,
+    largest: Annotated[
+        int, typer.Option(callback=within(1, 10**9), help="Largest number of degrees of freedom.")
+    ] = 5_000_000,
     mesh: Annotated[
         Path | None,
         typer.Option(

@@ -13,6 +13,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from strainfmu.cli.commands.number_ranges import within
+
 if TYPE_CHECKING:
     from builder.structure.structure_file import Structure
     from builder.vehicle.file import Vehicle
@@ -68,7 +70,12 @@ def structure(
     allow_locking: Annotated[
         bool, typer.Option("--allow-locking", help="Go on with elements that lose over 10 % of the bending.")
     ] = False,
-    mesh_unit: Annotated[float, typer.Option(metavar="METRES", help="Length of FILE's unit; 0.001 for mm.")] = 1.0,
+    mesh_unit: Annotated[
+        float,
+        typer.Option(
+            metavar="METRES", callback=within(1e-6, 1e3, "m"), help="Length of FILE's unit; 0.001 for mm."
+        ),
+    ] = 1.0,
     by_position: Annotated[
         bool, typer.Option("--surfaces-by-position", help="Find FILE's surfaces by position, not by name.")
     ] = False,

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.number_ranges import within
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
@@ -29,7 +30,10 @@ def demo(
     can: Annotated[
         bool, typer.Option("--can", help="Then fly once more over a CAN bus: sender and bridge as two processes.")
     ] = False,
-    can_duration: Annotated[float, typer.Option(metavar="S", help="With --can: duration of that flight.")] = 20.0,
+    can_duration: Annotated[
+        float,
+        typer.Option(metavar="S", callback=within(0.1, 1e5, "s"), help="With --can: duration of that flight."),
+    ] = 20.0,
 ) -> None:
     """From a vehicle file to an FMU flying in a system simulation.
 

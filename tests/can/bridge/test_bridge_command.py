@@ -48,7 +48,7 @@ def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path
         (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
         (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "0x300, got 'z'"),
         (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
-        (["dbc", "x.h5", "--cycle-time", "0.09"], "0.09 ms found, 0.1 to 10,000 ms allowed"),
+        (["dbc", "x.h5", "--cycle-time", "0.09"], "--cycle-time: expected 0.1 .. 10000 ms, got 0.09"),
     ],
 )
 def test_wrong_arguments_are_one_line_and_exit_code_2(

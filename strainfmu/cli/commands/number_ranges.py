@@ -1,0 +1,32 @@
+"""Ranges of the numbers that options take: outside, one is refused in one line before anything is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import typer
+
+from strainfmu.errors import InputError
+
+PRESSURE_PA = (1.0, 1e8)
+"""Of q_inf, from a breath of wind to Mach 30 at sea level."""
+DURATION_S = (1e-3, 1e8)
+
+
+def within(low: float, high: float, unit: str = "") -> Callable[[typer.CallbackParam, float | None], float | None]:
+    """Return the callback of an option that takes a number from ``low`` to ``high``; NaN is none.
+
+    Raises
+    ------
+    InputError
+        By the callback, where the number is outside; the message names the option.
+    """
+
+    def checked(param: typer.CallbackParam, value: float | None) -> float | None:
+        if value is not None and not low <= value <= high:
+            name = max(param.opts, key=len)
+            shown = f"{low:.6g} .. {high:.10g} {unit}".rstrip()
+            raise InputError(f"{name}: expected {shown}, got {value:.6g}")
+        return value
+
+    return checked
