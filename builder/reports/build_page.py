@@ -10,16 +10,16 @@ import numpy as np
 from builder.figures import build_report as draw
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import report_tables
-from builder.reports.html import Block, Files, Items, Page, Paragraph, Section, picture, write_page
+from builder.reports.first_screen import WELL, first_screen
+from builder.reports.html import Block, Cards, Files, Items, Page, Paragraph, Section, picture, write_page
 from builder.reports.tables import Table, tables_json, write_csv
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 
 CSV_FOLDER = "report_tables"
 JSON_NAME = "report.json"
 PAGE_NAME = "report.html"
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of report.json; raised when names or meanings change."""
 
 
@@ -42,6 +42,7 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
         "structural_model": report.structural_model,
         "blind_classes": [str(report.symmetries[i].symmetry) for i in report.blind_classes],
         "excluded": list(report.excluded),
+        "summary": first_screen(report).as_json(),
         "tables": tables_json(tables),
     }
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
@@ -71,12 +72,13 @@ def report_page(report: BuildReport) -> Page:
         *((_gamma(report, tables),) if report.gamma else ()),
         Section("Noise terms", (tables["noise"],)),
         Section("Validity range", (tables["validity"], Paragraph(STRAINS_OF_GAUGES))),
-        Section("Errors not included", (Items(report.excluded),)),
+        Section(NOT_INCLUDED, (Items(report.excluded),)),
         Section("Numbers", (Files(_files(tables)),)),
     )
     return Page(f"{report.vehicle}: what its gauges can observe", _opening(report), sections)
 
 
+NOT_INCLUDED = "Errors not included"
 STRAINS_OF_GAUGES = "The maximum strain of each gauge over the snapshots is in the table of gauges."
 
 
@@ -93,34 +95,26 @@ def blind_line(report: BuildReport) -> str:
 
 
 def _opening(report: BuildReport) -> tuple[Block, ...]:
-    one = report.inverse_map
+    one, found = report.inverse_map, first_screen(report)
     modes = "POD modes, by least squares" if one.case == 1 else "states under a Gaussian prior"
-    observed = report.observability
-    costly = int(np.argmax(report.gauges.growth.max(axis=1)))
-    of = int(np.argmax(report.gauges.growth[costly]))
-    of_range = report.coefficients.std_of_range
-    unsure = int(np.argmax(np.where(np.isfinite(of_range), of_range, -1.0)))
     return (
         Paragraph(
             f"Layout {report.layout}, {one.n_gauges} gauges; Case {one.case}, {len(one.state_offset)} {modes}; "
             f"flow by the {report.engine} engine, structure: {report.structural_model}."
         ),
-        Items(
+        Cards(
             (
-                f"The data remove {100.0 * observed.removed:.1f} % of the variance of the snapshots' pressure. "
-                f"The best linear map would remove {100.0 * observed.removed_at_best:.1f} %.",
-                blind_line(report),
-                f"The most uncertain coefficient is {COEFFICIENT_NAMES[unsure]}: its sigma is "
-                f"{100.0 * of_range[unsure]:.2g} % of its range.",
-                f"The gauge whose loss costs most is {one.gauge_names[costly]}: without it "
-                f"{_grown(report.gauges.growth[costly, of])} {COEFFICIENT_NAMES[of]}.",
+                (f"Measured well: sigma up to {100.0 * WELL:g} % of the range", "green", found.well),
+                ("Measured badly", "amber", found.badly),
+                ("Not measured at all", "red", found.unmeasured),
+                ("What would help most", "blue", found.helps),
             )
         ),
+        Paragraph(
+            f"Each sigma holds {', '.join(report.coefficients.names)}. It does not hold the "
+            f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is that of the snapshots.'
+        ),
     )
-
-
-def _grown(ratio: float) -> str:
-    return f"{100.0 * (ratio - 1.0):.2g} % more sigma of" if np.isfinite(ratio) else "no estimate of"
 
 
 def _observability(report: BuildReport, tables: dict[str, Table]) -> Section:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import re
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -77,6 +77,17 @@ class Picture:
 
 
 @dataclass(frozen=True)
+class Cards:
+    """Short lists side by side, two in a row.
+
+    ``cards`` are titles, a colour of :data:`CARD_COLOURS` each, and items; an empty list shows ``nothing``.
+    """
+
+    cards: tuple[tuple[str, str, tuple[str, ...]], ...]
+    nothing: str = "Nothing."
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading and its blocks, in order; sections inside it get smaller headings."""
 
@@ -84,7 +95,7 @@ class Section:
     blocks: tuple[Block, ...]
 
 
-Block = Paragraph | Items | Preformatted | Files | Picture | Table | Section
+Block = Paragraph | Items | Cards | Preformatted | Files | Picture | Table | Section
 
 
 @dataclass(frozen=True)
@@ -176,6 +187,8 @@ def _block(block: Block, level: int, anchors: _Anchors) -> str:
         return f"<p>{escape(block.text)}</p>"
     if isinstance(block, Preformatted):
         return f"<pre>{escape(block.text)}</pre>"
+    if isinstance(block, Cards):
+        return _cards(block)
     if isinstance(block, Files):
         return _list(
             f'<a href="{escape(name)}">{escape(name)}</a>: {escape(content)}'
@@ -184,8 +197,18 @@ def _block(block: Block, level: int, anchors: _Anchors) -> str:
     return _list(escape(item) for item in block.items)
 
 
-def _list(items: Iterator[str]) -> str:
+def _list(items: Iterable[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{item}</li>" for item in items) + "\n</ul>"
+
+
+def _cards(block: Cards) -> str:
+    inside = "\n".join(
+        f'<div class="card {escape(colour)}"><h2>{escape(title)}</h2>\n'
+        + _list(map(escape, items or (block.nothing,)))
+        + "</div>"
+        for title, colour, items in block.cards
+    )
+    return f'<div class="cards">\n{inside}\n</div>'
 
 
 def _table(table: Table) -> str:
@@ -210,6 +233,9 @@ def _picture(one: Picture) -> str:
     )
 
 
+CARD_COLOURS = {"green": "#2c7a3f", "amber": "#a86400", "red": "#b3202c", "blue": "#0b4f9c"}
+"""Colours of the edge of a card, by name."""
+
 PAGE_STYLE = """\
 body { font: 16px/1.5 system-ui, "Segoe UI", "Liberation Sans", Arial, sans-serif; color: #1a1a1a;
   background: #fff; max-width: 76rem; margin: 0 auto; padding: 1.5rem; }
@@ -226,7 +252,12 @@ tbody tr:nth-child(even) { background: #f4f4f4; } tbody tr { border-bottom: 1px 
 figure { margin: 1.2rem 0; }
 figcaption { font-size: 0.9rem; color: #333; max-width: 46rem; }
 pre { background: #f4f4f4; padding: 0.6rem; font-size: 0.85rem; }
+.cards { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0.8rem; margin: 1rem 0; }
+.card { border: 1px solid #ccc; border-left-width: 5px; padding: 0.5rem 0.9rem; }
+.card h2 { font-size: 1.05rem; margin: 0; border: 0; }
+.card ul { margin: 0.3rem 0; padding-left: 1.1rem; font-size: 0.92rem; line-height: 1.4; }
+@media screen and (max-width: 700px) { .cards { grid-template-columns: minmax(0, 1fr); } }
 @media print { body { font-size: 10pt; max-width: none; padding: 0; }
   h2, h3 { break-after: avoid; } figure, tr { break-inside: avoid; } thead { display: table-header-group; }
   a { color: inherit; text-decoration: none; } }
-"""
+""" + "".join(f".card.{name} {{ border-left-color: {colour}; }}\n" for name, colour in CARD_COLOURS.items())

@@ -1,0 +1,212 @@
+"""The first screen of a report: what a layout measures well, badly, not at all, and what would help most.
+
+Every sentence follows from numbers of the report; one without its cause is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from builder.reports.build_report import BuildReport
+from builder.reports.tables import Column, shown
+from builder.structure.observability import Symmetry
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+
+WELL = 0.05
+"""Sigma over the range of the snapshots up to which a coefficient counts as measured well."""
+
+UNMEASURED = 12.0**-0.5
+"""The same of an even spread over the range: an estimate with this sigma tells no more than the range itself."""
+
+PRESSURE_WELL = 0.9
+"""Fraction of the pressure's variance from which it counts as measured well."""
+
+SMALL_FRACTION = 1e-3
+"""Fraction of the snapshots' variance below which a mode or a class is not worth a sentence."""
+
+MAX_MODES = 3
+NEAR_PLANE = 1e-3
+"""Distance from a plane of symmetry over the distance from the axis, up to which a gauge lies on it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstScreen:
+    """Sentences in the order of their weight; a list may be empty.
+
+    Attributes
+    ----------
+    well, badly, unmeasured : coefficients and pressure by their uncertainty.
+    helps : what would reduce it most.
+    """
+
+    well: tuple[str, ...]
+    badly: tuple[str, ...]
+    unmeasured: tuple[str, ...]
+    helps: tuple[str, ...]
+
+    def as_json(self) -> dict[str, list[str]]:
+        """Return the lists for JSON."""
+        return {name: list(lines) for name, lines in asdict(self).items()}
+
+
+def first_screen(report: BuildReport) -> FirstScreen:
+    """Return the sentences of ``report``."""
+    of_range = report.coefficients.std_of_range
+    order = [int(i) for i in np.argsort(of_range, kind="stable")]
+    well = [_coefficient(report, i) for i in order if of_range[i] <= WELL]
+    badly = [_coefficient(report, i) for i in order[::-1] if WELL < of_range[i] < UNMEASURED]
+    lost = [_coefficient(report, i) for i in order[::-1] if of_range[i] >= UNMEASURED]
+    (well if report.observability.removed >= PRESSURE_WELL else badly).append(_pressure(report))
+    return FirstScreen(
+        well=tuple(well),
+        badly=(*badly, *_hidden_area(report), *_weak_modes(report)),
+        unmeasured=(*lost, *_blind_classes(report), *_silent_modes(report)),
+        helps=(*_largest_source(report), *_blind_gauges(report), *_other_map(report), *_costly_gauge(report)),
+    )
+
+
+def _coefficient(report: BuildReport, index: int) -> str:
+    found, name = report.coefficients, f"{COEFFICIENT_NAMES[index]}, {LOAD_NAMES[index].replace('_', ' ')}"
+    low, high = found.range[index]
+    fraction = found.std_of_range[index]
+    if not np.isfinite(fraction):
+        return f"{name}: it is {_value(low)} in every snapshot, so that the map holds no variation of it."
+    of_what = f"{_percent(fraction)} of the range {_value(low)} to {_value(high)}"
+    return f"{name}: sigma {found.std[index]:.2g}, {of_what}."
+
+
+def _pressure(report: BuildReport) -> str:
+    observed = report.observability
+    return f"Surface pressure: the data remove {_percent(observed.removed)} of the variance of the snapshots."
+
+
+def _hidden_area(report: BuildReport) -> list[str]:
+    """Return the part of the surface where most of the variance is left."""
+    removed, area = report.observability.node_removed, report.surface.node_area
+    hidden = float(area[removed < 0.5].sum() / area.sum())
+    if hidden < SMALL_FRACTION:
+        return []
+    return [f"Pressure on {_percent(hidden)} of the surface: less than half of its variance is removed."]
+
+
+def _signal(report: BuildReport) -> FloatArray:
+    """Return (k,) strain of each mode at one standard deviation over the noise, over all gauges together [1]."""
+    one = report.inverse_map
+    return report.observability.mode_strain * np.sqrt(one.n_gauges / np.mean(one.noise_std**2))
+
+
+def _weak_modes(report: BuildReport) -> list[str]:
+    observed = report.observability
+    weak = (observed.mode_removed < 0.5) & (_signal(report) >= 1.0) & (observed.mode_fraction >= SMALL_FRACTION)
+    lines = []
+    for j in np.flatnonzero(weak)[:MAX_MODES].tolist():
+        removed = f"{_percent(max(observed.mode_removed[j], 0.0))} of it is removed"
+        what = removed if j < observed.n_kept else "no state of this map"
+        lines.append(
+            f"POD mode {j + 1}, {_percent(observed.mode_fraction[j])} of the variance: {what}; at best "
+            f"{_percent(observed.mode_removed_at_best[j])} could be."
+        )
+    return lines
+
+
+def _silent_modes(report: BuildReport) -> list[str]:
+    fraction = report.observability.mode_fraction
+    silent = (_signal(report) < 1.0) & (fraction >= SMALL_FRACTION)
+    return [
+        f"POD mode {j + 1}, {_percent(fraction[j])} of the variance: its strain is below the noise of all gauges "
+        "together."
+        for j in np.flatnonzero(silent)[:MAX_MODES].tolist()
+    ]
+
+
+def _blind_classes(report: BuildReport) -> list[str]:
+    fraction = report.observability.class_fraction
+    return [
+        f"Pressure {report.symmetries[i].symmetry}, {_in_words(report.symmetries[i].symmetry)}"
+        + (f", {_percent(fraction[i])} of the variance of the snapshots" if np.isfinite(fraction[i]) else "")
+        + ": no gauge responds to it."
+        for i in report.blind_classes
+    ]
+
+
+def _in_words(symmetry: Symmetry) -> str:
+    sides = "alike" if symmetry.even_in_y else "opposite"
+    heights = "alike" if symmetry.even_in_z else "opposite"
+    return f"{sides} on port and starboard, {heights} above and below"
+
+
+def _largest_source(report: BuildReport) -> list[str]:
+    """Return what the sigma of the most uncertain coefficient would be without its largest source."""
+    found, of_range = report.coefficients, report.coefficients.std_of_range
+    finite = np.isfinite(of_range)
+    lines = []
+    if finite.any():
+        worst = int(np.argmax(np.where(finite, of_range, -1.0)))
+        source = int(np.argmax(found.variance[:, worst]))
+        left = 1.0 - found.variance[source, worst] / found.std[worst] ** 2
+        lines.append(
+            f"The source to reduce first is {found.names[source]}: without it the sigma of "
+            f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * np.sqrt(max(left, 0.0)))} of the "
+            f"range, not {_percent(of_range[worst])}."
+        )
+    if len(report.noise) > 1:
+        noise = max(report.noise, key=lambda term: term.fraction)
+        lines.append(
+            f"The largest of {len(report.noise)} noise terms is {noise.name}: {_percent(noise.fraction)} of the "
+            f"whitened variance, {1e6 * noise.rms_strain:.2g} um/m rms."
+        )
+    return lines
+
+
+def _blind_gauges(report: BuildReport) -> list[str]:
+    """Return where a gauge would respond to a blind class: off the planes on which all of them lie."""
+    position = report.inverse_map.gauge_position
+    radius = np.hypot(position[:, 1], position[:, 2])
+    on_plane = np.abs(position[:, 1:]) <= NEAR_PLANE * radius[:, None]
+    lines = []
+    for i in report.blind_classes:
+        odd = _odd_planes(report.symmetries[i].symmetry)
+        if odd and on_plane[:, odd].any(axis=1).all():
+            planes = " or ".join(f"{'yz'[k]} = 0" for k in odd)
+            lines.append(
+                f"A gauge off the plane{'s' if len(odd) > 1 else ''} {planes.replace(' or ', ' and ')}: all "
+                f"{len(position)} lie on {planes}, and pressure {report.symmetries[i].symmetry} strains none."
+            )
+    return lines
+
+
+def _odd_planes(symmetry: Symmetry) -> list[int]:
+    return [k for k, even in enumerate((symmetry.even_in_y, symmetry.even_in_z)) if not even]
+
+
+def _other_map(report: BuildReport) -> list[str]:
+    """Return how much of what is left another map of the same gauges could remove."""
+    left, at_best = 1.0 - report.observability.removed, 1.0 - report.observability.removed_at_best
+    if left < SMALL_FRACTION:
+        return []
+    return [
+        f"Of the pressure's variance {_percent(left)} is left. The best linear map of these gauges would leave "
+        f"{_percent(at_best)}; less than that takes other gauges."
+    ]
+
+
+def _costly_gauge(report: BuildReport) -> list[str]:
+    growth, one = report.gauges.growth, report.inverse_map
+    costly = int(np.argmax(growth.max(axis=1)))
+    of = int(np.argmax(growth[costly]))
+    ratio = growth[costly, of]
+    cost = (
+        f"{_percent(ratio - 1.0)} more sigma of {COEFFICIENT_NAMES[of]}" if np.isfinite(ratio) else "no estimate"
+    )
+    return [f"The gauge to protect, or to double, is {one.gauge_names[costly]}: without it {cost}."]
+
+
+def _value(coefficient: float) -> str:
+    return shown(float(coefficient), Column("", "1", ".3f"))
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.3g} %" if fraction >= 0.1 else f"{100.0 * fraction:.2g} %"
