@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
-from builder.aero.euler.solver import FlowSolution
+from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.vehicle.geometry import chain_segments
+from strainfmu.errors import FlowReachError
 
 ConeFlow = Callable[[float, float, float], FlowSolution]
 GAMMA = 1.4
@@ -61,8 +63,11 @@ def coefficients(flow: FlowSolution, base_area: float) -> np.ndarray:
     return flow.force / (0.5 * GAMMA * flow.mach_number**2 * base_area)
 
 
-def taylor_maccoll_pressure(half_angle: float, mach_number: float) -> float:
-    """p/p_inf on a cone, by integration from the shock inwards (Anderson, Modern Compressible Flow, ch. 10)."""
+def taylor_maccoll_surface(half_angle: float, mach_number: float) -> tuple[float, float]:
+    """Return p/p_inf and M on a cone, by integration from the shock inwards.
+
+    Anderson, Modern Compressible Flow, ch. 10. NaN where the shock is detached.
+    """
 
     def behind_shock(shock: float) -> tuple[float, float, float]:
         """Return the flow's Mach number and deflection behind an oblique shock, and p02/p01."""
@@ -87,19 +92,27 @@ def taylor_maccoll_pressure(half_angle: float, mach_number: float) -> float:
 
     vars(wall_flow)["terminal"] = True  # scipy reads this from the function itself
 
-    def cone_of(shock: float) -> tuple[float, float]:
-        """Return the cone's half-angle and its p/p_inf."""
+    def cone_of(shock: float) -> tuple[float, float, float]:
+        """Return the cone's half-angle, its p/p_inf and its M."""
         mach2, deflection, total = behind_shock(shock)
         speed = (5.0 / mach2**2 + 1.0) ** -0.5
         start = [speed * cos(shock - deflection), -speed * sin(shock - deflection)]
         path = solve_ivp(slope, (shock, 1e-4), start, events=wall_flow, method="DOP853", rtol=1e-11, atol=1e-13)
         angle, radial = path.t_events[0][0], path.y_events[0][0][0]
         surface2 = 5.0 * radial**2 / (1.0 - radial**2)
-        return angle, total * ((1.0 + 0.2 * mach_number**2) / (1.0 + 0.2 * surface2)) ** 3.5
+        return angle, total * ((1.0 + 0.2 * mach_number**2) / (1.0 + 0.2 * surface2)) ** 3.5, np.sqrt(surface2)
 
-    low, high = max(asin(1.0 / mach_number), half_angle) + 1e-3, half_angle + 0.25
-    shock = brentq(lambda angle: cone_of(angle)[0] - half_angle, low, high, xtol=1e-12)
-    return cone_of(shock)[1]
+    low = asin(1.0 / mach_number) + 1e-5
+    steepest = minimize_scalar(lambda angle: -cone_of(angle)[0], bounds=(low, 0.5 * pi - 1e-4), method="bounded").x
+    if cone_of(steepest)[0] < half_angle:
+        return float("nan"), float("nan")
+    shock = brentq(lambda angle: cone_of(angle)[0] - half_angle, low, steepest, xtol=1e-12)
+    return cone_of(shock)[1:]
+
+
+def taylor_maccoll_pressure(half_angle: float, mach_number: float) -> float:
+    """Return p/p_inf on a cone."""
+    return taylor_maccoll_surface(half_angle, mach_number)[0]
 
 
 @pytest.mark.parametrize(("half_angle", "mach_number", "expected"), TAYLOR_MACCOLL)
@@ -126,6 +139,36 @@ def test_pressure_of_a_cone_between_the_tables(half_angle: float, mach_number: f
     """Within 0.3 % of the Taylor-Maccoll equation integrated here."""
     expected = taylor_maccoll_pressure(radians(half_angle), mach_number)
     np.testing.assert_allclose(surface_pressure(cone_flow(half_angle, mach_number, 0.0)), expected, rtol=3e-3)
+
+
+# Half-angle [deg], M from which the flow on the cone is supersonic along the axis: Taylor-Maccoll.
+AXIALLY_SUPERSONIC = [(5.0, 1.042), (10.0, 1.130), (15.0, 1.252), (20.0, 1.407), (25.0, 1.603)]
+
+
+@pytest.mark.parametrize(("half_angle", "limit"), AXIALLY_SUPERSONIC)
+def test_cone_is_solved_where_its_flow_is_axially_supersonic(half_angle: float, limit: float) -> None:
+    """From 0.05 above the limit in Mach number, pressure within 0.7 %, and 0.4 % from 0.1 above; not below it."""
+    angle = radians(half_angle)
+    axial = [taylor_maccoll_surface(angle, limit + side)[1] * cos(angle) for side in (-1e-3, 1e-3)]
+    assert not axial[0] >= 1.0  # NaN where there is no attached shock at all
+    assert axial[1] > 1.0
+    cone = chain_segments([(1.0, angle, angle)])
+    for above, tolerance in ((0.05, 7e-3), (0.1, 4e-3)):
+        expected = taylor_maccoll_pressure(angle, limit + above)
+        np.testing.assert_allclose(
+            surface_pressure(solve_flow(cone, limit + above, 0.0)), expected, rtol=tolerance
+        )
+    with pytest.raises(FlowReachError, match=r"the axial Mach number falls to 1.* at x = 0 m \(tip\)"):
+        solve_flow(cone, limit - 0.01, 0.0)
+
+
+@pytest.mark.parametrize(("half_angle", "limit", "incidence"), [(10.0, 1.130, 2.0), (20.0, 1.407, 4.0)])
+def test_cone_at_low_mach_number_and_incidence(half_angle: float, limit: float, incidence: float) -> None:
+    """0.2 above the limit: solved, settled, and the wall carries the momentum."""
+    angle = radians(half_angle)
+    flow = solve_flow(chain_segments([(1.0, angle, angle)]), limit + 0.2, radians(incidence))
+    assert flow.conical_change < 1e-3
+    np.testing.assert_allclose(flow.force, flow.force_from_momentum, rtol=2e-3)
 
 
 @pytest.mark.parametrize(("half_angle", "mach_number", "expected"), NORMAL_FORCE_SLOPE)

@@ -212,6 +212,16 @@ def test_condition_out_of_reach_is_named(
     assert isinstance(error.value, InputError)
 
 
+@pytest.mark.parametrize("incidence", [0.0, 10.0])
+def test_expansion_out_of_reach_is_not_called_a_shock(incidence: float, make_body: BodyMaker) -> None:
+    """A boat-tail that turns the flow too far: no word of a detached shock or of sonic flow."""
+    body = make_body((1.0, 10.0, 10.0), (1.3, -30.0, -30.0))
+    with pytest.raises(FlowReachError, match=r"expands to near vacuum at x = 1\.0") as error:
+        solve_flow(body, 7.0, radians(incidence))
+    assert "axial Mach number" not in str(error.value)
+    assert "detach" not in str(error.value)
+
+
 @pytest.mark.fast
 @pytest.mark.parametrize("mach_number", [0.8, 1.0, float("nan")])
 def test_subsonic_stream_is_refused(mach_number: float, make_body: BodyMaker) -> None:

@@ -1,14 +1,16 @@
 """March from tip to base: conical start, then step by step along the surface.
 
 The flow over the tip is conical. It is relaxed, first on half the grid, then on the whole, and then marched over
-ever larger cones until nothing changes, which after the relaxation is seldom more than one leg. A body that
-begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that slope breaks are met
-exactly.
+ever larger cones until nothing changes, which after the relaxation is seldom more than one leg. The relaxation
+begins with the free stream. That must turn at once by the whole angle of the tip, as at a wedge, whose shock
+detaches at a higher Mach number than the cone's: where it does, the cone is opened step by step from a slender
+one. A body that begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that
+slope breaks are met exactly.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan, log
 
 import numpy as np
@@ -43,6 +45,10 @@ COARSE_TOLERANCE = 0.01
 """Tolerance of the start on half the grid, from which that on the whole grid begins."""
 ROUGH_TOLERANCE = 0.3
 """Tolerance to which the march takes an impulsive start before the relaxation, which failed on it, tries again."""
+FIRST_OPENING = 0.25
+"""Share of the tip's slope and of the cross-flow with which a cone that is opened step by step begins."""
+LEAST_OPENING = 1.0 / 512.0
+"""Smallest step of that share."""
 OGIVE_START = 0.01
 """Fraction of the first piece's length that is taken as a cone where that piece is curved."""
 
@@ -81,7 +87,8 @@ def march_body(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingG
     Raises
     ------
     FlowReachError
-        The axial Mach number falls to 1, the wall shock detaches or the conical start does not settle.
+        The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum or the conical
+        start does not settle.
     """
     start = _end_of_cone(pieces[0][0])
     plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
@@ -131,17 +138,10 @@ def _conical_start(
     lean = atan(float(np.hypot(flow.stream.v, flow.stream.w)) / flow.stream.u)
     mach_angle = np.arcsin(1.0 / flow.mach_number)
     reach = 1.3 * np.tan(min(mach_angle + max(atan(float(slope.max())), lean), 1.3))
-    n_phi = coarse_rays.cell_sine.size
-    plane = Plane(
-        x=1.0,
-        rays=coarse_rays,
-        conserved=free_stream(flow.stream, n_phi, coarse_r),
-        outer=np.full(n_phi + 1, reach),
-    )
-    for enough in (ROUGH_TOLERANCE, COARSE_TOLERANCE):
-        if relax_cone(plane, coarse_slope, flow.stream, grid, max(COARSE_TOLERANCE, grid.conical_tolerance)):
-            break
-        _settle(plane, coarse_slope, flow, grid, max(enough, grid.conical_tolerance))
+    try:
+        plane = _sudden_start(coarse_slope, coarse_rays, reach, coarse_r, flow, grid)
+    except FlowReachError:
+        plane = _opened_cone(coarse_slope, coarse_rays, reach, coarse_r, flow, grid)
     plane = refine(plane, rays, n_r)
     relax_cone(plane, slope, flow.stream, grid, grid.conical_tolerance)
     pressure, change = _settle(plane, slope, flow, grid, grid.conical_tolerance)
@@ -151,6 +151,49 @@ def _conical_start(
     place_vertices(radius, plane.outer, np.array([0.0, 1.0]), rays, vertex)
     plane.force = cone_force(x, vertex[:, :, 0], pressure)
     return plane, pressure, change
+
+
+def _undisturbed(stream: Stream, rays: Rays, reach: float, n_r: int) -> Plane:
+    """Return the plane at x = 1 of the free stream inside the radius ``reach`` [m]."""
+    n_phi = rays.cell_sine.size
+    return Plane(x=1.0, rays=rays, conserved=free_stream(stream, n_phi, n_r), outer=np.full(n_phi + 1, reach))
+
+
+def _sudden_start(slope: FloatArray, rays: Rays, reach: float, n_r: int, flow: Flow, grid: MarchingGrid) -> Plane:
+    """Return the flow over the cone r = slope x, relaxed from the free stream within COARSE_TOLERANCE.
+
+    Raises FlowReachError where the free stream cannot be turned by the cone's angle at once.
+    """
+    plane = _undisturbed(flow.stream, rays, reach, n_r)
+    tolerance = max(COARSE_TOLERANCE, grid.conical_tolerance)
+    for enough in (ROUGH_TOLERANCE, COARSE_TOLERANCE):
+        if relax_cone(plane, slope, flow.stream, grid, tolerance):
+            break
+        _settle(plane, slope, flow, grid, max(enough, grid.conical_tolerance))
+    return plane
+
+
+def _opened_cone(slope: FloatArray, rays: Rays, reach: float, n_r: int, flow: Flow, grid: MarchingGrid) -> Plane:
+    """Return the same, reached over more slender cones in less cross-flow, each from the flow over the one before.
+
+    Raises FlowReachError where even LEAST_OPENING is too large a step: there the flow is out of reach.
+    """
+    stream, tolerance = flow.stream, max(COARSE_TOLERANCE, grid.conical_tolerance)
+    square = stream.u**2 + stream.v**2 + stream.w**2
+    plane = _undisturbed(stream._replace(u=square**0.5, v=0.0, w=0.0), rays, reach, n_r)
+    done, step = 0.0, FIRST_OPENING
+    while done < 1.0:
+        share = min(done + step, 1.0)
+        v, w = share * stream.v, share * stream.w
+        partly = stream._replace(u=(square - v * v - w * w) ** 0.5, v=v, w=w)
+        if relax_cone(plane, share * slope, partly, grid, tolerance):
+            done, step = share, 2.0 * step
+        elif step > LEAST_OPENING:
+            step *= 0.5
+        else:
+            _settle(plane, share * slope, replace(flow, stream=partly), grid, tolerance)
+            done = share
+    return plane
 
 
 def _settle(
@@ -207,6 +250,7 @@ def advance(
         reasons = {
             march.AXIAL_SONIC: "the axial Mach number falls to 1",
             march.WALL_DETACHED: "the axial Mach number falls to 1, the shock at the wall detaches,",
+            march.NEAR_VACUUM: "the flow expands to near vacuum",
             march.OUT_OF_STEPS: f"more than {MAX_STEPS} marching steps are needed",
         }
         raise flow.refusal(f"{reasons[status]} at x = {0.0 if tip else x:.4g} m{' (tip)' if tip else ''}")

@@ -59,8 +59,8 @@ def solve_full_flow(
     InputError
         The surface's radius is not positive and finite aft of the tip.
     FlowReachError
-        The axial Mach number falls to 1, the wall shock detaches or the flow over the tip does not settle; the
-        message names the station and the condition.
+        The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum or that over the
+        tip does not settle; the message names the station and the condition.
     """
     grid = grid or MarchingGrid()
     stream = free_stream_of(mach_number, angle_of_attack, sideslip_angle)

@@ -22,8 +22,11 @@ REACHED_END = 0
 AXIAL_SONIC = 1
 WALL_DETACHED = 2
 OUT_OF_STEPS = 3
+NEAR_VACUUM = 4
 
 MIN_AXIAL_MACH_NUMBER = 1.00005
+VACUUM_PRESSURE = 2e-3
+"""Pressure over p_inf of a cell below which a march that cannot go on has come too near to vacuum."""
 
 
 @compiled
@@ -58,6 +61,22 @@ def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, 
             wave[k, 0, i] = sign * wave[k, n_phi if rays.closed else 1, i]
             wave[k, n_phi + 1, i] = sign * wave[k, 1 if rays.closed else n_phi, i]
     return True
+
+
+@compiled
+def cause_of_end(conserved: FloatArray, enthalpy: float, status: int) -> int:
+    """Return NEAR_VACUUM where an expansion has left a cell of ``conserved`` hardly any pressure, else ``status``.
+
+    The axial flow of such a cell is far from sonic: it is the pressure, a small difference of momentum and mass
+    flux times velocity, that is lost.
+    """
+    for j in range(conserved.shape[1]):
+        for i in range(conserved.shape[2]):
+            mass, momentum = conserved[0, j, i], conserved[1, j, i]
+            p, _, u, _, _ = primitive(mass, momentum, conserved[2, j, i], conserved[3, j, i], enthalpy)
+            if not mass > 0.0 or (u > 0.0 and GAMMA * p < VACUUM_PRESSURE):
+                return NEAR_VACUUM
+    return status
 
 
 @compiled
@@ -188,7 +207,7 @@ def march(
     cell_areas(before, area_before)
     for number in range(stations.size):
         if not decode(conserved, rays, stream, cell, wave):
-            return AXIAL_SONIC, number, x
+            return cause_of_end(conserved, stream.enthalpy, AXIAL_SONIC), number, x
         outer_boundary_growth(x, before, outer, wave, rays, stream, growth=growth)
         crossing_steps(before, cell, spacing, rays, wall_slope=slope, growth=growth, step=crossing)
         dx = courant * crossing.min()
@@ -206,12 +225,12 @@ def march(
         cell_areas(after, area_after)
         step = Step(before, after, dx)
         if not find_fluxes(step, cell, wave, rays, stream, first, wall_pressure=wall_first, repairs=repairs):
-            return WALL_DETACHED, number, x
+            return cause_of_end(conserved, stream.enthalpy, WALL_DETACHED), number, x
         advance_cells(conserved, area_before, first, first, area_after, guess)
         if not decode(guess, rays, stream, cell, wave):
-            return AXIAL_SONIC, number, x
+            return cause_of_end(guess, stream.enthalpy, AXIAL_SONIC), number, x
         if not find_fluxes(step, cell, wave, rays, stream, second, wall_pressure=wall_second, repairs=repairs):
-            return WALL_DETACHED, number, x
+            return cause_of_end(guess, stream.enthalpy, WALL_DETACHED), number, x
         advance_cells(conserved, area_before, first, second, area_after, conserved)
         pressures[number] = 0.5 * (wall_first + wall_second)
         stations[number] = x + 0.5 * dx

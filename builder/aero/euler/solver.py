@@ -76,8 +76,8 @@ def solve_flow(
     Raises
     ------
     FlowReachError
-        The axial Mach number falls to 1, the wall shock detaches or the flow over the tip does not settle; the
-        message names the station and the condition.
+        The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum or that over the
+        tip does not settle; the message names the station and the condition.
     """
     grid = grid or MarchingGrid()
     stream = free_stream_of(mach_number, incidence)
