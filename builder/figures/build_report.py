@@ -9,9 +9,10 @@ import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.gauge_marks import KIND_MARKERS, gauge_kinds, kind_label
 from builder.figures.unrolled import roll_degrees, unrolled_triangles
 from builder.inverse.regularisation import LCurve
-from builder.structure.observability import SYMMETRIES, angle_from_meridian
+from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 
@@ -120,6 +121,7 @@ def known_pressure(surface: SurfaceMesh, removed: FloatArray, inverse_map: Inver
         rasterized=True,
     )
     _draw_gauges(axis, inverse_map, None)
+    axis.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.99), frameon=False, ncols=3)
     figure.colorbar(drawn, ax=axis, pad=0.01, label="variance removed [%]")
     axis.set_xlabel("station x from the nose tip [m]")
     return figure
@@ -199,6 +201,8 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
             axis.set_title("minimum detectable bias", fontsize=9)
         drawn = _draw_gauges(axis, inverse_map, numbers)
         figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="outside upper right", frameon=False, ncols=3)
     for axis in axes[-1]:
         axis.set_xlabel("station x from the nose tip [m]")
     return figure
@@ -283,18 +287,29 @@ def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> Figure:
     return figure
 
 
+_APART = {"axial": -9.0, "hoop": 9.0, "inclined": 0.0}
+"""By how much a kind is drawn off its roll angle [deg]: gauges at one position would hide each other."""
+
+
 def _draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) -> Any:
     """Draw the gauges on an unrolled body, coloured by ``numbers`` or hollow; black where a number is infinite."""
     position = inverse_map.gauge_position
-    roll = roll_degrees(position)
-    hoop = np.abs(angle_from_meridian(position, inverse_map.gauge_direction)) > 0.25 * np.pi
+    direction, roll = inverse_map.gauge_direction, roll_degrees(position)
     finite = np.ones(len(roll), dtype=bool) if numbers is None else np.isfinite(numbers)
     drawn: Any = None
-    for chosen, marker, label in ((~hoop, "o", "axial"), (hoop, "s", "hoop")):
-        # Gauges at one position would hide each other.
-        at = position[:, 0], roll + np.where(hoop, 9.0, -9.0)
+    for kind, chosen in gauge_kinds(position, direction).items():
+        marker, label = KIND_MARKERS[kind], kind_label(kind, position[chosen], direction[chosen])
+        at = position[:, 0], roll + _APART[kind]
         if numbers is None:
-            axis.plot(at[0][chosen], at[1][chosen], marker, color="white", markeredgecolor="black", markersize=5)
+            axis.plot(
+                at[0][chosen],
+                at[1][chosen],
+                marker,
+                color="white",
+                markeredgecolor="black",
+                markersize=5,
+                label=label,
+            )
             continue
         low, high = _limits(numbers[finite])
         here = chosen & finite

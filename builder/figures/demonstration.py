@@ -9,6 +9,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.gauge_marks import draw_strokes
 from builder.figures.unrolled import at_roll_angles
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -99,17 +100,7 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     figure = blank_figure(10.0, 4.2)
     unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
     position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
-    roll = np.degrees(np.arctan2(position[:, 1], position[:, 2])) % 360.0
-    axial = np.abs(direction[:, 0]) > 0.5
-    for chosen, marker, label in ((axial, "_", "axial"), (~axial, "|", "hoop")):
-        unrolled.plot(
-            position[chosen, 0],
-            roll[chosen],
-            marker,
-            markersize=14,
-            markeredgewidth=2.5,
-            label=f"{label}, {chosen.sum()}",
-        )
+    draw_strokes(unrolled, position, direction, 14.0)
     unrolled.set_xlim(0.0, surface.x[-1])
     unrolled.set_ylim(-20.0, 360.0)
     unrolled.set_yticks([0, 90, 180, 270, 360])

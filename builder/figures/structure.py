@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.gauge_marks import draw_strokes, gauge_kinds
 from builder.figures.unrolled import roll_degrees
 from builder.structure.observability import (
     SYMMETRIES,
@@ -36,7 +37,6 @@ CLOSE_UP = 0.06
 PATTERN_POSITIONS = (0.15, 0.5, 0.85)
 """Which gauges of a direction have their patterns drawn: fractions of their number, from the nose."""
 HEAT_MAP_RANGE = 1e3
-DIRECTION_COLOURS = {"axial": "tab:blue", "hoop": "tab:red", "other": "tab:green"}
 
 
 def mesh_and_gauges(structure: Structure) -> Figure:
@@ -99,38 +99,13 @@ def _draw_layout(axis: Any, structure: Structure, layout: str, edge: FloatArray)
     """Draw a layout over the unrolled mesh; a mark lies along the gauge's direction."""
     _draw_edges(axis, edge)
     gauges = structure.gauges_of(layout)
-    _draw_marks(axis, structure, gauges, structure.gauge_position[gauges, 0], 13.0)
+    draw_strokes(axis, structure.gauge_position[gauges], structure.gauge_direction[gauges], 13.0)
     axis.set_xlim(structure.point[:, 0].min(), structure.point[:, 0].max())
     axis.set_ylim(-20.0, 360.0)
     axis.set_yticks([0, 90, 180, 270, 360])
     axis.set_ylabel("roll angle from +z\ntowards +y [deg]")
     axis.set_title(f"{layout}: {len(gauges)} gauges", fontsize=9, loc="left")
     axis.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.99), borderpad=0.2, frameon=False, ncols=3)
-
-
-def _draw_marks(axis: Any, structure: Structure, gauges: IntArray, x: FloatArray, size: float) -> None:
-    """Draw one stroke per gauge in unrolled axes, coloured by direction; the legend counts them."""
-    position, direction = structure.gauge_position[gauges], structure.gauge_direction[gauges]
-    angle = np.round(np.degrees(angle_from_meridian(position, direction)), 1)
-    kind = np.array(
-        [name if name in DIRECTION_COLOURS else "other" for name in direction_names(position, direction)]
-    )
-    roll = roll_degrees(position)
-    labelled: set[str] = set()
-    for name, turn in sorted(set(zip(kind.tolist(), angle.tolist(), strict=True))):
-        chosen = (kind == name) & (angle == turn)
-        label = None if name in labelled else f"{name}, {(kind == name).sum()}"
-        labelled.add(name)
-        axis.plot(
-            x[chosen],
-            roll[chosen],
-            linestyle="none",
-            marker=(2, 2, turn - 90.0),
-            markersize=size,
-            markeredgewidth=2.0,
-            color=DIRECTION_COLOURS[name],
-            label=label,
-        )
 
 
 def _draw_close_up(axis: Any, structure: Structure, gauge: int) -> None:
@@ -215,19 +190,17 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
 
 
 def pattern_gauges(structure: Structure) -> list[IntArray]:
-    """Return per direction (axial, hoop, other) a few gauges spread from nose to base, nearest to 180 deg."""
+    """Return per kind (axial, hoop, inclined) a few gauges spread from nose to base, nearest to 180 deg."""
     distinct = distinct_gauges(structure)
-    names = direction_names(structure.gauge_position[distinct], structure.gauge_direction[distinct])
-    kind = np.array([name if name in DIRECTION_COLOURS else "other" for name in names])
+    kinds = gauge_kinds(structure.gauge_position[distinct], structure.gauge_direction[distinct])
     found = []
-    for name in DIRECTION_COLOURS:
-        alike = distinct[kind == name]
+    for chosen in kinds.values():
+        alike = distinct[chosen]
         station = np.round(structure.gauge_position[alike, 0], 6)
         away = np.abs(roll_degrees(structure.gauge_position[alike]) - 180.0)
         stations, first = np.unique(station[np.lexsort((away, station))], return_index=True)
-        if len(stations):
-            number = np.unique([int(fraction * len(stations)) for fraction in PATTERN_POSITIONS])
-            found.append(alike[np.lexsort((away, station))][first[number]])
+        number = np.unique([int(fraction * len(stations)) for fraction in PATTERN_POSITIONS])
+        found.append(alike[np.lexsort((away, station))][first[number]])
     return found
 
 

@@ -130,7 +130,7 @@ def _observability(report: BuildReport, tables: dict[str, Table]) -> Section:
             picture(
                 draw.known_pressure(report.surface, report.observability.node_removed, report.inverse_map),
                 "Fraction of the pressure's variance that the data remove, on the unrolled body. Circles are "
-                "axial gauges, squares are hoop gauges, drawn slightly apart.",
+                "axial gauges, squares hoop gauges, diamonds inclined ones, drawn slightly apart.",
                 "Map of the unrolled body: fraction of the pressure's variance that the data remove.",
             ),
             picture(

@@ -71,7 +71,7 @@ def test_marks_lie_along_the_gauges(draw: Callable[[str], Figure]) -> None:
     assert {turn for turn, _ in strokes} == {-90.0, 0.0, -45.0}
     assert sorted(y for turn, roll in strokes if turn == -90.0 for y in roll) == pytest.approx([0.0, 90.0])
     labels = {text.get_text() for text in first.get_legend().get_texts()}
-    assert labels == {"axial, 2", "hoop, 2", "other, 1"}
+    assert labels == {"axial, 2", "hoop, 2", "45 deg, 1"}
 
 
 def test_gauges_shared_by_layouts_count_once(structure: Structure) -> None:

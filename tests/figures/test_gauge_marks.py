@@ -1,0 +1,81 @@
+"""Gauges in figures: each is of one kind by its direction, drawn along it, and counted once."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.figures.build_report import gauge_loss, known_pressure
+from builder.figures.demonstration import gauges
+from builder.figures.gauge_marks import gauge_kinds, kind_label
+from builder.vehicle.geometry import chain_segments, surface_grid
+
+pytestmark = pytest.mark.fast
+
+ROSETTES = 4
+GRID = surface_grid(chain_segments([(2.0, 0.1, 0.1)]), 10, 16)
+
+
+def rosettes(*angles: float) -> SimpleNamespace:
+    """Return gauges at ``angles`` [deg] from the meridian, at four roll angles on a cone."""
+    position, direction = [], []
+    for roll in np.radians([0.0, 60.0, 180.0, 270.0][:ROSETTES]):
+        out = np.array([0.0, np.sin(roll), np.cos(roll)])
+        aft = np.cos(0.1) * np.array([1.0, 0.0, 0.0]) + np.sin(0.1) * out
+        across = np.array([0.0, np.cos(roll), -np.sin(roll)])
+        for angle in np.radians(angles):
+            position.append(0.1 * out + [1.0, 0.0, 0.0])
+            direction.append(np.cos(angle) * aft + np.sin(angle) * across)
+    return SimpleNamespace(
+        gauge_position=np.array(position),
+        gauge_direction=np.array(direction),
+        n_gauges=len(position),
+        vehicle="cone",
+    )
+
+
+def legend_of(figure: Any) -> list[str]:
+    """Return the texts of the only legend of a figure."""
+    legends = [axis.get_legend() for axis in figure.axes if axis.get_legend() is not None] + figure.legends
+    assert len(legends) == 1
+    return [text.get_text() for text in legends[0].get_texts()]
+
+
+def test_every_gauge_is_of_one_kind() -> None:
+    one = rosettes(0.0, 45.0, 90.0)
+    kinds = gauge_kinds(one.gauge_position, one.gauge_direction)
+    assert {kind: int(chosen.sum()) for kind, chosen in kinds.items()} == {"axial": 4, "hoop": 4, "inclined": 4}
+    assert (np.sum(list(kinds.values()), axis=0) == 1).all()
+    two = rosettes(0.0, 180.0)
+    assert list(gauge_kinds(two.gauge_position, two.gauge_direction)) == ["axial"]
+
+
+@pytest.mark.parametrize(
+    ("angles", "label"),
+    [((45.0,), "45 deg, 4"), ((45.0, -45.0), "45 and -45 deg, 8"), ((20.0, 30.0, 40.0), "inclined, 12")],
+)
+def test_label_names_the_angle(angles: tuple[float, ...], label: str) -> None:
+    one = rosettes(*angles)
+    assert kind_label("inclined", one.gauge_position, one.gauge_direction) == label
+
+
+def test_figure_of_the_gauges() -> None:
+    """Each is a stroke along its direction: matplotlib's marker (2, 2, turn) is upright at 0."""
+    figure = gauges(rosettes(0.0, 45.0, 90.0), GRID)  # type: ignore[arg-type]  # what of a map the figure draws
+    assert legend_of(figure) == ["axial, 4", "hoop, 4", "45 deg, 4"]
+    assert {line.get_marker()[2] for line in figure.axes[0].lines} == {-90.0, -45.0, 0.0}
+
+
+def test_figures_of_the_report() -> None:
+    one: Any = rosettes(0.0, 45.0, 90.0)
+    surface = mesh_of_grid(GRID)
+    drawn = known_pressure(surface, np.linspace(0.0, 1.0, len(surface.point)), one)
+    assert legend_of(drawn) == ["axial, 4", "hoop, 4", "45 deg, 4"]
+    growth = 1.0 + np.arange(60.0).reshape(12, 5)
+    growth[3] = np.inf
+    drawn = gauge_loss(one, growth=growth, detectable_bias=np.full(12, 1e-6))
+    assert legend_of(drawn) == ["axial, 4", "hoop, 4", "45 deg, 4"]
