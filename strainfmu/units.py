@@ -5,6 +5,7 @@ from __future__ import annotations
 STRAIN_UNITS = {
     **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
     **dict.fromkeys(("mm/m",), 1e-3),
+    **dict.fromkeys(("percent", "%"), 1e-2),
     **dict.fromkeys(("m/m", "1", "strain"), 1.0),
 }
 """Factor to m/m."""
@@ -14,3 +15,9 @@ PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "mbar": 1e2, "kPa": 1e3, "bar": 1e5, "M
 
 TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s": 1.0}
 """Factor to s."""
+
+LENGTH_UNITS = {"m": 1.0, "km": 1e3, "ft": 0.3048}
+"""Factor to m."""
+
+NUMBER_UNITS = {"1": 1.0, "-": 1.0}
+"""Units of a quantity without dimension."""

@@ -49,6 +49,12 @@ class FmuStep:
     A gauge that is not valid is given as NaN, and as ``valid[i]`` = 0 where the FMU has such inputs. After the
     first fmi2Error the FMU is instantiated once more; the second ends the run, as fmi2Fatal does.
 
+    Attributes
+    ----------
+    further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
+    strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
+    pressure_nominal : nominal value of q_inf [Pa].
+
     Raises
     ------
     InputError
@@ -57,7 +63,9 @@ class FmuStep:
         It cannot be loaded on this machine.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(
+        self, path: Path, further_inputs: Sequence[str] = (), further_outputs: Sequence[str] = ()
+    ) -> None:
         self.path = path
         self._description = read_description(path)
         inputs = _inputs(path, self._description)
@@ -68,11 +76,19 @@ class FmuStep:
         if valid and len(valid) != self.n_gauges:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
-        self._set = (*strains, *valid, pressure)
-        self._get = _outputs(path, self._description)
+        by_name = {variable.name: variable for variable in inputs}
+        self.further_inputs = tuple(name for name in further_inputs if name in by_name)
+        of_flow = tuple(by_name[name] for name in self.further_inputs)
+        self._set = (*strains, *valid, pressure, *of_flow)
+        self._pressure = self.n_gauges + len(valid)
+        self._get = _outputs(path, self._description, further_outputs)
+        self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) :])
+        self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
+        self.pressure_nominal = float(pressure.nominal or 1.0)
         self._time = 0.0
         self._retried = False
         self._inputs = np.zeros(len(self._set))
+        self._inputs[self._pressure + 1 :] = [float(variable.start or 0.0) for variable in of_flow]
         self._values = np.zeros(len(self._get))
         self._python_path = list(sys.path)
         self._stack = ExitStack()
@@ -95,7 +111,9 @@ class FmuStep:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __call__(self, strain: FloatArray, dynamic_pressure: float, step_size: float) -> StepResult:
+    def __call__(
+        self, strain: FloatArray, dynamic_pressure: float, step_size: float, **further: float
+    ) -> StepResult:
         """Do one step.
 
         Parameters
@@ -103,6 +121,7 @@ class FmuStep:
         strain : (n_d,) strains [m/m], NaN where not valid.
         dynamic_pressure : q_inf [Pa], NaN if not known.
         step_size : [s].
+        further : values of ``further_inputs``, in SI units; one that is not given stays as it is.
 
         Raises
         ------
@@ -112,8 +131,11 @@ class FmuStep:
             It cannot.
         """
         self._inputs[: self.n_gauges] = strain
-        self._inputs[self.n_gauges : -1] = np.isfinite(strain) if len(self._inputs) > self.n_gauges + 1 else ()
-        self._inputs[-1] = dynamic_pressure
+        if self._pressure > self.n_gauges:
+            self._inputs[self.n_gauges : self._pressure] = np.isfinite(strain)
+        self._inputs[self._pressure] = dynamic_pressure
+        for name, value in further.items():
+            self._inputs[self._pressure + 1 + self.further_inputs.index(name)] = value
         try:
             self._transfer(self._setters, self._inputs, into=True)
             self._step(self._time, step_size)
@@ -127,6 +149,7 @@ class FmuStep:
             coefficients_std=self._values[5:10].copy(),
             health=int(self._values[11]),
             chi_square=float(self._values[10]),
+            further=dict(zip(self.further_outputs, self._values[len(_OUTPUTS) :].tolist(), strict=True)),
         )
 
     def close(self) -> None:
@@ -181,13 +204,13 @@ def _inputs(path: Path, description: Any) -> list[Any]:
     return inputs
 
 
-def _outputs(path: Path, description: Any) -> list[Any]:
-    """Return the outputs that the bridge reads."""
+def _outputs(path: Path, description: Any, further: Sequence[str]) -> list[Any]:
+    """Return the outputs that the bridge reads, then those of ``further`` that there are."""
     found = {v.name: v for v in description.modelVariables if v.causality == "output"}
     missing = [name for name in _OUTPUTS if name not in found]
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
-    return [found[name] for name in _OUTPUTS]
+    return [found[name] for name in (*_OUTPUTS, *(name for name in further if name in found))]
 
 
 def _numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:

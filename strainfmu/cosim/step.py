@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
@@ -23,12 +23,14 @@ class StepResult:
     coefficients, coefficients_std : (5,) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
     health : ``health.state``, a number of :class:`HealthState`.
     chi_square : ``health.chi_square`` [1].
+    further : other outputs that were asked for, by name.
     """
 
     coefficients: FloatArray
     coefficients_std: FloatArray
     health: int
     chi_square: float
+    further: Mapping[str, float] = field(default_factory=dict)
 
 
 def health_name(state: int) -> str:

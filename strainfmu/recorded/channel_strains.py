@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.recorded.column_names import Wanted, columns_to_read
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
 
 
 @contextmanager
-def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+def mf4_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open an MF4 file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     try:
         from asammdf import MDF
@@ -26,9 +27,9 @@ def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
         raise InputError(f"{path}: damaged, or not an MF4 file") from error
     with file:
         names = [name for name in file.channels_db if name.lower() not in ("time", "t", "timestamps")]
-        useful = _useful(names, gauge_names)
+        read, _ = columns_to_read(path, names, wanted)
         signals = {}
-        for name in useful:
+        for name in (names[column] for column in read):
             if len(file.channels_db[name]) > 1:
                 raise InputError(f"{path}: expected one channel '{name}', got {len(file.channels_db[name])}")
             signals[name] = file.get(name)
@@ -40,13 +41,14 @@ def mf4_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -
                 raise InputError(
                     f"{path}: channel '{name}': other sample times than '{next(iter(signals))}' found"
                 )
-        columns = {"time": clock, **{name: signal.samples for name, signal in signals.items()}}
+        columns: dict[str, Any] = {"time": clock, **dict.fromkeys(names)}
+        columns |= {name: signal.samples for name, signal in signals.items()}
         units: dict[str, str | None] = {"time": "s", **{name: signal.unit for name, signal in signals.items()}}
-        yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
+        yield column_file(path, columns, units=units, wanted=wanted)
 
 
 @contextmanager
-def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+def tdms_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open a TDMS file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     try:
         from nptdms import TdmsFile
@@ -71,10 +73,4 @@ def tdms_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
                 raise InputError(f"{path}: neither a channel 'time' nor the property 'wf_increment' found")
             columns["time"] = float(step) * np.arange(len(channels[0]))
             units["time"] = "s"
-        yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
-
-
-def _useful(names: Sequence[str], gauge_names: tuple[str, ...]) -> list[str]:
-    """Return the names of the channels to read."""
-    ends = {f"strain[{i}]" for i in range(1, len(gauge_names) + 1)} | {"dynamic_pressure"}
-    return [name for name in names if name in gauge_names or name.rpartition(".")[2] in ends]
+        yield column_file(path, columns, units=units, wanted=wanted)

@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.units import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
+from strainfmu.recorded.column_names import (
+    FLOW_NAMES,
+    TIME_NAMES,
+    Wanted,
+    columns_to_read,
+    last_part,
+    some_of,
+    split_heading,
+    strain_number,
+)
+from strainfmu.recorded.strain_level import LevelReference, level_of, likely_unit
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which a column is taken to be in another unit: no gauge bears it."""
 
-_UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
-_INDEX = re.compile(r"strain\[([0-9]+)\]")
-_TIME_NAMES = ("time", "t", "timestamps", "time_s")
+_FLOW_UNITS = {
+    "dynamic_pressure": (PRESSURE_UNITS, "Pa"),
+    "dynamic_pressure_std": (PRESSURE_UNITS, "Pa"),
+    "mach_number": (NUMBER_UNITS, "1"),
+    "altitude": (LENGTH_UNITS, "m"),
+}
+"""Units of a quantity, and the one that is meant without any."""
+
+_NOT_NEGATIVE = ("dynamic_pressure_std", "mach_number")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +46,13 @@ class StrainBlock:
     time : (n,) [s].
     strain : (n, n_d) [m/m], NaN where a gauge has no value.
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
+    flow : (n,) of each other quantity of ``FLOW_NAMES`` that the file holds [Pa, 1, m], NaN where it is not known.
     """
 
     time: FloatArray
     strain: FloatArray
     dynamic_pressure: FloatArray
+    flow: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -45,7 +63,10 @@ class ColumnPlan:
     ----------
     time : column of the time.
     strain : n_d columns, order of the map's gauges.
-    dynamic_pressure : column of q_inf, or None for the ``fixed_pressure`` [Pa].
+    flow : column and factor of each quantity of ``FLOW_NAMES`` that is read.
+    fixed_pressure : q_inf [Pa] where the file's is not read.
+    unused : names of the columns that are not read.
+    reference : strains that the map expects, None if they are not known.
     """
 
     path: Path
@@ -54,15 +75,20 @@ class ColumnPlan:
     time_factor: float
     strain: tuple[int, ...]
     strain_factor: FloatArray
-    dynamic_pressure: int | None
-    pressure_factor: float
+    flow: Mapping[str, tuple[int, float]]
     fixed_pressure: float
+    unused: tuple[str, ...] = ()
+    reference: LevelReference | None = None
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """All columns in use: time, strains, q_inf."""
-        pressure = () if self.dynamic_pressure is None else (self.dynamic_pressure,)
-        return (self.time, *self.strain, *pressure)
+        """All columns in use: time, strains, then those of ``flow``."""
+        return (self.time, *self.strain, *(column for column, _ in self.flow.values()))
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """Quantities of ``FLOW_NAMES`` beside q_inf that the file holds."""
+        return tuple(name for name in self.flow if name != "dynamic_pressure")
 
     def block(self, table: FloatArray, first_row: int = 1) -> StrainBlock:
         """Return the samples of ``table`` (n, k), whose k columns are :attr:`columns`; its rows count from 1.
@@ -70,27 +96,46 @@ class ColumnPlan:
         Raises
         ------
         InputError
-            A number is infinite, a time is no number or not later than the one before, or strains are in another
-            unit than stated.
+            A number is infinite, a time is no number or not later than the one before, a quantity is negative that
+            cannot be, or strains are in another unit than stated.
         """
         self._check_finite(table, first_row)
         n_d = len(self.strain)
         time = table[:, 0] * self.time_factor
         strain = table[:, 1 : 1 + n_d] * self.strain_factor
-        pressure = np.full(len(table), self.fixed_pressure)
-        if self.dynamic_pressure is not None:
-            pressure = table[:, 1 + n_d] * self.pressure_factor
+        flow = {name: table[:, 1 + n_d + i] * factor for i, (name, (_, factor)) in enumerate(self.flow.items())}
         self._check_time(time, first_row)
+        self._check_signs(flow, first_row)
         large = np.flatnonzero((np.abs(strain) > LARGEST_STRAIN) & np.isfinite(strain))
         if len(large) and self._is_other_unit(strain):
             row, gauge = divmod(int(large[0]), n_d)
             raise InputError(
                 f"{self.path}: column '{self.names[self.strain[gauge]]}', row {first_row + row}: "
-                f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; state the unit, "
-                "as in 'name [um/m]'"
+                f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
+        pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
         # A strain that no gauge bears is no value.
-        return StrainBlock(time, np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan), pressure)
+        return StrainBlock(time, np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan), pressure, flow)
+
+    def _unit_hint(self, strain: FloatArray) -> str:
+        """Return what to do about strains that no gauge bears, with the unit that the map's strains suggest."""
+        factor = float(np.median(self.strain_factor))
+        unit = None
+        if self.reference is not None:
+            unit = likely_unit(self.reference.ratio(level_of(strain)), factor)
+        if unit is None:
+            return "state the unit, as in 'name [um/m]'"
+        return f"likely in {unit}, by the map's strains: state the unit, as in 'name [{unit}]'"
+
+    def _check_signs(self, flow: Mapping[str, FloatArray], first_row: int) -> None:
+        for name in _NOT_NEGATIVE:
+            negative = np.flatnonzero(flow.get(name, np.empty(0)) < 0.0)
+            if len(negative):
+                row = int(negative[0])
+                raise InputError(
+                    f"{self.path}: column '{self.names[self.flow[name][0]]}', row {first_row + row}: "
+                    f"expected at least 0, got {flow[name][row]:g}"
+                )
 
     def _check_finite(self, table: FloatArray, first_row: int) -> None:
         """Refuse infinity: NaN stands for "no value" in a file, an overflow does not."""
@@ -123,13 +168,9 @@ class ColumnPlan:
 
 
 def plan_columns(
-    path: Path,
-    headings: Sequence[str],
-    gauge_names: Sequence[str],
-    fixed_pressure: float | None,
-    units: Sequence[str | None] | None = None,
+    path: Path, headings: Sequence[str], wanted: Wanted, units: Sequence[str | None] | None = None
 ) -> ColumnPlan:
-    """Find the columns of time, gauges and dynamic pressure.
+    """Find the columns of time, gauges, dynamic pressure and what else is known of the flow.
 
     A gauge's column is named by the gauge, or ``strain[i]`` from 1, after an instance's name and a dot if there is
     one. The unit stands behind the name in brackets, or in ``units``; without one it is the SI unit.
@@ -137,29 +178,27 @@ def plan_columns(
     Parameters
     ----------
     headings : names of all columns.
-    fixed_pressure : q_inf [Pa] of the whole file, or None to take it from its column.
 
     Raises
     ------
     InputError
-        A column is missing, appears twice (under any of its names), or has an unknown unit.
+        A column is missing, unknown, appears twice (under any of its names), or has an unknown unit.
     """
-    parts = [_split(heading) for heading in headings]
+    parts = [split_heading(heading) for heading in headings]
     given = [unit if units is None else (units[i] or unit) for i, (_, unit) in enumerate(parts)]
     names = [name for name, _ in parts]
-    time = _only(
-        path, [i for i, name in enumerate(names) if name.lower() in _TIME_NAMES], what="time", names=names
-    )
-    indices = _gauge_columns(path, names, gauge_names)
+    read, unused = columns_to_read(path, names, wanted)
+    time = _only(path, [i for i in read if names[i].lower() in TIME_NAMES], what="time", names=names)
+    indices = _gauge_columns(path, names, gauge_names=wanted.gauge_names, read=read)
     factors = [strain_factor(path, headings[i], given[i]) for i in indices]
-    pressure = None
-    if fixed_pressure is None:
-        found = [i for i, name in enumerate(names) if _last(name) == "dynamic_pressure"]
-        if not found:
-            raise InputError(
-                f"{path}: no column 'dynamic_pressure' found, it holds {_some(names)}; or state --dynamic-pressure"
-            )
-        pressure = _only(path, found, what="dynamic_pressure", names=names)
+    flow, passed = {}, []
+    for name in FLOW_NAMES:
+        found = [i for i in read if last_part(names[i]) == name and i not in indices]
+        if name == "dynamic_pressure" and wanted.fixed_pressure is not None:
+            passed = [names[i] for i in found]
+        elif found or name == "dynamic_pressure":
+            column = _flow_column(path, found, name=name, names=names)
+            flow[name] = (column, flow_factor(path, headings[column], name, given[column]))
     return ColumnPlan(
         path=path,
         names=tuple(names),
@@ -167,9 +206,10 @@ def plan_columns(
         time_factor=time_factor(path, headings[time], given[time]),
         strain=indices,
         strain_factor=np.array(factors),
-        dynamic_pressure=pressure,
-        pressure_factor=1.0 if pressure is None else pressure_factor(path, headings[pressure], given[pressure]),
-        fixed_pressure=float("nan") if fixed_pressure is None else fixed_pressure,
+        flow=flow,
+        fixed_pressure=float("nan") if wanted.fixed_pressure is None else wanted.fixed_pressure,
+        unused=(*unused, *passed),
+        reference=wanted.reference,
     )
 
 
@@ -184,9 +224,10 @@ def strain_factor(path: Path, name: str, unit: str | None) -> float:
     return _factor(path, name, unit, units=STRAIN_UNITS, default="1")
 
 
-def pressure_factor(path: Path, name: str, unit: str | None) -> float:
-    """Return the factor from ``unit`` to Pa, 1 without a unit."""
-    return _factor(path, name, unit, units=PRESSURE_UNITS, default="Pa")
+def flow_factor(path: Path, heading: str, name: str, unit: str | None) -> float:
+    """Return the factor from ``unit`` to the SI unit of ``name``, one of ``FLOW_NAMES``; 1 without a unit."""
+    units, default = _FLOW_UNITS[name]
+    return _factor(path, heading, unit, units=units, default=default)
 
 
 def time_factor(path: Path, name: str, unit: str | None) -> float:
@@ -194,54 +235,43 @@ def time_factor(path: Path, name: str, unit: str | None) -> float:
     return _factor(path, name, unit, units=TIME_UNITS, default="s")
 
 
-def _split(heading: str) -> tuple[str, str | None]:
-    """Return name and unit of ``name [unit]``; ``strain[3]`` is a name alone."""
-    heading = heading.strip()
-    match = _UNIT.fullmatch(heading)
-    if match is None:
-        return heading, None
-    is_index = match["unit"].isdigit() and not heading[: match.start("unit") - 1].endswith((" ", "]"))
-    if is_index:
-        return heading, None
-    return match["name"].strip(), match["unit"].strip()
-
-
-def _last(name: str) -> str:
-    """Return the name without an instance's name and a dot ahead of it."""
-    return name.rpartition(".")[2]
-
-
-def _gauge_columns(path: Path, names: Sequence[str], gauge_names: Sequence[str]) -> tuple[int, ...]:
+def _gauge_columns(
+    path: Path, names: Sequence[str], gauge_names: Sequence[str], read: Sequence[int]
+) -> tuple[int, ...]:
     """Return the column of each gauge, by its name or its number; both at once are two columns for one gauge."""
     own: dict[str, list[int]] = {gauge: [] for gauge in gauge_names}
     by_number: dict[int, list[int]] = {}
-    for column, name in enumerate(names):
-        if name in own:
-            own[name].append(column)
-        elif match := _INDEX.fullmatch(_last(name)):
-            by_number.setdefault(int(match[1]), []).append(column)
+    for column in read:
+        if names[column] in own:
+            own[names[column]].append(column)
+        elif (number := strain_number(names[column])) is not None:
+            by_number.setdefault(number, []).append(column)
     indices = []
     for number, gauge in enumerate(gauge_names, start=1):
         found = [*own[gauge], *by_number.get(number, ())]
         if not found:
             raise InputError(
-                f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {_some(names)}"
+                f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {some_of(names)}"
             )
         indices.append(_only(path, found, what=gauge, names=names))
     return tuple(indices)
 
 
+def _flow_column(path: Path, found: Sequence[int], name: str, names: Sequence[str]) -> int:
+    if not found:
+        raise InputError(
+            f"{path}: no column '{name}' found, it holds {some_of(names)}; or state --dynamic-pressure"
+        )
+    return _only(path, found, what=name, names=names)
+
+
 def _only(path: Path, found: Sequence[int], what: str, names: Sequence[str]) -> int:
     if not found:
-        raise InputError(f"{path}: no column '{what}' found, it holds {_some(names)}")
+        raise InputError(f"{path}: no column '{what}' found, it holds {some_of(names)}")
     if len(found) > 1:
         same = " and ".join(f"'{name}'" for name in dict.fromkeys(names[column] for column in found))
         raise InputError(f"{path}: expected one column for {what}, got {len(found)}: {same}")
     return found[0]
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")
 
 
 def _factor(path: Path, name: str, unit: str | None, units: dict[str, float], default: str) -> float:

@@ -12,11 +12,8 @@ from typing import TextIO
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.columns import (
-    ColumnPlan,
-    StrainBlock,
-    plan_columns,
-)
+from strainfmu.recorded.column_names import Wanted
+from strainfmu.recorded.columns import ColumnPlan, StrainBlock, plan_columns
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?nan", re.IGNORECASE)
@@ -24,18 +21,19 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?na
 
 
 @contextmanager
-def csv_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+def csv_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open a CSV file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
         sample = stream.readline()
         delimiter = max(",;\t", key=sample.count)
         headings = next(csv.reader([sample], delimiter=delimiter), [])
+        while headings and not headings[-1].strip():
+            headings.pop()  # what stands below is refused unless it is empty too
         if not headings:
             raise InputError(f"{path}: no headings found in the first line")
-        plan = plan_columns(path, headings, gauge_names=gauge_names, fixed_pressure=fixed)
-        yield StrainFile(
-            path.stat().st_size, _csv_blocks(path, stream, delimiter=delimiter, plan=plan, done=len(sample))
-        )
+        plan = plan_columns(path, headings, wanted)
+        blocks = _csv_blocks(path, stream, delimiter=delimiter, plan=plan, done=len(sample))
+        yield StrainFile(path.stat().st_size, blocks, plan)
 
 
 def _csv_blocks(

@@ -11,20 +11,16 @@ import h5py
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.columns import (
-    ColumnPlan,
-    StrainBlock,
-    pressure_factor,
-    strain_factor,
-    time_factor,
-)
+from strainfmu.recorded.column_names import FLOW_NAMES, Wanted, columns_to_read
+from strainfmu.recorded.columns import ColumnPlan, StrainBlock, flow_factor, strain_factor, time_factor
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
 
 _SLASH = "%2F"
+_ARRAYS = ("strain", "time", "gauge_names", *FLOW_NAMES)
 
 
 @contextmanager
-def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) -> Iterator[StrainFile]:
+def hdf5_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open an HDF5 file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
     try:
         file = h5py.File(path, "r")
@@ -33,9 +29,9 @@ def hdf5_strains(path: Path, gauge_names: tuple[str, ...], fixed: float | None) 
     with file:
         if "signals" in file:
             columns, units = _recorded_columns(path, file)
-            yield column_file(path, columns, units=units, gauge_names=gauge_names, fixed=fixed)
+            yield column_file(path, columns, units=units, wanted=wanted)
             return
-        yield _hdf5_arrays(path, file, gauge_names=gauge_names, fixed=fixed)
+        yield _hdf5_arrays(path, file, wanted)
 
 
 def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict[str, str | None]]:
@@ -43,20 +39,26 @@ def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict
     signals = file["signals"]
     if not isinstance(signals, h5py.Group):
         raise InputError(f"{path}: 'signals': expected a group of data sets, got a data set")
-    found = {"time": file.get("time"), **{name.replace(_SLASH, "/"): item for name, item in signals.items()}}
-    columns = {name: item for name, item in found.items() if _is_column(item)}
-    return columns, {name: _unit(path, name, item) for name, item in columns.items()}
+    beside = {name: item for name, item in file.items() if name not in ("signals", "step_cost")}
+    found = {**beside, **{name.replace(_SLASH, "/"): item for name, item in signals.items()}}
+    columns = {name: item if _is_column(item) else None for name, item in found.items()}
+    return columns, {name: _unit(path, name, item) for name, item in columns.items() if item is not None}
 
 
 def _is_column(item: Any) -> bool:
     return isinstance(item, h5py.Dataset) and item.ndim == 1 and item.dtype.kind in "fiub"
 
 
-def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixed: float | None) -> StrainFile:
-    """Read ``strain`` (n, n_d), ``time`` (n,) and ``dynamic_pressure``, a number or (n,)."""
-    n_d = len(gauge_names)
-    for name in ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure"):
-        if not isinstance(file.get(name), h5py.Dataset):
+def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
+    """Read ``strain`` (n, n_d), ``time`` (n,) and the quantities of ``FLOW_NAMES``, each a number or (n,)."""
+    n_d = len(wanted.gauge_names)
+    fixed, stored = wanted.fixed_pressure, list(file)
+    read, unused = columns_to_read(path, stored, wanted, known=_ARRAYS)
+    names = {stored[column] for column in read}
+    needed = ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure")
+    held = [name for name in FLOW_NAMES if name in names and (fixed is None or name != "dynamic_pressure")]
+    for name in dict.fromkeys((*needed, *held)):
+        if name not in names or not isinstance(file[name], h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
         if file[name].dtype.kind not in "fiu":
             raise InputError(f"{path}: data set '{name}': expected numbers, got type {file[name].dtype}")
@@ -65,34 +67,37 @@ def _hdf5_arrays(path: Path, file: h5py.File, gauge_names: tuple[str, ...], fixe
         raise InputError(f"{path}: data set 'strain': expected shape (n, {n_d}), got {strain.shape}")
     if time.shape != strain.shape[:1]:
         raise InputError(f"{path}: data set 'time': expected shape {strain.shape[:1]}, got {time.shape}")
-    held = None if fixed is not None else file["dynamic_pressure"]
-    if held is not None and held.shape not in ((), (1,), time.shape):
-        raise InputError(
-            f"{path}: data set 'dynamic_pressure': expected shape {time.shape} or one number, got {held.shape}"
-        )
-    _check_gauge_order(path, file, gauge_names)
+    for name in held:
+        if file[name].shape not in ((), (1,), time.shape):
+            raise InputError(
+                f"{path}: data set '{name}': expected shape {time.shape} or one number, got {file[name].shape}"
+            )
+    if "gauge_names" in names:
+        _check_gauge_order(path, file, wanted.gauge_names)
     plan = ColumnPlan(
         path=path,
-        names=("time", *(f"strain, {gauge}" for gauge in gauge_names), "dynamic_pressure"),
+        names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held),
         time=0,
         time_factor=time_factor(path, "time", _unit(path, "time", time)),
         strain=tuple(range(1, n_d + 1)),
         strain_factor=np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
-        dynamic_pressure=None if held is None else n_d + 1,
-        pressure_factor=1.0
-        if held is None
-        else pressure_factor(path, "dynamic_pressure", _unit(path, "dynamic_pressure", held)),
+        flow={
+            name: (column, flow_factor(path, name, name, _unit(path, name, file[name])))
+            for column, name in enumerate(held, start=n_d + 1)
+        },
         fixed_pressure=float("nan") if fixed is None else fixed,
+        unused=(*unused, *(name for name in FLOW_NAMES if name in names and name not in held)),
+        reference=wanted.reference,
     )
-    return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, held=held))
+    return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=[file[name] for name in held]), plan)
 
 
-def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterator[tuple[StrainBlock, int]]:
+def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, flow: list[Any]) -> Iterator[tuple[StrainBlock, int]]:
     last = -np.inf
     for first in range(0, len(time), BLOCK_ROWS):
         rows = slice(first, min(first + BLOCK_ROWS, len(time)))
         parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)]
-        if held is not None:
+        for held in flow:
             value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
             parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
         block, last = checked_block(plan, np.column_stack(parts), first_row=first + 1, last=last)
@@ -100,9 +105,7 @@ def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, held: Any) -> Iterato
 
 
 def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]) -> None:
-    """Compare the file's names of gauges, if it has any, with the map's."""
-    if "gauge_names" not in file:
-        return
+    """Compare the file's names of gauges with the map's."""
     held = file["gauge_names"]
     if not isinstance(held, h5py.Dataset) or held.ndim != 1:
         raise InputError(f"{path}: 'gauge_names': expected a data set of {len(gauge_names)} names")

@@ -1,14 +1,13 @@
-"""Writers of estimates, row by row as CSV or HDF5; the file appears when it is complete."""
+"""Writers of estimates, block by block as CSV or HDF5; the file appears when it is complete."""
 
 from __future__ import annotations
 
 import csv
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TextIO
 
 import h5py
 import numpy as np
@@ -16,9 +15,10 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.recorded.guarded_file import GuardedFile
 
 SCHEMA = "strainfmu.estimates"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 OUTPUT_SUFFIXES = (".csv", ".h5", ".hdf5")
 
 ESTIMATE_COLUMNS = (
@@ -32,48 +32,107 @@ ESTIMATE_COLUMNS = (
 )
 """Columns of every output: name and unit."""
 
+_SLASH = "%2F"
+
 
 class EstimateWriter(ABC):
-    """Writes rows to a file."""
+    """Writes blocks of rows to a file: columns of numbers, then columns of text.
 
-    def __init__(self, columns: Sequence[tuple[str, str]]) -> None:
-        self.columns = tuple(columns)
+    ``path`` is the file that messages name.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[tuple[str, str]], text_columns: Sequence[str]) -> None:
+        self.path, self.columns, self.text_columns = path, tuple(columns), tuple(text_columns)
         self.rows = 0
 
-    def write(self, rows: FloatArray) -> None:
-        """Append ``rows`` (n, n_c), n_c columns in their units."""
+    def write(self, rows: FloatArray, texts: Mapping[str, Sequence[str]] | None = None) -> None:
+        """Append ``rows`` (n, n_c), n_c columns in their units, and n texts of each text column.
+
+        Raises
+        ------
+        StrainfmuError
+            The file cannot be written.
+        """
         self.rows += len(rows)
-        self._append(np.atleast_2d(rows))
+        held = texts or {}
+        with _writing(self.path):
+            self._append(np.atleast_2d(rows), [held[name] for name in self.text_columns])
 
     @abstractmethod
-    def _append(self, rows: FloatArray) -> None:
-        """Append ``rows`` (n, n_c), which ``rows`` counts already."""
+    def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
+        """Append ``rows`` (n, n_c), which ``rows`` counts already, and the texts of each text column.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Write what is left and bring all to the disk; raises OSError if it cannot."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the file, in order or not."""
 
 
 class _CsvWriter(EstimateWriter):
-    def __init__(self, stream: TextIO, columns: Sequence[tuple[str, str]]) -> None:
-        super().__init__(columns)
-        self._writer = csv.writer(stream, lineterminator="\n")
-        self._writer.writerow([f"{name} [{unit}]" for name, unit in columns])
+    def __init__(
+        self, path: Path, temporary: Path, columns: Sequence[tuple[str, str]], text_columns: Sequence[str]
+    ) -> None:
+        super().__init__(path, columns, text_columns)
+        self._stream = temporary.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._stream, lineterminator="\n")
+        self._writer.writerow([*(f"{name} [{unit}]" for name, unit in columns), *text_columns])
 
-    def _append(self, rows: FloatArray) -> None:
-        self._writer.writerows(rows.tolist())
+    def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
+        if texts:
+            self._writer.writerows([*row, *held] for row, *held in zip(rows.tolist(), *texts, strict=True))
+        else:
+            self._writer.writerows(rows.tolist())
+
+    def finish(self) -> None:
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+
+    def close(self) -> None:
+        with suppress(OSError):  # what is left does not fit either: finish() has raised, or never came
+            self._stream.close()
 
 
 class _Hdf5Writer(EstimateWriter):
-    def __init__(self, file: h5py.File, columns: Sequence[tuple[str, str]]) -> None:
-        super().__init__(columns)
-        file.attrs["schema"], file.attrs["schema_version"] = SCHEMA, SCHEMA_VERSION
-        self._sets = []
-        for name, unit in columns:
-            item = file.create_dataset(name, (0,), maxshape=(None,), dtype="f8", chunks=(4096,))
+    def __init__(
+        self, path: Path, temporary: Path, columns: Sequence[tuple[str, str]], text_columns: Sequence[str]
+    ) -> None:
+        super().__init__(path, columns, text_columns)
+        self._guarded = GuardedFile(temporary)
+        self._file = h5py.File(self._guarded, "w")
+        self._file.attrs["schema"], self._file.attrs["schema_version"] = SCHEMA, SCHEMA_VERSION
+        self._sets = [self._data_set(name, "f8") for name, _ in columns]
+        for item, (_, unit) in zip(self._sets, columns, strict=True):
             item.attrs["unit"] = unit
-            self._sets.append(item)
+        self._texts = [self._data_set(name, h5py.string_dtype()) for name in text_columns]
 
-    def _append(self, rows: FloatArray) -> None:
-        for item, column in zip(self._sets, rows.T, strict=True):
+    def _data_set(self, name: str, kind: object) -> h5py.Dataset:
+        # A slash, which names of gauges may hold, would begin a group.
+        return self._file.create_dataset(
+            name.replace("/", _SLASH), (0,), maxshape=(None,), dtype=kind, chunks=(4096,)
+        )
+
+    def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
+        for item, values in zip((*self._sets, *self._texts), (*rows.T, *texts), strict=True):
             item.resize((self.rows,))
-            item[self.rows - len(rows) :] = column
+            item[self.rows - len(rows) :] = values
+        self._guarded.raise_error()
+
+    def finish(self) -> None:
+        self._file.close()
+        self._guarded.sync()
+
+    def close(self) -> None:
+        self._file.close()
+        self._guarded.close()
 
 
 def check_output(path: Path) -> None:
@@ -89,7 +148,9 @@ def check_output(path: Path) -> None:
 
 
 @contextmanager
-def estimate_writer(path: Path, columns: Sequence[tuple[str, str]] = ESTIMATE_COLUMNS) -> Iterator[EstimateWriter]:
+def estimate_writer(
+    path: Path, columns: Sequence[tuple[str, str]] = ESTIMATE_COLUMNS, text_columns: Sequence[str] = ()
+) -> Iterator[EstimateWriter]:
     """Open an output; it is renamed into place at the end, and removed if there was an error.
 
     Raises
@@ -100,17 +161,28 @@ def estimate_writer(path: Path, columns: Sequence[tuple[str, str]] = ESTIMATE_CO
         It cannot be written; an earlier file remains unchanged.
     """
     check_output(path)
+    kind = _CsvWriter if path.suffix.lower() == ".csv" else _Hdf5Writer
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix.lower() == ".csv":
-            with temporary.open("w", newline="", encoding="utf-8") as stream:
-                yield _CsvWriter(stream, columns)
-        else:
-            with h5py.File(temporary, "w") as file:
-                yield _Hdf5Writer(file, columns)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
+        with _writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            writer = kind(path, temporary, columns=columns, text_columns=text_columns)
+        try:
+            yield writer
+            with _writing(path):
+                writer.finish()
+        finally:
+            writer.close()
+        with _writing(path):
+            os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn an error of the operating system into one line that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error

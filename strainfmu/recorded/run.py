@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.estimator_source import ReadyStep, open_step
-from strainfmu.cosim.step import StepRefused, health_name
-from strainfmu.recorded.columns import StrainBlock
-from strainfmu.recorded.output import check_output, estimate_writer
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, open_block_estimator
+from strainfmu.recorded.column_names import FLOW_NAMES, Wanted
+from strainfmu.recorded.columns import ColumnPlan, StrainBlock
+from strainfmu.recorded.health_account import HealthAccount
+from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains
+from strainfmu.recorded.strain_level import LevelCheck
 
 Progress = Callable[[int, int], None]
+
+HEALTH_COLUMNS = (("health.chi_square_limit", "1"), ("health.degrees_of_freedom", "1"), ("health.suspects", "1"))
+SUSPECTS_COLUMN = "suspect_gauges"
+"""Column of text: the names of the suspects, with a semicolon between them."""
+
+_FLOW_UNITS = {"dynamic_pressure_std": "Pa", "mach_number": "1", "altitude": "m"}
 
 
 @dataclass(kw_only=True)
@@ -26,19 +36,34 @@ class EstimationSummary:
     Attributes
     ----------
     samples : number of rows estimated.
-    duration : from the first to the last sample [s].
+    first, last : times of the first and the last sample [s].
     missing_strains : number of strains without a value, by gauge.
     missing_pressure : number of samples without a dynamic pressure.
     refused : number of steps that the FMU refused; their outputs are NaN.
-    health : number of samples by state.
+    account : number of samples by state, and the gauges to blame.
+    unused : columns of the data that were not read.
+    notes : what else is to be known of the data.
     """
 
     samples: int = 0
-    duration: float = 0.0
+    first: float = float("nan")
+    last: float = float("nan")
     missing_strains: Counter[str] = field(default_factory=Counter)
     missing_pressure: int = 0
     refused: int = 0
-    health: Counter[str] = field(default_factory=Counter)
+    account: HealthAccount = field(default_factory=HealthAccount)
+    unused: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return self.last - self.first
+
+    @property
+    def health(self) -> Counter[str]:
+        """Number of samples by state."""
+        return self.account.samples
 
 
 def estimate_file(
@@ -47,11 +72,22 @@ def estimate_file(
     output: str | PathLike[str],
     dynamic_pressure: float | None = None,
     progress: Progress | None = None,
+    *,
+    residuals: bool = False,
+    ignore_columns: Sequence[str] = (),
+    check_level: bool = True,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
     A strain without a value leaves its gauge out of that sample; without a dynamic pressure there are no
     coefficients. Both are counted.
+
+    Parameters
+    ----------
+    dynamic_pressure : q_inf of the whole file [Pa], instead of its column.
+    residuals : whether to write the standardised residual of every gauge, and its alarm level. Needs a map.
+    ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
+    check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
 
     Raises
     ------
@@ -62,47 +98,93 @@ def estimate_file(
     """
     source, data, output = Path(source), Path(data), Path(output)
     check_output(output)
-    summary = EstimationSummary()
-    with (
-        open_step(source) as ready,
-        open_strains(data, ready.gauge_names, dynamic_pressure) as opened,
-        estimate_writer(output) as writer,
-    ):
-        first = last = float("nan")
-        for block, done in opened.blocks:
-            writer.write(_estimates(ready, block, last=last, summary=summary))
-            first = block.time[0] if np.isnan(first) else first
-            last = float(block.time[-1])
-            if progress is not None:
-                progress(done, opened.length)
-    summary.duration = float(last - first) if summary.samples else 0.0
+    if output.exists() and any(one.exists() and output.samefile(one) for one in (source, data)):
+        raise InputError(f"{output}: expected another file than those that are read")
+    with open_block_estimator(source) as estimator:
+        if residuals and not estimator.has_residuals:
+            raise InputError(f"{source}: --residuals: expected an inverse map, got an FMU")
+        wanted = Wanted(
+            gauge_names=estimator.gauge_names,
+            fixed_pressure=dynamic_pressure,
+            ignored=tuple(ignore_columns),
+            reference=estimator.reference,
+        )
+        with open_strains(data, wanted) as opened:
+            plan = opened.plan
+            level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
+            summary = EstimationSummary(unused=plan.unused, notes=_unused_inputs(source, estimator, plan))
+            names = _columns(plan, estimator.gauge_names if residuals else ())
+            with estimate_writer(output, names, (SUSPECTS_COLUMN,)) as writer:
+                last = float("nan")
+                for block, done in opened.blocks:
+                    level.add(block.strain, block.dynamic_pressure)
+                    found = estimator.estimate(block, last)
+                    _write(writer, block, found=found, estimator=estimator, residuals=residuals)
+                    _count(summary, block, found=found, gauge_names=estimator.gauge_names)
+                    last = float(block.time[-1])
+                    if progress is not None:
+                        progress(done, opened.length)
+                summary.notes += level.notes()
     return summary
 
 
-def _estimates(ready: ReadyStep, block: StrainBlock, last: float, summary: EstimationSummary) -> np.ndarray:
-    """Return the rows of a block; ``last`` is the time before its first sample [s], NaN at the start."""
-    rows = np.full((len(block.time), 15), np.nan)
-    before = np.append(last if np.isfinite(last) else block.time[0] - _first_step(block), block.time[:-1])
-    for i, (time, strain, pressure) in enumerate(
-        zip(block.time, block.strain, block.dynamic_pressure.tolist(), strict=True)
-    ):
-        used = int(np.isfinite(strain).sum())
-        rows[i, [0, 11, 14]] = time, pressure, used
-        try:
-            found = ready.step(strain, pressure, float(time - before[i]))
-        except StepRefused:
-            summary.refused += 1
-            continue
-        rows[i, 1:6], rows[i, 6:11] = found.coefficients, found.coefficients_std
-        rows[i, 12:14] = found.chi_square, found.health
-        summary.health[health_name(found.health)] += 1
+def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) -> list[str]:
+    """Return a note on the quantities that the data hold and the estimator does not take."""
+    missing = [name for name in plan.stated if name not in estimator.inputs]
+    if not missing:
+        return []
+    return [f"{plan.path}: {', '.join(missing)}: written but not used, {source} does not take them"]
+
+
+def _columns(plan: ColumnPlan, residuals: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Return names and units of the output's columns, with the residuals of the gauges named."""
+    limit = (("health.residual_limit", "1"),) if residuals else ()
+    return (
+        *ESTIMATE_COLUMNS,
+        *HEALTH_COLUMNS,
+        *((name, _FLOW_UNITS[name]) for name in FLOW_NAMES if name in plan.stated),
+        *limit,
+        *((f"residual.{gauge}", "1") for gauge in residuals),
+    )
+
+
+def _write(
+    writer: EstimateWriter,
+    block: StrainBlock,
+    *,
+    found: BlockEstimates,
+    estimator: BlockEstimator,
+    residuals: bool,
+) -> None:
+    """Write the rows of a block."""
+    columns: list[FloatArray] = [
+        block.time,
+        *found.coefficients.T,
+        *found.coefficients_std.T,
+        block.dynamic_pressure,
+        found.chi_square,
+        found.health,
+        found.gauges_used,
+        found.chi_square_limit,
+        found.degrees_of_freedom,
+        found.suspect_count,
+        *(block.flow[name] for name in FLOW_NAMES if name in block.flow),
+    ]
+    if residuals and found.residual is not None:
+        columns += [estimator.residual_limit(found.valid), *found.residual.T]
+    names = [";".join(estimator.gauge_names[i] for i in one) for one in found.suspects]
+    writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names})
+
+
+def _count(
+    summary: EstimationSummary, block: StrainBlock, *, found: BlockEstimates, gauge_names: Sequence[str]
+) -> None:
+    """Add a block to the summary."""
+    summary.account.add(found, gauge_names)
     missing = np.isnan(block.strain).sum(axis=0)
-    summary.missing_strains.update({n: int(k) for n, k in zip(ready.gauge_names, missing, strict=True) if k})
+    summary.missing_strains.update({n: int(k) for n, k in zip(gauge_names, missing, strict=True) if k})
     summary.missing_pressure += int(np.isnan(block.dynamic_pressure).sum())
-    summary.samples += len(rows)
-    return rows
-
-
-def _first_step(block: StrainBlock) -> float:
-    """Return a step size for the first sample [s], which has no predecessor."""
-    return float(block.time[1] - block.time[0]) if len(block.time) > 1 else 1e-3
+    summary.refused += int(np.isnan(found.health).sum())
+    summary.samples += len(block.time)
+    summary.first = float(np.fmin(summary.first, block.time[0]))
+    summary.last = float(block.time[-1])

@@ -11,11 +11,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.recorded.columns import (
-    ColumnPlan,
-    StrainBlock,
-    plan_columns,
-)
+from strainfmu.recorded.column_names import Wanted
+from strainfmu.recorded.columns import ColumnPlan, StrainBlock, plan_columns
 
 BLOCK_ROWS = 2000
 """Samples in one block."""
@@ -23,10 +20,11 @@ BLOCK_ROWS = 2000
 
 @dataclass(frozen=True, eq=False)
 class StrainFile:
-    """An open file: its length, in any unit, and blocks with the position in the file that each reaches."""
+    """An open file: its length, in any unit; blocks with the position that each reaches in it; its columns."""
 
     length: int
     blocks: Iterator[tuple[StrainBlock, int]]
+    plan: ColumnPlan
 
 
 def checked_block(plan: ColumnPlan, table: FloatArray, first_row: int, last: float) -> tuple[StrainBlock, float]:
@@ -40,19 +38,14 @@ def checked_block(plan: ColumnPlan, table: FloatArray, first_row: int, last: flo
     return block, float(block.time[-1])
 
 
-def column_file(
-    path: Path,
-    columns: dict[str, Any],
-    units: dict[str, str | None],
-    gauge_names: tuple[str, ...],
-    fixed: float | None,
-) -> StrainFile:
+def column_file(path: Path, columns: dict[str, Any], units: dict[str, str | None], wanted: Wanted) -> StrainFile:
     """Read columns that a library provides one by one; all must have the same length."""
     names = list(columns)
-    plan = plan_columns(
-        path, names, gauge_names=gauge_names, fixed_pressure=fixed, units=[units[name] for name in names]
-    )
+    plan = plan_columns(path, names, wanted, units=[units.get(name) for name in names])
     used = [names[index] for index in plan.columns]
+    for name in used:
+        if columns[name] is None:
+            raise InputError(f"{path}: '{name}': expected one number a sample")
     n = len(columns[used[0]])
     for name in used:
         if len(columns[name]) != n:
@@ -69,4 +62,4 @@ def column_file(
             block, last = checked_block(plan, table, first_row=first + 1, last=last)
             yield block, rows.stop
 
-    return StrainFile(n, blocks())
+    return StrainFile(n, blocks(), plan)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from strainfmu.errors import InputError
 from strainfmu.recorded.channel_strains import mf4_strains, tdms_strains
-from strainfmu.recorded.columns import (
-    StrainBlock,
-)
+from strainfmu.recorded.column_names import Wanted
+from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.csv_strains import csv_strains
 from strainfmu.recorded.hdf5_strains import hdf5_strains
 from strainfmu.recorded.sample_blocks import StrainFile
@@ -19,15 +18,8 @@ TABLE_SUFFIXES = (".csv", ".h5", ".hdf5", ".mf4", ".tdms")
 
 
 @contextmanager
-def open_strains(
-    path: Path, gauge_names: Sequence[str], dynamic_pressure: float | None = None
-) -> Iterator[StrainFile]:
+def open_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open recorded strains for reading block by block.
-
-    Parameters
-    ----------
-    gauge_names : n_d names, the order of the strains in the blocks.
-    dynamic_pressure : q_inf of the whole file [Pa], None to take it from the file.
 
     Raises
     ------
@@ -49,8 +41,8 @@ def open_strains(
         raise InputError(f"{path}: expected one of {', '.join(TABLE_SUFFIXES)}, got '{path.suffix}'")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    with reader(path, tuple(gauge_names), dynamic_pressure) as opened:
-        yield StrainFile(opened.length, _not_empty(path, opened.blocks))
+    with reader(path, wanted) as opened:
+        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan)
 
 
 def _not_empty(path: Path, blocks: Iterator[tuple[StrainBlock, int]]) -> Iterator[tuple[StrainBlock, int]]:

@@ -130,10 +130,13 @@ def recorded_samples(
     InputError, StrainfmuError
         As :func:`~strainfmu.recorded.strain_files.open_strains`.
     """
+    from strainfmu.recorded.column_names import Wanted
     from strainfmu.recorded.strain_files import open_strains
 
     unknown = np.full(5, np.nan)
-    with open_strains(path, gauge_names, dynamic_pressure) as opened:
+    # The bus carries strains and q_inf alone, so that no other column matters here.
+    wanted = Wanted(gauge_names=tuple(gauge_names), fixed_pressure=dynamic_pressure, ignored=("*",))
+    with open_strains(path, wanted) as opened:
         yield (
             FlownSample(d, float(q), unknown)
             for block, _ in opened.blocks

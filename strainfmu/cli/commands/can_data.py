@@ -74,17 +74,29 @@ def estimate(
             metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Of the whole file, instead of its column."
         ),
     ] = None,
+    residuals: Annotated[
+        bool, typer.Option("--residuals", help="Write the standardised residual of every gauge too.")
+    ] = False,
+    ignore_columns: Annotated[
+        str | None, typer.Option(metavar="NAME,..", help="Columns not to read; * for all unknown ones.")
+    ] = None,
+    accept_strain_level: Annotated[
+        bool, typer.Option("--accept-strain-level", help="Estimate although strains are far from the map's.")
+    ] = False,
 ) -> None:
     """Estimate loads from recorded strains.
 
     Columns are named by the gauges or strain[1] .., the unit in brackets: 'strain[1] \\[um/m]'; without one they
-    are in m/m, Pa and s. HDF5: data sets strain (n, n_d), time, dynamic_pressure with the attribute unit.
+    are in m/m, Pa, m and s. Also read: dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain
+    (n, n_d), time, dynamic_pressure .. with the attribute unit.
 
     Examples:
 
         strainfmu estimate map.h5 flight.csv -o loads.csv
 
         strainfmu estimate estimator.fmu flight.h5 -o loads.h5 --dynamic-pressure 95800
+
+        strainfmu estimate map.h5 flight.csv -o loads.csv --residuals --ignore-columns 'temperature*,operator'
 
         strainfmu estimate estimator.fmu run.blf -o loads.h5
     """
@@ -93,11 +105,24 @@ def estimate(
 
     console = Console()
     if data.suffix.lower() in LOG_SUFFIXES:
+        if residuals or ignore_columns or accept_strain_level:
+            raise InputError(
+                f"{data}: --residuals, --ignore-columns and --accept-strain-level: expected none with a CAN log"
+            )
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
         _replay(console, data, source, output, given)
         return
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
-        summary = estimate_file(source, data, output=output, dynamic_pressure=dynamic_pressure, progress=progress)
+        summary = estimate_file(
+            source,
+            data,
+            output=output,
+            dynamic_pressure=dynamic_pressure,
+            progress=progress,
+            residuals=residuals,
+            ignore_columns=[name.strip() for name in (ignore_columns or "").split(",") if name.strip()],
+            check_level=not accept_strain_level,
+        )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
@@ -106,7 +131,7 @@ def estimate(
 def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
     """Return what a user should know of the data and the estimates."""
     health = ", ".join(f"{name} {number}" for name, number in sorted(summary.health.items()))
-    lines = [f"health: {health or '-'}"]
+    lines = [f"health: {health or '-'}", *summary.account.lines()]
     if summary.missing_strains:
         total = sum(summary.missing_strains.values())
         gauge, number = summary.missing_strains.most_common(1)[0]
@@ -118,6 +143,10 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
         lines.append(f"{data}: {summary.missing_pressure} samples without a dynamic pressure: no coefficients")
     if summary.refused:
         lines.append(f"{data}: {summary.refused} samples refused by the FMU: no coefficients")
+    if summary.unused:
+        some = ", ".join(summary.unused[:6]) + (" ..." if len(summary.unused) > 6 else "")
+        lines.append(f"{data}: {len(summary.unused)} columns not used: {some}")
+    lines += summary.notes
     return lines
 
 

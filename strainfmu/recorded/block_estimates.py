@@ -1,0 +1,195 @@
+"""Estimates of a block of recorded samples, by a map or by an estimator FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.cosim.step import StepRefused
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.estimator.step import Estimator
+from strainfmu.recorded.columns import StrainBlock
+from strainfmu.recorded.strain_level import LevelReference
+
+_HEALTH = ("chi_square_limit", "valid_gauges", "suspect_gauge", "suspects")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BlockEstimates:
+    """Estimates of n samples; NaN where there is none.
+
+    Attributes
+    ----------
+    coefficients, coefficients_std : (n, 5) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
+    chi_square, chi_square_limit, degrees_of_freedom : (n,) [1]; an FMU does not state the last.
+    health : (n,) numbers of :class:`~strainfmu.estimator.health.HealthState`, NaN for a step that the FMU refused.
+    gauges_used : (n,).
+    valid : (n, n_d) gauges that gave a usable strain.
+    suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
+    suspect_count : (n,) number of gauges under suspicion.
+    residual : (n, n_d) z of each gauge [1], None of an FMU.
+    """
+
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+    chi_square: FloatArray
+    chi_square_limit: FloatArray
+    degrees_of_freedom: FloatArray
+    health: FloatArray
+    gauges_used: FloatArray
+    valid: BoolArray
+    suspects: Sequence[tuple[int, ...]]
+    suspect_count: FloatArray
+    residual: FloatArray | None
+
+
+class BlockEstimator(Protocol):
+    """An estimator of blocks.
+
+    Attributes
+    ----------
+    inputs : quantities beside strain and q_inf that it takes, of ``FLOW_NAMES``.
+    reference : the level of strains that it expects.
+    has_residuals : whether it gives the z of each gauge.
+    """
+
+    gauge_names: tuple[str, ...]
+    inputs: tuple[str, ...]
+    reference: LevelReference
+    has_residuals: bool
+
+    def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
+        """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
+
+    def residual_limit(self, valid: BoolArray) -> FloatArray:
+        """Return (n,) the alarm level of the largest |z| with the gauges ``valid`` (n, n_d) [1]."""
+
+
+@contextmanager
+def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
+    """Load an estimator FMU or an inverse map; free it at the end.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or neither.
+    StrainfmuError
+        The FMU cannot be loaded on this machine.
+    """
+    if source.suffix.lower() == ".fmu":
+        further = ("dynamic_pressure_std", "mach_number", "altitude")
+        with FmuStep(source, further, tuple(f"health.{name}" for name in _HEALTH)) as step:
+            yield _FmuBlocks(step)
+        return
+    if source.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
+    yield _MapBlocks(Estimator(load_inverse_map(source)))
+
+
+class _MapBlocks:
+    """An inverse map."""
+
+    inputs: tuple[str, ...] = ("dynamic_pressure_std",)
+    has_residuals = True
+
+    def __init__(self, estimator: Estimator) -> None:
+        inverse_map = estimator.inverse_map
+        self._estimator = estimator
+        self.gauge_names = tuple(inverse_map.gauge_names)
+        self.reference = LevelReference(
+            strain_range=inverse_map.strain_range,
+            noise_std=inverse_map.noise_std,
+            dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+        )
+
+    def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
+        flow = {name: values for name, values in block.flow.items() if name in self.inputs}
+        found = self._estimator.estimate(block.strain, block.dynamic_pressure, **flow)
+        if not isinstance(found, LoadEstimates):
+            raise TypeError("strain: expected (n, n_d) values")
+        return BlockEstimates(
+            coefficients=found.coefficients,
+            coefficients_std=found.coefficients_std,
+            chi_square=np.asarray(found.chi_square),
+            chi_square_limit=np.asarray(found.chi_square_limit),
+            degrees_of_freedom=np.asarray(found.degrees_of_freedom, dtype=float),
+            health=np.asarray(found.health, dtype=float),
+            gauges_used=found.valid.sum(axis=1).astype(float),
+            valid=found.valid,
+            suspects=list(found.suspects),
+            suspect_count=np.array([float(len(one)) for one in found.suspects]),
+            residual=found.standardised_residual,
+        )
+
+    def residual_limit(self, valid: BoolArray) -> FloatArray:
+        masks, which = np.unique(valid, axis=0, return_inverse=True)
+        scale = sqrt(self._estimator.settings.alarm_scale)
+        found = [self._estimator.masked_map(mask) for mask in masks]
+        limits = [float("nan") if one is None else scale * one.outlier_threshold for one in found]
+        return np.array(limits)[np.ravel(which)]
+
+
+class _FmuBlocks:
+    """An estimator FMU, step by step."""
+
+    has_residuals = False
+
+    def __init__(self, step: FmuStep) -> None:
+        self._step = step
+        self.gauge_names = step.gauge_names
+        self.inputs = step.further_inputs
+        self.reference = LevelReference(
+            strain_range=step.strain_nominal,
+            noise_std=np.zeros(step.n_gauges),
+            dynamic_pressure=step.pressure_nominal,
+        )
+
+    def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
+        n = len(block.time)
+        numbers = np.full((n, 12), np.nan)
+        further = np.full((n, len(_HEALTH)), np.nan)
+        flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
+        before = np.append(last if np.isfinite(last) else block.time[0] - _first_step(block), block.time[:-1])
+        for i in range(n):
+            given = {name: values[i] for name, values in flow.items()}
+            step_size = float(block.time[i] - before[i])
+            try:
+                found = self._step(block.strain[i], float(block.dynamic_pressure[i]), step_size, **given)
+            except StepRefused:
+                continue
+            numbers[i] = *found.coefficients, *found.coefficients_std, found.chi_square, found.health
+            further[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
+        valid = np.abs(block.strain) <= SENSOR_RANGE
+        limit, used, suspect, count = further.T
+        return BlockEstimates(
+            coefficients=numbers[:, :5],
+            coefficients_std=numbers[:, 5:10],
+            chi_square=numbers[:, 10],
+            chi_square_limit=limit,
+            degrees_of_freedom=np.full(n, np.nan),
+            health=numbers[:, 11],
+            gauges_used=np.where(np.isfinite(used), used, valid.sum(axis=1)),
+            valid=valid,
+            suspects=[(int(one) - 1,) if one >= 1 else () for one in suspect],
+            suspect_count=count,
+            residual=None,
+        )
+
+    def residual_limit(self, valid: BoolArray) -> FloatArray:
+        return np.full(len(valid), np.nan)
+
+
+def _first_step(block: StrainBlock) -> float:
+    """Return a step size for the first sample [s], which has no predecessor."""
+    return float(block.time[1] - block.time[0]) if len(block.time) > 1 else 1e-3

@@ -1,0 +1,71 @@
+"""Account of the health of many samples: how many were not OK, by cause, and which gauge was to blame."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from strainfmu.cosim.step import health_name
+from strainfmu.estimator.health import HealthState
+from strainfmu.interface.estimator_variables import HEALTH_ITEMS
+from strainfmu.recorded.block_estimates import BlockEstimates
+
+_MISSING = (HealthState.DEGRADED, HealthState.UNIDENTIFIED, HealthState.INVALID)
+_MISFIT = (HealthState.INCONSISTENT, HealthState.SUSPECT)
+
+
+@dataclass(kw_only=True)
+class HealthAccount:
+    """Numbers of samples by state of health.
+
+    Attributes
+    ----------
+    samples : number of samples by state.
+    blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
+        and a suspect, or else the one of the largest residual, where the strains do not fit.
+    """
+
+    samples: Counter[str] = field(default_factory=Counter)
+    blamed: dict[str, Counter[str]] = field(default_factory=dict)
+
+    def add(self, found: BlockEstimates, gauge_names: Sequence[str]) -> None:
+        """Count the samples of a block."""
+        for state in np.unique(found.health[np.isfinite(found.health)]):
+            rows = np.flatnonzero(found.health == state)
+            name = health_name(int(state))
+            self.samples[name] += len(rows)
+            counts = np.zeros(len(gauge_names), dtype=int)
+            if state in _MISSING:
+                counts += (~found.valid[rows]).sum(axis=0)
+            elif state in _MISFIT:
+                for row in rows.tolist():
+                    counts[list(_misfits(found, row))] += 1
+            blamed = {gauge: int(k) for gauge, k in zip(gauge_names, counts, strict=True) if k}
+            self.blamed.setdefault(name, Counter()).update(blamed)
+
+    def lines(self) -> list[str]:
+        """Return a line for each state other than OK, the most frequent first."""
+        total = sum(self.samples.values())
+        texts = {state.name: text for state, text in HEALTH_ITEMS}
+        lines = []
+        for name, number in self.samples.most_common():
+            if name == HealthState.OK.name:
+                continue
+            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.2g} %)"
+            if name in texts:
+                text += f": {texts[name][0].lower()}{texts[name][1:]}"
+            gauge = next(iter(self.blamed[name].most_common(1)), None)
+            if gauge is not None:
+                text += f"; most often to blame: '{gauge[0]}' (in {gauge[1]})"
+            lines.append(text)
+        return lines
+
+
+def _misfits(found: BlockEstimates, row: int) -> tuple[int, ...]:
+    """Return the gauges that do not fit in a sample, by index; none if nothing tells."""
+    if found.suspects[row] or found.residual is None:
+        return found.suspects[row]
+    return (int(np.argmax(np.abs(found.residual[row]))),)

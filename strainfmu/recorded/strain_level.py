@@ -1,0 +1,162 @@
+"""The level of recorded strains against the map's, and the unit that would explain a difference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log10
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+
+TOO_HIGH = 30.0
+"""Times the level of the snapshots above which strains are refused: no flight is so far beyond a map."""
+
+TOO_LOW = 1.0 / 300.0
+"""Fraction of the level at the data's q_inf below which strains are refused: gauge noise alone gives more."""
+
+NOTABLE = (1e-2, 10.0)
+"""Range of the fraction outside which a note is given."""
+
+_UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
+_TYPICAL = 0.6
+"""Largest strain of a flight over that of the snapshots, which hold the corners of the envelope."""
+
+_QUANTILE = 0.99
+"""Of a gauge's |strain| in a block: single spikes do not count."""
+
+_OF_NOISE = 20.0
+"""Expected strains over the noise from which on a low level means anything."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LevelReference:
+    """What a map expects of strains.
+
+    Attributes
+    ----------
+    strain_range : (n_d,) largest |strain| over the snapshots [m/m].
+    noise_std : (n_d,) standard deviation of the gauge noise [m/m], 0 where it is not known.
+    dynamic_pressure : q_inf at which that is so [Pa].
+    """
+
+    strain_range: FloatArray
+    noise_std: FloatArray
+    dynamic_pressure: float
+
+    @property
+    def seen(self) -> BoolArray:
+        """(n_d,) of bool, gauges whose strain is above their noise."""
+        return np.asarray((self.strain_range > 10.0 * self.noise_std) & (self.strain_range > 0.0))
+
+    def ratio(self, level: FloatArray) -> float:
+        """Return the median over the gauges of ``level`` (n_d,) [m/m] over the range; NaN if no gauge tells."""
+        seen = self.seen & np.isfinite(level)
+        return float(np.median(level[seen] / self.strain_range[seen])) if seen.any() else float("nan")
+
+
+def likely_unit(ratio: float, factor: float) -> str | None:
+    """Return the unit that strains are likely in, which exceed the map's ``ratio`` times if read by ``factor``.
+
+    ``factor`` is that of the unit stated, to m/m. None: no unit explains the ratio within a factor of 10.
+    """
+    if not (0.0 < ratio < np.inf):
+        return None
+    distance = {
+        name: abs(log10(ratio * other / factor / _TYPICAL))
+        for name, other in _UNITS
+        if abs(other - factor) > 1e-9 * factor
+    }
+    nearest = min(distance, key=lambda name: distance[name])
+    return nearest if distance[nearest] < 1.0 else None
+
+
+def level_of(strain: FloatArray) -> FloatArray:
+    """Return (n_d,) the level of each gauge in ``strain`` (n, n_d) [m/m], NaN where it has no value."""
+    level = np.full(strain.shape[1], np.nan)
+    some = np.isfinite(strain).any(axis=0)
+    if some.any():
+        level[some] = np.nanquantile(np.abs(strain[:, some]), _QUANTILE, axis=0)
+    return level
+
+
+class LevelCheck:
+    """Compares the strains of a file with the map's, block by block.
+
+    ``factor`` is that of the unit stated, to m/m. With ``refuses`` false a note stands in for a refusal.
+    """
+
+    def __init__(self, path: Path, reference: LevelReference, factor: float, refuses: bool = True) -> None:
+        self._path, self._reference, self._factor, self._refuses = path, reference, factor, refuses
+        self._level = np.full(len(reference.strain_range), np.nan)
+        self._pressure = float("nan")
+
+    def add(self, strain: FloatArray, dynamic_pressure: FloatArray) -> None:
+        """Add a block: strains (n, n_d) [m/m], q_inf (n,) [Pa].
+
+        Raises
+        ------
+        InputError
+            The level is far above that of the map.
+        """
+        self._level = np.fmax(self._level, level_of(strain))
+        with np.errstate(invalid="ignore"):
+            self._pressure = float(np.fmax(self._pressure, np.fmax.reduce(dynamic_pressure)))
+        if self._refuses and self._above() > TOO_HIGH:
+            raise InputError(self._text(self._above()))
+
+    def notes(self) -> list[str]:
+        """Return what is to be said of the level of the whole file, nothing where it is as expected.
+
+        Raises
+        ------
+        InputError
+            The level is far below that of the map at the same dynamic pressure.
+        """
+        above, below = self._above(), self._below()
+        if self._reference.ratio(self._level) == 0.0:
+            return [f"{self._path}: strains are 0 throughout"]
+        if self._refuses and below < TOO_LOW:
+            raise InputError(self._text(below))
+        if above > NOTABLE[1]:
+            return [self._text(above, ends=False)]
+        return [self._text(below, ends=False)] if below < NOTABLE[0] else []
+
+    def _above(self) -> float:
+        """Return the level over the map's, at a q_inf that may be above the map's."""
+        over = self._pressure / self._reference.dynamic_pressure
+        return self._reference.ratio(self._level) / (min(over, 10.0) if over > 1.0 else 1.0)
+
+    def _below(self) -> float:
+        """Return the level over the map's at the data's largest q_inf; NaN where noise would hide the strains."""
+        reference = self._reference
+        part = min(self._pressure / reference.dynamic_pressure, 1.0)
+        if not part > 0.0:
+            return float("nan")
+        noise = reference.noise_std[reference.seen]
+        expected = part * reference.strain_range[reference.seen]
+        if part < 0.1 or not len(noise) or float(np.median(expected - _OF_NOISE * noise)) <= 0.0:
+            return float("nan")
+        return reference.ratio(self._level) / part
+
+    def _text(self, ratio: float, ends: bool = True) -> str:
+        seen = self._reference.seen & np.isfinite(self._level)
+        found = 1e6 * float(np.max(self._level[seen]))
+        held = 1e6 * float(np.max(self._reference.strain_range[seen]))
+        unit = likely_unit(ratio, self._factor)
+        likely = f"likely in {unit}, not {_unit_name(self._factor)}" if unit else "no unit explains it"
+        way = f"; state the unit{_example(unit)}, or give --accept-strain-level" if ends else ""
+        return (
+            f"{self._path}: strains are {ratio:.2g} times the map's, {found:.3g} um/m against {held:.3g} um/m: "
+            f"{likely}{way}"
+        )
+
+
+def _unit_name(factor: float) -> str:
+    return next((name for name, value in _UNITS if abs(value - factor) <= 1e-9 * factor), f"{factor:g} m/m")
+
+
+def _example(unit: str | None) -> str:
+    return f", as in 'strain[1] [{unit}]'" if unit else ""
