@@ -50,13 +50,14 @@ def inverse_cholesky(covariance: FloatArray) -> FloatArray:
     return np.asarray(solve_lower(scaled, np.eye(len(std))) / std)
 
 
-def householder(matrix: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+def householder(matrix: FloatArray, columns: int | None = None) -> tuple[FloatArray, list[FloatArray]]:
     """Return R (m, n), upper triangular, and the reflectors v of Q = H_1 H_2 .., H_k = I - 2 v v' / v' v.
 
-    v of H_k holds rows k .. m - 1. Source: Golub & Van Loan, Matrix Computations, algorithms 5.1.1 and 5.2.1.
+    v of H_k holds rows k .. m - 1. With ``columns`` only these first columns become triangular. Source: Golub &
+    Van Loan, Matrix Computations, algorithms 5.1.1 and 5.2.1.
     """
     r, reflectors = matrix.copy(), []
-    for k in range(min(r.shape)):
+    for k in range(min(r.shape) if columns is None else columns):
         v = r[k:, k].copy()
         v[0] += copysign(sqrt(_ordered_sum(v * v)), v[0])
         _reflect(v, r)

@@ -16,8 +16,9 @@ class HealthState(IntEnum):
     INCONSISTENT = 1
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
-    """Dynamic pressure is below 1e-6 Pa or not finite, or its deviation is negative or not finite: no
-    coefficients; chi-square refers to the loads."""
+    """Dynamic pressure is below 1e-6 Pa, above 1e7 Pa or no number, or its deviation is negative or infinite: no
+    coefficients. A map in form "absolute" still gives loads, and chi-square refers to them; in form
+    "dynamic_pressure" nothing is known without q_inf."""
     INVALID = 3
     """No gauge gives a valid strain: nothing can be computed."""
     DEGRADED = 4
@@ -26,6 +27,9 @@ class HealthState(IntEnum):
     """Gauges are missing and the others do not identify the state: nothing can be computed."""
     SUSPECT = 6
     """The chi-square is in order, but one gauge does not fit the others: its z is above its alarm level."""
+    OUTSIDE = 7
+    """Dynamic pressure, navigation or the estimated coefficients leave what the snapshots of the map cover, or
+    navigation contradicts the dynamic pressure: the stated deviations need not hold."""
 
 
 def chi_square_survival(value: float, degrees_of_freedom: int) -> float:

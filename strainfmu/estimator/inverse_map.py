@@ -7,6 +7,11 @@ segmented-ls-solution). The loads are f = M q + f_mean and what the residual rev
 (:mod:`strainfmu.estimator.load_errors`). T and the residual whitening W follow from A, Gamma and
 gamma, and so does the estimate without any of the gauges; the file holds both, and a map in which they disagree is
 refused.
+
+Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
+dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + e_m) + e_g and f = f_0 + s (..), where Gamma =
+Gamma_g + N N' is split into the gauges' own covariance Gamma_g, which does not scale, and errors e_m that do
+(:mod:`strainfmu.estimator.decomposition`).
 """
 
 from __future__ import annotations
@@ -27,13 +32,19 @@ from strainfmu.estimator.load_errors import load_error_model, load_gain
 from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 
 CASES = (1, 2)
 """Least squares on POD modes; low-rank Gaussian prior."""
+
+FORMS = ("dynamic_pressure", "absolute")
+"""Strain in proportion to q_inf, for any altitude; the paper's, for the pressure level of the snapshots."""
+
+DEFAULT_SCORE_LIMIT = 3.0
+"""Standard deviations beyond the envelope that count as outside, where the map states no other."""
 
 _CONSISTENCY = 1e-6
 """Largest disagreement, relative, between what the file holds twice: far above round-off, far below sigma."""
@@ -75,6 +86,21 @@ class InverseMap:
         [m/m (N, N m)]; None where there is none.
     field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q, or None.
     point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
+    form : one of :data:`FORMS`.
+    gauge_covariance : (n_d, n_d) Gamma_g [1], None in form "absolute".
+    error_strain, error_load : (n_d, k) N [m/m] and (5, k) the loads of its columns that no state holds [N, N m],
+        per standard deviation at the nominal dynamic pressure; None in form "absolute".
+    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (5,) f_0 [N, N m], which do not follow q_inf, as those of an
+        internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. None for none.
+    gauge_error_product : (21, n_d), common_error : (n_t, 6, n_d), mean_product : (21,), see
+        :class:`~strainfmu.estimator.proportional_errors.ErrorModel`; None where no error follows the current
+        strain.
+    dynamic_pressure_error : standard deviation of q_inf relative to q_inf, where the caller states none [1].
+    chi_square_scale, outlier_scale : factors on the alarm levels of chi-square and of the square of the largest
+        |z|, from data of an independent model [1].
+    envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients, or None.
+    envelope_score_limit : standard deviations beyond them that count as outside [1].
+    dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity, or None.
     """
 
     vehicle: str
@@ -105,11 +131,30 @@ class InverseMap:
     field_modes: NDArray[np.float32] | None = None
     point: NDArray[np.float32] | None = None
     triangle: NDArray[np.int32] | None = None
+    form: str = "absolute"
+    gauge_covariance: FloatArray | None = None
+    error_strain: FloatArray | None = None
+    error_load: FloatArray | None = None
+    fixed_strain: FloatArray | None = None
+    fixed_load: FloatArray | None = None
+    gauge_error_product: FloatArray | None = None
+    common_error: FloatArray | None = None
+    mean_product: FloatArray | None = None
+    dynamic_pressure_error: float = 0.0
+    chi_square_scale: float = 1.0
+    outlier_scale: float = 1.0
+    envelope_direction: FloatArray | None = None
+    envelope_limit: FloatArray | None = None
+    envelope_score_limit: float = DEFAULT_SCORE_LIMIT
+    dynamic_pressure_range: FloatArray | None = None
+    mach_number_range: FloatArray | None = None
+    altitude_range: FloatArray | None = None
 
     def __post_init__(self) -> None:
         _check_arrays(self)
         _check_field(self)
         _check_values(self)
+        _check_form(self)
         try:
             _check_consistency(self)
         except InputError as error:
@@ -124,6 +169,20 @@ class InverseMap:
     def n_gauges(self) -> int:
         """Number of gauges n_d."""
         return len(self.gauge_names)
+
+    @property
+    def scaled_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Gamma_g, N and the loads of N.
+
+        Raises
+        ------
+        InputError
+            The map is in form "absolute", which has none.
+        """
+        own, error, load = self.gauge_covariance, self.error_strain, self.error_load
+        if own is None or error is None or load is None:
+            raise InputError("inverse map: form 'absolute' found, expected 'dynamic_pressure'")
+        return own, error, load
 
     @cached_property
     def load_gain(self) -> FloatArray:
@@ -156,14 +215,70 @@ def _check_arrays(inverse_map: InverseMap) -> None:
         "strain_range": (n_d,),
         "coefficient_range": (5, 2),
     }
-    if inverse_map.strain_load_covariance is not None:
-        expected["strain_load_covariance"] = (n_d, 5)
+    optional = {
+        "strain_load_covariance": (n_d, 5),
+        "gauge_covariance": (n_d, n_d),
+        "error_strain": (n_d, *_columns(inverse_map.error_strain)),
+        "error_load": (5, *_columns(inverse_map.error_strain)),
+        "fixed_strain": (n_d,),
+        "fixed_load": (5,),
+        "gauge_error_product": (21, n_d),
+        "common_error": (*_rows(inverse_map.common_error), 6, n_d),
+        "mean_product": (21,),
+        "envelope_direction": (*_rows(inverse_map.envelope_limit), 5),
+        "envelope_limit": _rows(inverse_map.envelope_limit),
+        "dynamic_pressure_range": (2,),
+        "mach_number_range": (2,),
+        "altitude_range": (2,),
+    }
+    expected |= {name: shape for name, shape in optional.items() if getattr(inverse_map, name) is not None}
     for name, shape in expected.items():
         value = getattr(inverse_map, name)
         if value.shape != shape:
             raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
         if not np.all(np.isfinite(value)):
             raise InputError(f"inverse map: {name} holds values that are not finite")
+
+
+def _rows(array: FloatArray | None) -> tuple[int, ...]:
+    return () if array is None else array.shape[:1]
+
+
+def _columns(array: FloatArray | None) -> tuple[int, ...]:
+    return () if array is None else array.shape[1:2]
+
+
+def _check_form(inverse_map: InverseMap) -> None:
+    """Check that the parts of the form are there, all or none of those that belong together."""
+    if inverse_map.form not in FORMS:
+        raise InputError(f"inverse map: form is '{inverse_map.form}', must be one of {', '.join(FORMS)}")
+    scaled = inverse_map.form == "dynamic_pressure"
+    groups = {
+        "form": ("gauge_covariance", "error_strain", "error_load"),
+        "errors": ("gauge_error_product", "common_error", "mean_product"),
+        "fixed": ("fixed_strain", "fixed_load"),
+        "envelope": ("envelope_direction", "envelope_limit"),
+    }
+    for group, names in groups.items():
+        there = [name for name in names if getattr(inverse_map, name) is not None]
+        if (there and len(there) < len(names)) or (group == "form" and bool(there) != scaled):
+            raise InputError(
+                f"inverse
+                map: {', '.join(there) or 'none'} of {', '.join(names)} found, which belong together and
+                " f"to form '{inverse_map.form}' {'or none' if group != 'form' else 'as its parts'}"
+            )
+    if scaled and inverse_map.regularisation not in (0.0, 1.0):
+        raise InputError(
+            f"inverse map: regularisation is {inverse_map.regularisation}, must be 1 (0 in Case 1) in form "
+            "'dynamic_pressure'"
+        )
+    for name in ("chi_square_scale", "outlier_scale", "envelope_score_limit"):
+        if not 0.0 < getattr(inverse_map, name) < np.inf:
+            raise InputError(f"inverse map: {name} is {getattr(inverse_map, name)}, must be positive")
+    if not 0.0 <= inverse_map.dynamic_pressure_error < 1.0:
+        raise InputError(
+            f"inverse map: dynamic_pressure_error is {inverse_map.dynamic_pressure_error}, must be 0 to 1"
+        )
 
 
 def _check_field(inverse_map: InverseMap) -> None:
@@ -219,6 +334,7 @@ def _check_consistency(inverse_map: InverseMap) -> None:
     if not np.all(np.diag(gamma) >= (1.0 - _CONSISTENCY) * inverse_map.noise_std**2):
         raise InputError("noise_covariance has variances below noise_std squared, must hold the gauge noise")
     whitening = inverse_cholesky(gamma)
+    _check_split(inverse_map, whitening)
     gain = inverse_map.strain_gain
     # In the norm of the noise that T lets through.
     error, size = (
@@ -253,6 +369,21 @@ def _check_consistency(inverse_map: InverseMap) -> None:
     )
 
 
+def _check_split(inverse_map: InverseMap, whitening: FloatArray) -> None:
+    """Check that the parts of form "dynamic_pressure" add up to the covariances at the nominal one."""
+    if inverse_map.form == "absolute":
+        return
+    own, error, load = inverse_map.scaled_parts
+    inverse_cholesky(own)
+    apart = whitening @ (own + error @ error.T - inverse_map.noise_covariance) @ whitening.T
+    if not np.max(np.abs(apart)) <= _CONSISTENCY:
+        raise InputError("noise_covariance is not gauge_covariance and error_strain together")
+    x = inverse_map.strain_load_covariance
+    cross = whitening @ (error @ load.T - (0.0 if x is None else x))
+    if not np.all(np.abs(cross) <= _CONSISTENCY * np.sqrt(np.diag(inverse_map.load_covariance))):
+        raise InputError("strain_load_covariance is not error_strain times error_load")
+
+
 def _units(case: int) -> dict[str, str]:
     """Return the unit of each field; a state is a pressure in Case 1 and a number in Case 2."""
     state = "Pa" if case == 1 else "1"
@@ -275,6 +406,15 @@ def _units(case: int) -> dict[str, str]:
         "reference_length": "m",
         "nominal_dynamic_pressure": "Pa",
         "strain_load_covariance": "(m/m) (N, N.m)",
+        "gauge_covariance": "(m/m)^2",
+        "error_strain": "m/m",
+        "error_load": "N, N.m",
+        "fixed_strain": "m/m",
+        "fixed_load": "N, N.m",
+        "gauge_error_product": "(m/m)^2",
+        "common_error": "m/m",
+        "dynamic_pressure_range": "Pa",
+        "altitude_range": "m",
         "field_mean": "Pa",
         "field_modes": f"Pa/{state}",
         "point": "m",

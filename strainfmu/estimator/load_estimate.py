@@ -100,6 +100,8 @@ class LoadEstimate(NamedLoads):
     standardised_residual : (n_d,) z, standard normal where a gauge fits the others; 0 where no other checks it.
     suspects : gauges, by index, that the largest |z| points to, none below its alarm level; more than one where
         they cannot be distinguished.
+    envelope_score : standard deviations by which the coefficients leave the half-spaces of the map's envelope; 0
+        inside, NaN where they are not known.
     """
 
     loads: FloatArray
@@ -114,6 +116,7 @@ class LoadEstimate(NamedLoads):
     valid: BoolArray
     standardised_residual: FloatArray
     suspects: tuple[int, ...]
+    envelope_score: float
 
     @property
     def sigma(self) -> Sigma:
@@ -144,6 +147,7 @@ class LoadEstimates(NamedLoads):
     valid : (k, n_d).
     standardised_residual : (k, n_d).
     suspects : (k,) of tuples.
+    envelope_score : (k,).
     """
 
     loads: FloatArray
@@ -158,6 +162,7 @@ class LoadEstimates(NamedLoads):
     valid: BoolArray
     standardised_residual: FloatArray
     suspects: np.ndarray[tuple[int], np.dtype[np.object_]]
+    envelope_score: FloatArray
 
     @property
     def sigma(self) -> Sigma:
@@ -182,6 +187,7 @@ class LoadEstimates(NamedLoads):
             valid=self.valid[sample],
             standardised_residual=self.standardised_residual[sample],
             suspects=self.suspects[sample],
+            envelope_score=float(self.envelope_score[sample]),
         )
 
     def to_dataframe(self) -> DataFrame:
@@ -210,11 +216,19 @@ def empty_estimates(k: int, n_gauges: int) -> LoadEstimates:
         valid=np.empty((k, n_gauges), dtype=bool),
         standardised_residual=np.empty((k, n_gauges)),
         suspects=np.empty(k, dtype=object),
+        envelope_score=np.empty(k),
     )
 
 
 def set_unknown(estimates: LoadEstimates, rows: IntArray) -> None:
     """Fill ``rows``, whose ``valid`` gauges do not identify the state: no number is known."""
+    set_nan(estimates, rows)
+    some = estimates.valid[rows].any(axis=1)
+    estimates.health[rows] = np.where(some, HealthState.UNIDENTIFIED, HealthState.INVALID)
+
+
+def set_nan(estimates: LoadEstimates, rows: IntArray) -> None:
+    """Fill every number of ``rows`` with NaN, and leave no suspects."""
     for values in (
         estimates.loads,
         estimates.loads_std,
@@ -224,13 +238,12 @@ def set_unknown(estimates: LoadEstimates, rows: IntArray) -> None:
         estimates.load_covariance,
         estimates.chi_square_limit,
         estimates.standardised_residual,
+        estimates.envelope_score,
     ):
         values[rows] = np.nan
     estimates.degrees_of_freedom[rows] = 0
     for row in rows:
         estimates.suspects[row] = ()
-    some = estimates.valid[rows].any(axis=1)
-    estimates.health[rows] = np.where(some, HealthState.UNIDENTIFIED, HealthState.INVALID)
 
 
 def _dataframe(estimate: LoadEstimate | LoadEstimates, health: Any) -> DataFrame:

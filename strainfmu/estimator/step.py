@@ -4,34 +4,51 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from copy import copy
-from math import sqrt
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.isolation import suspected_gauges, suspects_by_gauge
-from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates, empty_estimates, set_unknown
+from strainfmu.estimator.isolation import suspects_by_gauge
+from strainfmu.estimator.load_estimate import (
+    LoadEstimate,
+    LoadEstimates,
+    empty_estimates,
+    set_nan,
+    set_unknown,
+)
+from strainfmu.estimator.loads_from_strain import LoadsFromStrain, ScaledLoads, absolute_loads, map_references
 from strainfmu.estimator.map_parts import map_parts
 from strainfmu.estimator.masked_map import MaskedMap, complete_map, masked_map
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 
-MIN_DYNAMIC_PRESSURE = 1e-6
-"""q_inf [Pa] below which there is no flow, and no coefficients."""
+MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
+"""q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
 
 BLOCK = 1024
 """Samples of a series that are computed together: few enough to stay in the processor's cache."""
 
-ROWS = 64
-"""Samples of one matrix product. For larger ones BLAS starts threads, which cost more than they save here."""
-
 CACHED_MASKS = 32
 """Sets of missing gauges whose matrices are kept, the one unused for longest dropped first."""
+
+_FLOW = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
+
+
+class _Flow(NamedTuple):
+    """Dynamic pressure and its deviation [Pa], Mach number [1] and altitude [m] of k samples, (k,) each."""
+
+    dynamic_pressure: FloatArray
+    dynamic_pressure_std: FloatArray
+    mach_number: FloatArray
+    altitude: FloatArray
 
 
 def load(path: str | PathLike[str], settings: EstimatorSettings | None = None) -> Estimator:
@@ -66,6 +83,8 @@ class Estimator:
         self.inverse_map = inverse_map
         self._parts = map_parts(inverse_map)
         self._masked: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
+        self._scaled = ScaledLoads(inverse_map) if inverse_map.form == "dynamic_pressure" else None
+        self._ranges, self._envelope = flight_ranges(inverse_map), half_spaces(inverse_map)
         self._complete = complete_map(self._parts)
         self._apply_settings(settings or default_settings(inverse_map))
 
@@ -81,15 +100,18 @@ class Estimator:
         self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
         shift = settings.moment_station - default_settings(self.inverse_map).moment_station
         self._transfer = moment_transfer(shift) if shift != 0.0 else None
-        self._threshold_scale = sqrt(settings.alarm_scale)
-        self.chi_square_limit = settings.alarm_scale * self._complete.chi_square_limit
+        scale = settings.alarm_scale * self.inverse_map.chi_square_scale
+        self.chi_square_limit = scale * self._complete.chi_square_limit
 
     def estimate(
         self,
         strain: ArrayLike,
         dynamic_pressure: ArrayLike,
         valid: ArrayLike | None = None,
-        dynamic_pressure_std: ArrayLike = 0.0,
+        dynamic_pressure_std: ArrayLike = np.nan,
+        *,
+        mach_number: ArrayLike = np.nan,
+        altitude: ArrayLike = np.nan,
     ) -> LoadEstimate | LoadEstimates:
         """Estimate the loads of one sample, or of k samples at once.
 
@@ -98,8 +120,11 @@ class Estimator:
         strain : (n_d,) or (k, n_d) strains [m/m], order of ``inverse_map.gauge_names``.
         dynamic_pressure : q_inf [Pa], one for all samples or (k,).
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
-        dynamic_pressure_std : standard deviation of q_inf's error [Pa], one for all samples or (k,). To first
-            order it adds C^2 (s / q)^2 to the variance of each coefficient C.
+        dynamic_pressure_std : standard deviation of q_inf's error [Pa], one for all samples or (k,); NaN takes the
+            map's ``dynamic_pressure_error``, a fraction of q_inf. It adds to the variances to first order.
+        mach_number, altitude : Mach number [1] and geopotential altitude [m] by navigation, one for all samples or
+            (k,); NaN where not known. They decide on health alone: whether the flight is inside the envelope, and
+            whether q_inf agrees with 0.7 M^2 p(h).
 
         Raises
         ------
@@ -109,62 +134,40 @@ class Estimator:
         """
         d = np.asarray(strain, dtype=float)
         if d.ndim != 2:
-            numbers = {"dynamic_pressure": dynamic_pressure, "dynamic_pressure_std": dynamic_pressure_std}
-            q, q_std = (float(_per_sample(name, value, 1)[0]) for name, value in numbers.items())
-            return self.step(d, q, valid, q_std)
+            flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
+            q, q_std, mach, height = (
+                float(_per_sample(name, value, 1)[0]) for name, value in zip(_FLOW, flow, strict=True)
+            )
+            return self.step(d, q, valid, q_std, mach_number=mach, altitude=height)
         n = self.inverse_map.n_gauges
         if d.shape[1] != n:
             raise InputError(f"strain: expected (k, {n}) values, got {d.shape}")
         mask = None if valid is None else np.broadcast_to(self._checked_mask(valid, len(d)), d.shape)
-        pressure = _per_sample("dynamic_pressure", dynamic_pressure, len(d))
-        return self._series(d, mask, pressure, _per_sample("dynamic_pressure_std", dynamic_pressure_std, len(d)))
+        values = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
+        return self._series(
+            d, mask, _Flow(*(_per_sample(name, value, len(d)) for name, value in zip(_FLOW, values, strict=True)))
+        )
 
     def step(
         self,
         strain: ArrayLike,
         dynamic_pressure: float,
         valid: ArrayLike | None = None,
-        dynamic_pressure_std: float = 0.0,
+        dynamic_pressure_std: float = np.nan,
+        *,
+        mach_number: float = np.nan,
+        altitude: float = np.nan,
     ) -> LoadEstimate:
-        """Estimate the loads of one sample, at minimum cost; arguments and errors as :meth:`estimate`."""
+        """Estimate the loads of one sample; arguments and errors as :meth:`estimate`."""
         d = np.asarray(strain, dtype=float)
         if d.shape != (self.inverse_map.n_gauges,):
             raise InputError(f"strain: expected {self.inverse_map.n_gauges} values, got {d.shape}")
-        used = np.abs(d) <= self.settings.sensor_range  # false for NaN
-        if valid is not None:
-            used &= self._checked_mask(valid)
-        masked = self._complete if used.all() else self._masked_map(used)
-        if masked is None:
-            return _no_estimate(used)
-        loads, loads_std, load_covariance, chi_square, z = self._evaluated(masked, d)
-        chi_square_limit = self.settings.alarm_scale * masked.chi_square_limit
-        suspects = suspected_gauges(z, self._threshold_scale * masked.outlier_threshold, masked.ambiguous_groups)
-        coefficients = coefficients_std = np.full(5, np.nan)
-        health = HealthState.NO_COEFFICIENTS
-        if MIN_DYNAMIC_PRESSURE <= dynamic_pressure < np.inf and 0.0 <= dynamic_pressure_std < np.inf:
-            scale = 1.0 / (dynamic_pressure * self._reference)
-            coefficients, coefficients_std = scale * loads, scale * loads_std
-            if dynamic_pressure_std > 0.0:
-                relative = dynamic_pressure_std / dynamic_pressure
-                coefficients_std = with_pressure_error(coefficients, coefficients_std, relative)
-            health = _health(bool(chi_square > chi_square_limit), bool(suspects), masked)
-        return LoadEstimate(
-            loads=loads,
-            loads_std=loads_std,
-            coefficients=coefficients,
-            coefficients_std=coefficients_std,
-            chi_square=float(chi_square),
-            health=health,
-            load_covariance=load_covariance,
-            chi_square_limit=chi_square_limit,
-            degrees_of_freedom=masked.degrees_of_freedom,
-            valid=masked.valid,
-            standardised_residual=z,
-            suspects=suspects,
-        )
+        mask = None if valid is None else self._checked_mask(valid)[None, :]
+        flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
+        return self._series(d[None, :], mask, _Flow(*(np.array([float(value)]) for value in flow)))[0]
 
-    def _series(self, d: FloatArray, valid: BoolArray | None, q: FloatArray, q_std: FloatArray) -> LoadEstimates:
-        """Return the estimates of k samples: d and valid are (k, n_d), q and q_std (k,)."""
+    def _series(self, d: FloatArray, valid: BoolArray | None, flow: _Flow) -> LoadEstimates:
+        """Return the estimates of k samples: d and valid are (k, n_d)."""
         series = empty_estimates(*d.shape)
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
@@ -173,51 +176,100 @@ class Estimator:
             if valid is not None:
                 used &= valid[rows]
             if used.all():
-                self._fill(series, rows, self._complete, d[rows], q[rows], q_std[rows])
+                self._fill(series, np.arange(start, start + len(used)), self._complete, d, flow)
                 continue
             _, first, which = np.unique(np.packbits(used, axis=1), axis=0, return_index=True, return_inverse=True)
             for number, mask in enumerate(used[first]):
                 masked = self._complete if mask.all() else self._masked_map(mask)
-                of_mask = start + np.flatnonzero(which == number)
+                of_mask = start + np.flatnonzero(which.reshape(-1) == number)
                 if masked is None:
                     set_unknown(series, of_mask)
                 else:
-                    self._fill(series, of_mask, masked, d[of_mask], q[of_mask], q_std[of_mask])
+                    self._fill(series, of_mask, masked, d, flow)
         return series
 
     def _fill(
-        self,
-        series: LoadEstimates,
-        rows: IntArray | slice,
-        masked: MaskedMap,
-        d: FloatArray,
-        q: FloatArray,
-        q_std: FloatArray,
+        self, series: LoadEstimates, rows: IntArray, masked: MaskedMap, strain: FloatArray, all_flow: _Flow
     ) -> None:
         """Compute the ``rows`` of ``series``, all with the gauges of ``masked``."""
-        loads, loads_std, load_covariance, chi_square, z = self._evaluated(masked, d)
-        series.loads[rows], series.loads_std[rows], series.load_covariance[rows] = (
-            loads,
-            loads_std,
-            load_covariance,
+        flow = _Flow(*(values[rows] for values in all_flow))
+        known, q_std = self._known_pressure(flow)
+        q = np.where(known, flow.dynamic_pressure, np.nan)
+        # Products below need numbers; what is not known is taken out at the end.
+        found = self._loads_from(
+            masked, strain[rows], np.where(known, q, self.inverse_map.nominal_dynamic_pressure)
         )
-        series.chi_square[rows], series.standardised_residual[rows] = chi_square, z
-        limit = series.chi_square_limit[rows] = self.settings.alarm_scale * masked.chi_square_limit
-        series.degrees_of_freedom[rows] = masked.degrees_of_freedom
+        score = self._envelope_score(found, q, q_std)
+        found = _moved(found, self._transfer)
+        scale = 1.0 / (q[:, None] * self._reference)
+        coefficients = scale * found.loads
+        variance = np.diagonal(found.load_covariance, axis1=1, axis2=2)
+        of_pressure = (scale * found.load_per_pressure - coefficients / q[:, None]) * q_std[:, None]
+        limit_scale = self.settings.alarm_scale * found.expected_ratio
+        limit = self.inverse_map.chi_square_scale * masked.chi_square_limit * limit_scale
+        threshold = masked.outlier_threshold * np.sqrt(self.inverse_map.outlier_scale * limit_scale)
+        z = found.standardised_residual
         worst = np.argmax(np.abs(z), axis=1)
-        suspicious = np.abs(z[np.arange(len(z)), worst]) > self._threshold_scale * masked.outlier_threshold
+        suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
         suspects = suspects_by_gauge(z.shape[1], masked.ambiguous_groups)
+        loads_of_pressure = found.load_per_pressure * q_std[:, None]
+        covariance = found.load_covariance + loads_of_pressure[:, :, None] * loads_of_pressure[:, None, :]
+        series.loads[rows], series.load_covariance[rows] = found.loads, covariance
+        series.loads_std[rows] = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        series.chi_square[rows], series.standardised_residual[rows] = found.chi_square, z
+        series.chi_square_limit[rows], series.degrees_of_freedom[rows] = limit, masked.degrees_of_freedom
         series.suspects[rows] = suspects[np.where(suspicious, worst, len(suspects) - 1)]
-        known = (q >= MIN_DYNAMIC_PRESSURE) & (q < np.inf) & (q_std >= 0.0) & (q_std < np.inf)
-        scale = 1.0 / (np.where(known, q, np.nan)[:, None] * self._reference)
-        coefficients, std = scale * loads, scale * loads_std
-        if np.any(q_std > 0.0):
-            std = with_pressure_error(coefficients, std, (q_std / np.where(known, q, np.nan))[:, None])
-        series.coefficients[rows], series.coefficients_std[rows] = coefficients, std
+        series.coefficients[rows] = coefficients
+        series.coefficients_std[rows] = np.sqrt(scale * scale * variance + of_pressure * of_pressure)
+        series.envelope_score[rows] = score
+        outside = score > self.inverse_map.envelope_score_limit
         series.health[rows] = np.select(
-            [~known, chi_square > limit, suspicious],
-            [HealthState.NO_COEFFICIENTS, HealthState.INCONSISTENT, HealthState.SUSPECT],
+            [~known, self._outside(flow, q_std), found.chi_square > limit, suspicious, outside],
+            [
+                HealthState.NO_COEFFICIENTS,
+                HealthState.OUTSIDE,
+                HealthState.INCONSISTENT,
+                HealthState.SUSPECT,
+                HealthState.OUTSIDE,
+            ],
             HealthState.OK if masked.valid.all() else HealthState.DEGRADED,
+        )
+        if self._scaled is not None:
+            set_nan(series, rows[~known])
+
+    def _known_pressure(self, flow: _Flow) -> tuple[BoolArray, FloatArray]:
+        """Return (k,) whether q_inf gives coefficients, and the standard deviation of its error [Pa], 0 where
+        not."""
+        q, std = flow.dynamic_pressure, flow.dynamic_pressure_std
+        usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
+        q = np.where(usable, q, 0.0)
+        std = np.where(np.isnan(std), self.inverse_map.dynamic_pressure_error * q, std)
+        known = usable & (std >= 0.0) & (std < np.inf)
+        return known, np.where(known, std, 0.0)
+
+    def _loads_from(self, masked: MaskedMap, d: FloatArray, q: FloatArray) -> LoadsFromStrain:
+        if self._scaled is None:
+            return absolute_loads(self._parts, masked, d)
+        return self._scaled.loads(masked, d, q)
+
+    def _envelope_score(self, found: LoadsFromStrain, q: FloatArray, q_std: FloatArray) -> FloatArray:
+        """Return (k,) the score of the coefficients at the references of the map; NaN where q is."""
+        if self._envelope is None:
+            return np.where(np.isnan(q), np.nan, 0.0)
+        scale = 1.0 / (q[:, None] * map_references(self.inverse_map))
+        coefficients = scale * found.loads
+        of_pressure = (scale * found.load_per_pressure - coefficients / q[:, None]) * q_std[:, None]
+        covariance = scale[:, :, None] * found.load_covariance * scale[:, None, :]
+        covariance = covariance + of_pressure[:, :, None] * of_pressure[:, None, :]
+        return np.where(np.isnan(q), np.nan, envelope_score(self._envelope, coefficients, covariance))
+
+    def _outside(self, flow: _Flow, q_std: FloatArray) -> BoolArray:
+        return outside_by_navigation(
+            self._ranges,
+            dynamic_pressure=flow.dynamic_pressure,
+            dynamic_pressure_std=q_std,
+            mach_number=flow.mach_number,
+            altitude=flow.altitude,
         )
 
     def masked_map(self, valid: ArrayLike) -> MaskedMap | None:
@@ -232,24 +284,6 @@ class Estimator:
         """
         used = self._checked_mask(valid)
         return self._complete if used.all() else self._masked_map(used)
-
-    def _evaluated(
-        self, masked: MaskedMap, d: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return loads (.., 5), their deviations (5,) and covariance (5, 5), chi-square (..) and z (.., n_d)."""
-        residual = d - self.inverse_map.mean_strain
-        if masked is not self._complete:
-            # Multiplying by the zero columns of the gain would let NaN through.
-            residual = np.where(masked.valid, residual, 0.0)
-        loads = product_with(masked.load_gain, residual) + self.inverse_map.load_of_mean
-        loads_std, load_covariance = masked.loads_std, masked.load_covariance
-        if self._transfer is not None:
-            loads = product_with(self._transfer, loads)
-            load_covariance = self._transfer @ load_covariance @ self._transfer.T
-            loads_std = np.sqrt(load_covariance.diagonal())
-        whitened = product_with(masked.whitening, residual)
-        z = product_with(masked.z_whitening, whitened)
-        return loads, loads_std, load_covariance, np.vecdot(whitened, whitened), z
 
     def _checked_mask(self, valid: ArrayLike, samples: int | None = None) -> BoolArray:
         """Return ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d)."""
@@ -282,25 +316,16 @@ def moment_transfer(shift: float) -> FloatArray:
     return transfer
 
 
-def with_pressure_error(coefficients: FloatArray, std: FloatArray, relative: float | FloatArray) -> FloatArray:
-    """Return the deviations (.., 5) of coefficients, ``std`` without and ``relative`` that of q_inf [1].
-
-    To first order an error of q_inf scales all coefficients alike: sigma^2 + (C s / q)^2.
-    """
-    of_pressure = coefficients * relative
-    return np.asarray(np.sqrt(std * std + of_pressure * of_pressure))
-
-
-def product_with(matrix: FloatArray, values: FloatArray) -> FloatArray:
-    """Return ``matrix`` (m, n) times each of ``values`` (n,) or (k, n)."""
-    if values.ndim == 1:
-        return np.asarray(matrix @ values)
-    k, n = values.shape
-    whole = k - k % ROWS
-    out = np.empty((k, len(matrix)))
-    np.matmul(values[:whole].reshape(-1, ROWS, n), matrix.T, out=out[:whole].reshape(-1, ROWS, len(matrix)))
-    np.matmul(values[whole:], matrix.T, out=out[whole:])
-    return out
+def _moved(found: LoadsFromStrain, transfer: FloatArray | None) -> LoadsFromStrain:
+    """Return ``found`` about another moment point; ``transfer`` is None for the map's own."""
+    if transfer is None:
+        return found
+    return replace(
+        found,
+        loads=found.loads @ transfer.T,
+        load_covariance=transfer @ found.load_covariance @ transfer.T,
+        load_per_pressure=found.load_per_pressure @ transfer.T,
+    )
 
 
 def _per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
@@ -320,20 +345,3 @@ def _per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
         got = repr(value) if values is None else f"shape {values.shape}"
         raise InputError(f"{name}: expected {expected}, got {got}")
     return np.broadcast_to(values, (samples,))
-
-
-def _health(inconsistent: bool, suspicious: bool, masked: MaskedMap) -> HealthState:
-    """Return the state of an estimate that has coefficients."""
-    if inconsistent:
-        return HealthState.INCONSISTENT
-    if suspicious:
-        return HealthState.SUSPECT
-    return HealthState.OK if masked.valid.all() else HealthState.DEGRADED
-
-
-def _no_estimate(used: BoolArray) -> LoadEstimate:
-    """Return the estimate of gauges that do not identify the state."""
-    series = empty_estimates(1, len(used))
-    series.valid[:] = used
-    set_unknown(series, np.zeros(1, dtype=np.int64))
-    return series[0]

@@ -47,6 +47,8 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
     InputError
         ``guid`` is longer than 79 bytes.
     """
+    if inverse_map.form != "absolute":
+        raise InputError(f"inverse map: form '{inverse_map.form}' found, the native FMU runs 'absolute' alone")
     text = guid.encode()
     if len(text) >= _GUID_SIZE or b"\0" in text:
         raise InputError(f"guid: '{guid}' found, must be shorter than {_GUID_SIZE} bytes")

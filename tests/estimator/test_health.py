@@ -37,5 +37,5 @@ def test_default_limit_is_one_false_alarm_in_ten_thousand() -> None:
 
 def test_states_keep_their_numbers() -> None:
     """The numbers are what an FMU outputs: they must not move."""
-    names = ["OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT"]
-    assert [(state.name, state.value) for state in HealthState] == list(zip(names, range(7), strict=True))
+    names = ["OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE"]
+    assert [(state.name, state.value) for state in HealthState] == list(zip(names, range(8), strict=True))

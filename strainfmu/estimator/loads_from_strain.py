@@ -1,0 +1,159 @@
+"""Loads, covariance and residual of strains, by the form of the map: the step without coefficients and health."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.decomposition import decompose
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map_parts import MapParts
+from strainfmu.estimator.masked_map import MaskedMap
+from strainfmu.estimator.masks import MIN_INFORMATION
+from strainfmu.estimator.pressure_weights import (
+    gain_and_precision,
+    pressure_weights,
+    product_with,
+    scaled_estimate,
+)
+from strainfmu.estimator.proportional_errors import (
+    ErrorModel,
+    enclosing_levels,
+    excess_products,
+    level_products,
+    symmetric,
+)
+
+CACHED_LEVELS = 512
+"""Levels of the errors in proportion to strain that are kept, over all sets of gauges."""
+
+MIN_EXPECTED_RATIO = 0.1
+"""Least expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadsFromStrain:
+    """What the strains of k samples with the same gauges in use say of the loads, about the map's moment point.
+
+    Attributes
+    ----------
+    loads : (k, 5) [N, N m].
+    load_covariance : (k, 5, 5) of their errors, but for that of q_inf [(N, N m)^2].
+    chi_square : (k,) [1].
+    standardised_residual : (k, n_d) z [1].
+    load_per_pressure : (k, 5) derivative of the loads by q_inf [N/Pa, N m/Pa].
+    expected_ratio : (k,) expected chi-square over its degrees of freedom [1].
+    """
+
+    loads: FloatArray
+    load_covariance: FloatArray
+    chi_square: FloatArray
+    standardised_residual: FloatArray
+    load_per_pressure: FloatArray
+    expected_ratio: FloatArray
+
+
+def map_references(inverse_map: InverseMap) -> FloatArray:
+    """Return (5,) S and S L [m2, m3] that coefficients times q_inf are multiplied with to give loads."""
+    length = inverse_map.reference_length
+    return inverse_map.reference_area * np.array([1.0, 1.0, 1.0, length, length])
+
+
+def absolute_loads(parts: MapParts, masked: MaskedMap, strain: FloatArray) -> LoadsFromStrain:
+    """Return the loads of ``strain`` (k, n_d) [m/m] by a map in form "absolute": the gain is fixed."""
+    k, inverse_map = len(strain), parts.inverse_map
+    residual = np.where(masked.valid, strain - inverse_map.mean_strain, 0.0)
+    whitened = product_with(masked.whitening, residual)
+    return LoadsFromStrain(
+        loads=product_with(masked.load_gain, residual) + inverse_map.load_of_mean,
+        load_covariance=np.broadcast_to(masked.load_covariance, (k, 5, 5)),
+        chi_square=np.vecdot(whitened, whitened),
+        standardised_residual=product_with(masked.z_whitening, whitened),
+        load_per_pressure=np.zeros((k, 5)),
+        expected_ratio=np.ones(k),
+    )
+
+
+class ScaledLoads:
+    """The loads by a map in form "dynamic_pressure": weights follow q_inf, errors follow the current strain."""
+
+    def __init__(self, inverse_map: InverseMap) -> None:
+        self._map = inverse_map
+        self._parts = decompose(inverse_map)
+        n = inverse_map.n_gauges
+        zero, none = np.zeros(n), np.zeros(5)
+        self._fixed_strain = zero if inverse_map.fixed_strain is None else inverse_map.fixed_strain
+        self._fixed_load = none if inverse_map.fixed_load is None else inverse_map.fixed_load
+        self._mean_strain = inverse_map.mean_strain - self._fixed_strain
+        self._load_of_mean = inverse_map.load_of_mean - self._fixed_load
+        self._min_precision = MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0])
+        self._errors = error_model(inverse_map)
+        self._levels: OrderedDict[tuple[bytes, float], FloatArray] = OrderedDict()
+
+    def loads(self, masked: MaskedMap, strain: FloatArray, dynamic_pressure: FloatArray) -> LoadsFromStrain:
+        """Return the loads of ``strain`` (k, n_d) [m/m] at ``dynamic_pressure`` (k,) [Pa]."""
+        lost = ~masked.valid
+        nominal = self._map.nominal_dynamic_pressure
+        ratio = dynamic_pressure / nominal
+        weights = pressure_weights(self._parts, ratio, lost)
+        residual = strain - (self._fixed_strain + ratio[:, None] * self._mean_strain)
+        found = scaled_estimate(
+            self._parts,
+            weights,
+            residual=residual,
+            mean_strain=self._mean_strain,
+            lost=lost,
+            min_precision=self._min_precision,
+        )
+        loads = self._fixed_load + ratio[:, None] * self._load_of_mean + found.loads
+        excess = self._excess(masked.valid, ratio, loads / (dynamic_pressure[:, None] * map_references(self._map)))
+        ratio_squared = ratio * ratio
+        return LoadsFromStrain(
+            loads=loads,
+            load_covariance=found.load_covariance + ratio_squared[:, None, None] * symmetric(excess[:, :15]),
+            chi_square=found.chi_square,
+            standardised_residual=found.standardised_residual,
+            load_per_pressure=(self._load_of_mean + found.load_per_pressure) / nominal,
+            expected_ratio=np.maximum(
+                1.0 + ratio_squared * excess[:, 15] / masked.degrees_of_freedom, MIN_EXPECTED_RATIO
+            )
+            if masked.degrees_of_freedom > 0
+            else np.ones(len(ratio)),
+        )
+
+    def _excess(self, valid: BoolArray, ratio: FloatArray, coefficients: FloatArray) -> FloatArray:
+        """Return (k, 16) what errors in proportion to strain add at the current strain, per squared ratio."""
+        if self._errors is None:
+            return np.zeros((len(ratio), 16))
+        products = excess_products(self._errors, coefficients)
+        below, above = enclosing_levels(ratio)
+        out = np.empty((len(ratio), 16))
+        for level in np.unique(below):
+            rows = below == level
+            low, high = self._level(valid, float(level)), self._level(valid, float(above[rows][0]))
+            at = ((ratio[rows] - level) / (above[rows][0] - level))[:, None]
+            out[rows] = (1.0 - at) * (products[rows] @ low) + at * (products[rows] @ high)
+        return out
+
+    def _level(self, valid: BoolArray, level: float) -> FloatArray:
+        """Return (21, 16) the products of a level for the gauges in use, from the cache if they are there."""
+        key = (valid.tobytes(), level)
+        if key not in self._levels:
+            assert self._errors is not None
+            gain, precision, _ = gain_and_precision(self._parts, level, ~valid)
+            self._levels[key] = level_products(self._errors, gain, precision)
+            if len(self._levels) > CACHED_LEVELS:
+                self._levels.popitem(last=False)
+        self._levels.move_to_end(key)
+        return self._levels[key]
+
+
+def error_model(inverse_map: InverseMap) -> ErrorModel | None:
+    """Return the errors of ``inverse_map`` that follow the current strain, or None."""
+    of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
+    if of_gauge is None or common is None or mean is None:
+        return None
+    return ErrorModel(of_gauge=of_gauge, common=common, mean_product=mean)
