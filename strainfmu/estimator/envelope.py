@@ -1,5 +1,4 @@
-"""The envelope of a map: what its snapshots cover, as half-spaces of the coefficients and ranges of the flight
-state.
+"""The envelope of a map: half-spaces of the coefficients and ranges of the flight state that its snapshots cover.
 
 A half-space is a direction n with the largest n'C over the snapshots. An estimate is outside if n'C exceeds it by
 more than its own uncertainty explains, in standard deviations of n'C. Dynamic pressure, Mach number and altitude

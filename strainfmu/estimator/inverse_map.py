@@ -262,11 +262,8 @@ def _check_form(inverse_map: InverseMap) -> None:
     for group, names in groups.items():
         there = [name for name in names if getattr(inverse_map, name) is not None]
         if (there and len(there) < len(names)) or (group == "form" and bool(there) != scaled):
-            raise InputError(
-                f"inverse
-                map: {', '.join(there) or 'none'} of {', '.join(names)} found, which belong together and
-                " f"to form '{inverse_map.form}' {'or none' if group != 'form' else 'as its parts'}"
-            )
+            found = ", ".join(there) or "none"
+            raise InputError(f"inverse map: {found} of {', '.join(names)} found, form '{inverse_map.form}'")
     if scaled and inverse_map.regularisation not in (0.0, 1.0):
         raise InputError(
             f"inverse map: regularisation is {inverse_map.regularisation}, must be 1 (0 in Case 1) in form "

@@ -1,5 +1,4 @@
-"""Errors in proportion to strain, followed to the current strain: gain, stiffness, wall, gauge position, layout
-roll.
+"""Errors in proportion to strain at the current strain: gain, stiffness, wall, gauge position, layout roll.
 
 The weights hold these errors at their mean over the snapshots. A flight at high incidence has larger ones, a
 flight at low incidence smaller. The strain of an error is nearly linear in the coefficients C that the step has
