@@ -7,6 +7,7 @@ file formats are those of the FMI Cross-Check rules 4.1.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tempfile
@@ -32,6 +33,9 @@ DEFAULT_SOURCE = "the numpy estimator"
 
 _FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 _TIME_LIMIT = 300.0
+_FMU_SAYS = re.compile(r"^\[(?:ERROR|FATAL)\] (.*?)(?=^\[[A-Z]+\] |\Z)", re.DOTALL | re.MULTILINE)
+"""An FMU's message as fmpy prints it, of one line or several."""
+_FOLDER_OF_THE_FMU = re.compile(r"[^\s'\"]+[/\\](?=resources[/\\])")
 
 
 @dataclass(frozen=True)
@@ -122,14 +126,24 @@ def _result(name: str, *, fmi_version: str, fmu: Path, inputs: Path, reference: 
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT)
         except subprocess.TimeoutExpired:
             return ImporterResult(importer, "failed", f"not finished after {_TIME_LIMIT:g} s")
-        message = (done.stderr.strip() or "no message").splitlines()[-1]
         if not found.exists():
-            lacks_library = "cannot open shared object file" in message
+            lacks_library = "cannot open shared object file" in done.stderr
             outcome = "not run" if lacks_library else "failed"
+            message = failure_message(done.stdout, done.stderr)
             return ImporterResult(importer, outcome, f"exit code {done.returncode}: {message}")
         deviation, where = largest_deviation(read_table(found), reference)
     outcome = "passed" if deviation <= RELATIVE_TOLERANCE else "failed"
     return ImporterResult(importer, outcome, f"largest deviation {deviation:.1e} of the signal's size ({where})")
+
+
+def failure_message(output: str, errors: str) -> str:
+    """Return in one line why an importer failed: the FMU's own last words if it said any, then the importer's."""
+    importers = (errors.strip() or "no message").splitlines()[-1]
+    said = _FMU_SAYS.findall(output)
+    if not said:
+        return importers
+    words = _FOLDER_OF_THE_FMU.sub("", " ".join(said[-1].split()))
+    return f"{words} ({importers})"
 
 
 def largest_deviation(found: Table, reference: Table) -> tuple[float, str]:

@@ -58,7 +58,12 @@ def run_fmpy(fmu: Path, table: Table) -> Table:
     )
     time = [row[0] for row in table["time"]]
     result = fmpy.simulate_fmu(
-        str(fmu), stop_time=time[-1], output_interval=time[1] - time[0], input=signals, fmi_type="CoSimulation"
+        str(fmu),
+        stop_time=time[-1],
+        output_interval=time[1] - time[0],
+        input=signals,
+        fmi_type="CoSimulation",
+        debug_logging=True,  # some FMUs say what is wrong only then; fmpy prints it
     )
     return {
         name: [np.atleast_1d(cell).astype(float).tolist() for cell in result[name]] for name in result.dtype.names

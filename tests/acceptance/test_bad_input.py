@@ -155,6 +155,7 @@ def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> N
     with h5py.File(path, "r+") as file:
         file["strain_gain"][0, 0] *= 1.0 + 1e-9
     refused(run("export", path, "-o", fmu), "damaged or altered")
+    refused(run("inspect", path), "damaged or altered")
     assert b"strainfmu.inverse_map 4 " in original
     path.write_bytes(original.replace(b"strainfmu.inverse_map 4 ", b"strainfmu.inverse_map 1 ", 1))
     refused(run("export", path, "-o", fmu), "expected schema version 4, got 1")

@@ -15,8 +15,15 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION
 from strainfmu.files import content_hash_of
-from strainfmu.fmu.crosscheck import ImporterResult, check_results, largest_deviation, write_crosscheck
+from strainfmu.fmu.crosscheck import (
+    ImporterResult,
+    check_results,
+    failure_message,
+    largest_deviation,
+    write_crosscheck,
+)
 from strainfmu.fmu.importers import read_table
+from strainfmu.fmu.integrity import damaged_entries
 
 FOREIGN = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Foreign [x]" guid="{1}" generationTool="another tool">
@@ -86,6 +93,67 @@ def test_what_is_no_fmu_is_refused_in_one_line(tmp_path: Path, content: bytes | 
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "no such FMU" in done.stderr if content is None else "damaged, or not an FMU" in done.stderr
+
+
+RESOURCES = {"native": "resources/map.bin", "native_3": "resources/map.bin", "python": "resources/map.h5"}
+
+
+def altered(source: Path, target: Path, name: str) -> Path:
+    """Copy an FMU with one bit of the entry ``name`` changed; the archive's own check sums are right."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in old.namelist():
+            content = old.read(entry)
+            new.writestr(
+                entry, content[:1000] + bytes([content[1000] ^ 1]) + content[1001:] if entry == name else content
+            )
+    return target
+
+
+@pytest.mark.parametrize("kind", RESOURCES)
+def test_a_wrong_check_sum_of_a_map_is_told(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    """What the FMU states is shown all the same."""
+    path = altered(fmus[kind], tmp_path / "a.fmu", RESOURCES[kind])
+    done = run("inspect", path)
+    assert done.returncode == 2
+    line = f"strainfmu: {path}: {RESOURCES[kind]}: damaged or altered, its check sum is wrong\n"
+    assert done.stderr == line
+    assert "synthetic vehicle 1" in done.stdout
+    assert damaged_entries(fmus[kind]) == []
+
+
+def test_a_wrong_check_sum_of_the_archive_is_told(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """Of a plain file and of the plant's model; all of them are listed."""
+    path = tmp_path / "a.fmu"
+    names = ["documentation/index.html", "sources/buildDescription.xml"]
+    with zipfile.ZipFile(fmus["native"]) as archive:
+        at = {name: archive.getinfo(name).header_offset + 30 + len(name) + 20 for name in names}
+    content = bytearray(fmus["native"].read_bytes())
+    for position in at.values():
+        content[position] ^= 1
+    path.write_bytes(content)
+    assert damaged_entries(path) == [
+        f"{name}: damaged or altered, its check sum is wrong" for name in sorted(names)
+    ]
+    assert damaged_entries(fmus["plant"]) == []
+
+
+@pytest.mark.parametrize("kind", RESOURCES)
+def test_crosscheck_tells_what_the_fmu_says(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    path = altered(fmus[kind], tmp_path / "a.fmu", RESOURCES[kind])
+    result = next(one for one in write_crosscheck(path, tmp_path / "out") if one.importer.startswith("FMPy"))
+    words = "damaged or altered since it was written" if kind == "python" else "is damaged: its checksum is wrong"
+    assert result.outcome == "failed"
+    assert f"{RESOURCES[kind]}{':' if kind == 'python' else ''} {words}" in result.detail
+    assert "Failed to instantiate" in result.detail
+    assert "\n" not in result.detail
+    assert result.line in (tmp_path / "out" / "Readme.txt").read_text()
+
+
+def test_the_last_words_of_an_fmu_are_told() -> None:
+    output = "[OK] fine\n[ERROR] first\n[FATAL] second,\n of two lines\n[OK] end\n"
+    assert failure_message(output, "Traceback\nE: x\n") == "second, of two lines (E: x)"
+    assert failure_message("[OK] fine", "Traceback\nE: x\n") == "E: x"
+    assert failure_message("", "") == "no message"
 
 
 @pytest.mark.parametrize("kind", ["native", "native_3", "python"])

@@ -7,7 +7,9 @@ from typing import Any
 
 from rich.console import Console
 
+from strainfmu.errors import FaultsError
 from strainfmu.fmu.contents import read_fmu
+from strainfmu.fmu.integrity import damaged_entries
 
 
 def inspect_fmu(path: Path, console: Console) -> None:
@@ -16,7 +18,7 @@ def inspect_fmu(path: Path, console: Console) -> None:
     Raises
     ------
     InputError
-        The FMU is missing or damaged.
+        The FMU is missing or damaged. Where a check sum in it is wrong, after all that it states has been shown.
     """
     description, contents, files = read_fmu(path)
     kinds = {
@@ -48,6 +50,9 @@ def inspect_fmu(path: Path, console: Console) -> None:
     # Never narrowed to the terminal, so that lines can be searched for.
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+    damage = damaged_entries(path)
+    if damage:
+        raise FaultsError("\n".join(f"{path}: {line}" for line in damage))
 
 
 def _variable_lines(description: Any) -> list[str]:
