@@ -51,12 +51,14 @@ class Wanted:
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
+    flow : the quantities of ``FLOW_NAMES`` that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     """
 
     gauge_names: tuple[str, ...]
     fixed_pressure: float | None = None
+    flow: tuple[str, ...] = FLOW_NAMES
     ignored: tuple[str, ...] = ()
     reference: LevelReference | None = None
 
@@ -125,7 +127,7 @@ def _pattern(entry: str) -> re.Pattern[str]:
 
 
 def _is_read(name: str, wanted: Wanted) -> bool:
-    if name in wanted.gauge_names or name.lower() in TIME_NAMES or last_part(name) in FLOW_NAMES:
+    if name in wanted.gauge_names or name.lower() in TIME_NAMES or last_part(name) in wanted.flow:
         return True
     number = strain_number(name)
     return number is not None and 1 <= number <= len(wanted.gauge_names)

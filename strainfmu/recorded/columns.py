@@ -11,7 +11,6 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import (
-    FLOW_NAMES,
     TIME_NAMES,
     Wanted,
     columns_to_read,
@@ -20,7 +19,7 @@ from strainfmu.recorded.column_names import (
     split_heading,
     strain_number,
 )
-from strainfmu.recorded.strain_level import LevelReference, level_of, likely_unit
+from strainfmu.recorded.strain_level import LevelReference, level_of, likely_units
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
@@ -120,12 +119,12 @@ class ColumnPlan:
     def _unit_hint(self, strain: FloatArray) -> str:
         """Return what to do about strains that no gauge bears, with the unit that the map's strains suggest."""
         factor = float(np.median(self.strain_factor))
-        unit = None
+        units: tuple[str, ...] = ()
         if self.reference is not None:
-            unit = likely_unit(self.reference.ratio(level_of(strain)), factor)
-        if unit is None:
+            units = likely_units(self.reference.ratio(level_of(strain)), factor)
+        if not units:
             return "state the unit, as in 'name [um/m]'"
-        return f"likely in {unit}, by the map's strains: state the unit, as in 'name [{unit}]'"
+        return f"likely in {' or '.join(units)}, by the map's strains; state the unit, as in 'name [{units[0]}]'"
 
     def _check_signs(self, flow: Mapping[str, FloatArray], first_row: int) -> None:
         for name in _NOT_NEGATIVE:
@@ -192,7 +191,7 @@ def plan_columns(
     indices = _gauge_columns(path, names, gauge_names=wanted.gauge_names, read=read)
     factors = [strain_factor(path, headings[i], given[i]) for i in indices]
     flow, passed = {}, []
-    for name in FLOW_NAMES:
+    for name in wanted.flow:
         found = [i for i in read if last_part(names[i]) == name and i not in indices]
         if name == "dynamic_pressure" and wanted.fixed_pressure is not None:
             passed = [names[i] for i in found]

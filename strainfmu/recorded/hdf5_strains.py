@@ -11,12 +11,12 @@ import h5py
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.column_names import FLOW_NAMES, Wanted, columns_to_read
+from strainfmu.recorded.column_names import Wanted, columns_to_read
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock, flow_factor, strain_factor, time_factor
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
 
 _SLASH = "%2F"
-_ARRAYS = ("strain", "time", "gauge_names", *FLOW_NAMES)
+_ARRAYS = ("strain", "time", "gauge_names")
 
 
 @contextmanager
@@ -50,13 +50,13 @@ def _is_column(item: Any) -> bool:
 
 
 def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
-    """Read ``strain`` (n, n_d), ``time`` (n,) and the quantities of ``FLOW_NAMES``, each a number or (n,)."""
+    """Read ``strain`` (n, n_d), ``time`` (n,) and the flow, each quantity a number or (n,)."""
     n_d = len(wanted.gauge_names)
     fixed, stored = wanted.fixed_pressure, list(file)
-    read, unused = columns_to_read(path, stored, wanted, known=_ARRAYS)
+    read, unused = columns_to_read(path, stored, wanted, known=(*_ARRAYS, *wanted.flow))
     names = {stored[column] for column in read}
     needed = ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure")
-    held = [name for name in FLOW_NAMES if name in names and (fixed is None or name != "dynamic_pressure")]
+    held = [name for name in wanted.flow if name in names and (fixed is None or name != "dynamic_pressure")]
     for name in dict.fromkeys((*needed, *held)):
         if name not in names or not isinstance(file[name], h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
@@ -86,7 +86,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
             for column, name in enumerate(held, start=n_d + 1)
         },
         fixed_pressure=float("nan") if fixed is None else fixed,
-        unused=(*unused, *(name for name in FLOW_NAMES if name in names and name not in held)),
+        unused=(*unused, *(name for name in wanted.flow if name in names and name not in held)),
         reference=wanted.reference,
     )
     return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=[file[name] for name in held]), plan)

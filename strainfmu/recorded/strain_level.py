@@ -24,6 +24,9 @@ _UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
 _TYPICAL = 0.6
 """Largest strain of a flight over that of the snapshots, which hold the corners of the envelope."""
 
+_ALSO_LIKELY = 0.7
+"""Decades from the typical level within which a unit is named beside a likelier one."""
+
 _QUANTILE = 0.99
 """Of a gauge's |strain| in a block: single spikes do not count."""
 
@@ -57,20 +60,21 @@ class LevelReference:
         return float(np.median(level[seen] / self.strain_range[seen])) if seen.any() else float("nan")
 
 
-def likely_unit(ratio: float, factor: float) -> str | None:
-    """Return the unit that strains are likely in, which exceed the map's ``ratio`` times if read by ``factor``.
+def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
+    """Return the units that strains may be in, likeliest first, which exceed the map's ``ratio`` times as read.
 
-    ``factor`` is that of the unit stated, to m/m. None: no unit explains the ratio within a factor of 10.
+    ``factor`` is that of the unit stated, to m/m. Two where both leave a level that flights have: percent and mm/m
+    are a factor of 10 apart. None if no unit explains the ratio within a factor of 10.
     """
     if not (0.0 < ratio < np.inf):
-        return None
+        return ()
     distance = {
         name: abs(log10(ratio * other / factor / _TYPICAL))
         for name, other in _UNITS
         if abs(other - factor) > 1e-9 * factor
     }
-    nearest = min(distance, key=lambda name: distance[name])
-    return nearest if distance[nearest] < 1.0 else None
+    near = sorted((name for name in distance if distance[name] < 1.0), key=lambda name: distance[name])
+    return tuple(name for name in near if name == near[0] or distance[name] < _ALSO_LIKELY)
 
 
 def level_of(strain: FloatArray) -> FloatArray:
@@ -145,18 +149,15 @@ class LevelCheck:
         seen = self._reference.seen & np.isfinite(self._level)
         found = 1e6 * float(np.max(self._level[seen]))
         held = 1e6 * float(np.max(self._reference.strain_range[seen]))
-        unit = likely_unit(ratio, self._factor)
-        likely = f"likely in {unit}, not {_unit_name(self._factor)}" if unit else "no unit explains it"
-        way = f"; state the unit{_example(unit)}, or give --accept-strain-level" if ends else ""
+        units = likely_units(ratio, self._factor)
+        likely = f"likely in {' or '.join(units)}, not {_unit_name(self._factor)}"
+        example = f", as in 'strain[1] [{units[0]}]'" if units else ""
+        way = f"; state the unit{example}, or give --accept-strain-level" if ends else ""
         return (
             f"{self._path}: strains are {ratio:.2g} times the map's, {found:.3g} um/m against {held:.3g} um/m: "
-            f"{likely}{way}"
+            f"{likely if units else 'no unit explains it'}{way}"
         )
 
 
 def _unit_name(factor: float) -> str:
     return next((name for name, value in _UNITS if abs(value - factor) <= 1e-9 * factor), f"{factor:g} m/m")
-
-
-def _example(unit: str | None) -> str:
-    return f", as in 'strain[1] [{unit}]'" if unit else ""

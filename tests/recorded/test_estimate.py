@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from bus_run import flight
+from recorded_case import NAMES, read_csv, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.errors import InputError
@@ -26,32 +25,16 @@ pytestmark = pytest.mark.fast
 Run = Callable[..., tuple[int, str, str]]
 Truth = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
-NAMES = [f"G{i}" for i in range(N_GAUGES)]
 N = 2 * BLOCK_ROWS + 17
 
 
 @pytest.fixture(scope="module")
 def truth() -> Truth:
     """Return time (n,) [s], strains (n, n_d) [m/m], q_inf (n,) [Pa], and coefficients (n, 5) by the estimator."""
-    samples = flight(N)
-    strain = np.array([sample.strain for sample in samples])
-    pressure = np.array([sample.dynamic_pressure for sample in samples])
+    time, strain, pressure = samples(N)
     estimator = Estimator(synthetic_inverse_map(1))
     expected = np.array([estimator.estimate(d, q).coefficients for d, q in zip(strain, pressure, strict=True)])
-    return 1e-3 * np.arange(N), strain, pressure, expected
-
-
-def write_csv(path: Path, headings: list[str], *columns: np.ndarray) -> Path:
-    with path.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(headings)
-        writer.writerows(np.column_stack(columns).tolist())
-    return path
-
-
-def read_csv(path: Path) -> dict[str, np.ndarray]:
-    rows = list(csv.DictReader(path.read_text().splitlines()))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0] if "[" in name}
+    return time, strain, pressure, expected
 
 
 def coefficients(path: Path) -> np.ndarray:

@@ -134,8 +134,13 @@ def recorded_samples(
     from strainfmu.recorded.strain_files import open_strains
 
     unknown = np.full(5, np.nan)
-    # The bus carries strains and q_inf alone, so that no other column matters here.
-    wanted = Wanted(gauge_names=tuple(gauge_names), fixed_pressure=dynamic_pressure, ignored=("*",))
+    # The bus carries strains and q_inf alone: no other column matters here.
+    wanted = Wanted(
+        gauge_names=tuple(gauge_names),
+        fixed_pressure=dynamic_pressure,
+        flow=("dynamic_pressure",),
+        ignored=("*",),
+    )
     with open_strains(path, wanted) as opened:
         yield (
             FlownSample(d, float(q), unknown)
