@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,15 +12,22 @@ from builder.aero.engines import own_surface
 from builder.campaign.run import Campaign
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet
+from builder.vehicle.profile_record import profile_record
 from strainfmu.version import __version__
 
 
-def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionSet] = ()) -> Campaign:
+def vehicle_campaign(
+    vehicle: Vehicle,
+    engine: Engine,
+    sets: Sequence[ConditionSet] = (),
+    options: Mapping[str, Any] | None = None,
+) -> Campaign:
     """Return the campaign of ``engine`` over ``sets`` one after the other.
 
     Without sets, over the engine's own conditions if it has only those, else over the vehicle file's.
 
-    A condition of several sets is in the file once for each; its flow is solved once.
+    A condition of several sets is in the file once for each; its flow is solved once. ``options`` are those by
+    which the user set entries of the vehicle file aside (``set``, ``engine``, ``grid``); the file keeps them.
     """
     chosen = list(sets) or [_default_set(vehicle, engine)]
     conditions = tuple(condition for one in chosen for condition in one.conditions)
@@ -33,6 +41,8 @@ def vehicle_campaign(vehicle: Vehicle, engine: Engine, sets: Sequence[ConditionS
         settings={
             "strainfmu_version": __version__,
             "sets": [{"name": one.name, "conditions": len(one.conditions)} for one in chosen],
+            "options": dict(options or {}),
+            "profile": profile_record(vehicle.body()),
         },
     )
 

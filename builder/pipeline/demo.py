@@ -19,19 +19,19 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import load_snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.pipeline.map_files import make_map
-from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
+from builder.pipeline.used_files import SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier, structural_model
-from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.file import load_vehicle
 from builder.vehicle.geometry import surface_grid
-from builder.workspace import Workspace
 from strainfmu.cosim import flight_model as flight_model_file
 from strainfmu.cosim.flight_model import FlightModel, check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate
@@ -69,8 +69,8 @@ class DemoResult:
     score: FlightScore
 
 
-def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult:
-    """Run all stages for one vehicle file and return the result.
+def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesGiven | None = None) -> DemoResult:
+    """Run all stages for one vehicle file and return the result; files as :func:`run_build` takes them.
 
     Raises
     ------
@@ -79,15 +79,15 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     StrainfmuError
         A file could not be written or an FMU failed.
     """
-    vehicle = load_vehicle(vehicle_path)
-    check_before_long_work(vehicle)
+    pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
+    vehicle = pipeline.vehicle
+    check_before_long_work(vehicle, conditions)
     # The Fourier model plays the vehicle that flies, whatever model the map is built on.
     refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
-    _note_extrapolation(vehicle, load_trajectory(manoeuvre), reporter)
-    pipeline = Pipeline(vehicle, Workspace(folder), reporter)
     make_map(pipeline)
+    _note_extrapolation(load_snapshots(pipeline.path(SNAPSHOTS)), load_trajectory(manoeuvre), reporter)
     _flight_model(pipeline)
     _fmus(pipeline)
     recording = _flight(pipeline)
@@ -99,14 +99,14 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter) -> DemoResult
     )
 
 
-def _note_extrapolation(vehicle: Vehicle, trajectory: Trajectory, reporter: Reporter) -> None:
+def _note_extrapolation(snapshots: Snapshots, trajectory: Trajectory, reporter: Reporter) -> None:
     """Warn where the manoeuvre leaves the range of the snapshots: there the stated sigmas may not hold."""
-    flown = trajectory.conditions
+    flown, held = trajectory.conditions, snapshots.condition
     ranges = (
-        ("Mach number", flown[:, 0], vehicle.conditions.mach_number, ""),
-        ("angle of attack", np.degrees(flown[:, 1]), vehicle.conditions.angle_of_attack_deg, " deg"),
-        ("sideslip angle", np.degrees(flown[:, 2]), vehicle.conditions.sideslip_angle_deg, " deg"),
-        ("altitude", 1e-3 * flown[:, 3], vehicle.conditions.altitudes_km, " km"),
+        ("Mach number", flown[:, 0], held[:, 0], ""),
+        ("angle of attack", np.degrees(flown[:, 1]), np.degrees(held[:, 1]), " deg"),
+        ("sideslip angle", np.degrees(flown[:, 2]), np.degrees(held[:, 2]), " deg"),
+        ("altitude", 1e-3 * flown[:, 3], 1e-3 * held[:, 3], " km"),
     )
     for name, values, covered, unit in ranges:
         low, high = float(values.min()), float(values.max())
@@ -202,7 +202,7 @@ def _flight(pipeline: Pipeline) -> Recording:
 def _figures(pipeline: Pipeline, recording: Recording) -> None:
     vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.map
     surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
-    snapshots = snapshots_on(load_snapshots(pipeline.workspace.path("snapshots.h5")), surface)
+    snapshots = snapshots_on(load_snapshots(pipeline.path(SNAPSHOTS)), surface)
     inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
     title = vehicle.name
     of_pressure = {"snapshots": pipeline.made_from("snapshots.h5"), "title": title}

@@ -14,7 +14,7 @@ from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import AnyStructure
-from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import (
     check_before_long_work,
     fourier_structure,
@@ -23,6 +23,7 @@ from builder.pipeline.stages import (
     on_snapshots,
     snapshot_campaign,
 )
+from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
 from builder.reports import build_page
 from builder.reports.build_report import BuildReport, build_report
@@ -32,31 +33,32 @@ from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
-from builder.workspace import Workspace
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 
 
-def run_build(vehicle_path: Path, folder: Path, reporter: Reporter) -> Path:
+def run_build(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesGiven | None = None) -> Path:
     """Make the files up to the inverse map and the report beside it; return the map's path.
+
+    Snapshots and structure that are in the folder, or given, and were made by a command of their own are used.
 
     Raises
     ------
     InputError
-        The vehicle file, or a file it names, is wrong, or a condition is outside the solver's reach.
+        The vehicle file, or a file it names, is wrong; a file to be used does not fit it; or a condition is
+        outside the solver's reach.
     StrainfmuError
         A file could not be written.
     """
-    vehicle = load_vehicle(vehicle_path)
-    check_before_long_work(vehicle)
-    pipeline = Pipeline(vehicle, Workspace(folder), reporter)
+    pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
+    check_before_long_work(pipeline.vehicle, conditions)
     make_map(pipeline)
     _report(pipeline)
-    return pipeline.workspace.path("map.h5")
+    return pipeline.path(MAP)
 
 
 def make_map(pipeline: Pipeline) -> None:
-    """Make the snapshots, the structure if it is a file of its own, and the map."""
+    """Make or take the snapshots, the structure if it is a file of its own, and the map."""
     if pipeline.vehicle.structure.model == "solid":
         _solid_structure(pipeline)
     _snapshots(pipeline)
@@ -64,6 +66,9 @@ def make_map(pipeline: Pipeline) -> None:
 
 
 def _snapshots(pipeline: Pipeline) -> None:
+    holds = "surface pressure at every flight condition"
+    if pipeline.take(SNAPSHOTS, holds):
+        return
     vehicle = pipeline.vehicle
     campaign = snapshot_campaign(vehicle, pipeline.reporter)
     surface = campaign.engine.surface
@@ -82,7 +87,7 @@ def _snapshots(pipeline: Pipeline) -> None:
         "internal_pressure": campaign.internal_pressure,
         "reference": asdict(campaign.reference),
     }
-    pipeline.make("snapshots.h5", "surface pressure at every flight condition", inputs, write)
+    pipeline.make(SNAPSHOTS, holds, inputs, write)
 
 
 def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
@@ -101,6 +106,9 @@ def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _solid_structure(pipeline: Pipeline) -> None:
+    holds = "strain per pressure of the three-dimensional structure"
+    if pipeline.take(STRUCTURE, holds):
+        return
     case = solid_case(pipeline.vehicle, used_layouts(pipeline.vehicle))
 
     def write(path: Path) -> None:
@@ -109,26 +117,21 @@ def _solid_structure(pipeline: Pipeline) -> None:
         pipeline.reporter.note(f"{size} dofs; solver {solver}, licence {used['licence']}")
 
     inputs = {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
-    pipeline.make(
-        "structure.h5",
-        "strain per pressure of the three-dimensional structure",
-        inputs,
-        write,
-    )
+    pipeline.make(STRUCTURE, holds, inputs, write)
 
 
 def _solid(pipeline: Pipeline) -> Structure | None:
     """Return the three-dimensional structure, None where the map is built on the Fourier model."""
     if pipeline.vehicle.structure.model != "solid":
         return None
-    return load_structure(pipeline.workspace.path("structure.h5"))
+    return load_structure(pipeline.path(STRUCTURE))
 
 
 def _map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
     """Return what the map is made from, solved once per run."""
     if pipeline.map_parts is None:
         vehicle, reporter = pipeline.vehicle, pipeline.reporter
-        snapshots = load_snapshots(pipeline.workspace.path("snapshots.h5"))
+        snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
         structure = _solid(pipeline) or fourier_structure(vehicle, used_layouts(vehicle), reporter)
         pipeline.map_parts = snapshots, on_snapshots(structure, snapshots, reporter)
     return pipeline.map_parts
@@ -144,13 +147,14 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     inputs = {
         "schema_version": inverse_map_file.SCHEMA_VERSION,
-        "snapshots": pipeline.made_from("snapshots.h5"),
+        "snapshots": pipeline.made_from(SNAPSHOTS),
         "resolution": vehicle.resolution.map.model_dump(),
         **_structural_inputs(vehicle),
     }
     if vehicle.structure.model == "solid":
-        inputs["structure"] = pipeline.made_from("structure.h5")
-    pipeline.make("map.h5", "the inverse map: strain to loads, with covariance", inputs, write)
+        inputs["structure"] = pipeline.made_from(STRUCTURE)
+    holds = "the inverse map: strain to loads, with covariance"
+    pipeline.make(MAP, holds, inputs, write, given=pipeline.given.as_text())
 
 
 def _report(pipeline: Pipeline) -> None:
@@ -159,7 +163,7 @@ def _report(pipeline: Pipeline) -> None:
     @cache
     def report() -> BuildReport:
         snapshots, structure = _map_parts(pipeline)
-        inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
+        inverse_map = load_inverse_map(pipeline.path(MAP))
         with pipeline.reporter.stage("Report: what the gauges observe"):
             found = build_report(pipeline.vehicle, snapshots, structure, inverse_map)
         pipeline.reporter.note(build_page.blind_line(found))
@@ -173,7 +177,7 @@ def _report(pipeline: Pipeline) -> None:
     def numbers(path: Path) -> None:
         build_page.write_numbers(report(), path.parent)
 
-    inputs = {"map": pipeline.made_from("map.h5"), "schema_version": build_page.SCHEMA_VERSION}
+    inputs = {"map": pipeline.made_from(MAP), "schema_version": build_page.SCHEMA_VERSION}
     pipeline.make(build_page.JSON_NAME, "numbers of the report; report_tables holds them as CSV", inputs, numbers)
     if find_spec("matplotlib") is None:
         pipeline.reporter.note(f"{build_page.PAGE_NAME}: not made, its figures need strainfmu[report]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +14,69 @@ from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
 
 
-class Pipeline:
-    """The files made so far, and the means to make the next."""
+@dataclass(frozen=True, kw_only=True)
+class FilesGiven:
+    """What the user says of the files on the way.
 
-    def __init__(self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter) -> None:
+    Attributes
+    ----------
+    snapshots, structure : files to use, from anywhere; None for those of the folder.
+    rebuild : make the files of the folder by the vehicle file, whatever options those there were made with.
+    """
+
+    snapshots: Path | None = None
+    structure: Path | None = None
+    rebuild: bool = False
+
+    def as_text(self) -> dict[str, str]:
+        """Return the files to use, by the option that gives them."""
+        named = {"--snapshots": self.snapshots, "--structure": self.structure}
+        return {option: str(path) for option, path in named.items() if path is not None}
+
+
+class Pipeline:
+    """The files made so far, and the means to make the next.
+
+    ``elsewhere`` holds files that are used and were not made here, by name.
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, workspace: Workspace, reporter: Reporter, given: FilesGiven | None = None
+    ) -> None:
         self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
+        self.given = given or FilesGiven()
+        self.elsewhere: dict[str, Path] = {}
         self.files: dict[str, str] = {}
         self.reused: list[str] = []
         self.map_parts: tuple[Snapshots, AnyStructure] | None = None
 
-    def make(self, name: str, holds: str, inputs: dict[str, Any], write: Callable[[Path], object]) -> None:
+    def path(self, name: str) -> Path:
+        """Return where the file ``name`` is: the one used, or the folder's."""
+        return self.elsewhere.get(name, self.workspace.path(name))
+
+    def use(self, name: str, path: Path, made_from: str) -> None:
+        """Take ``path`` as the file ``name``; ``made_from`` identifies its content."""
+        self.elsewhere[name] = path
+        self.workspace.use(name, made_from)
+
+    def take(self, name: str, holds: str) -> bool:
+        """Return whether the file ``name`` is one that was not made here, and list it if so."""
+        if name not in self.elsewhere:
+            return False
+        self.reused.append(name)
+        self.files[name] = holds
+        return True
+
+    def make(
+        self,
+        name: str,
+        holds: str,
+        inputs: dict[str, Any],
+        write: Callable[[Path], object],
+        given: dict[str, str] | None = None,
+    ) -> None:
         """Make the file ``name`` with ``write(path)``, or reuse it and report that."""
-        if self.workspace.ensure(name, inputs, write):
+        if self.workspace.ensure(name, inputs, write, given):
             self.reused.append(name)
             self.reporter.note(f"{name}: up to date, reused")
         self.files[name] = holds

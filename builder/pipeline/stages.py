@@ -6,12 +6,16 @@ here is the map that ``strainfmu build`` writes, bit for bit.
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from builder.aero.engines import make_engine
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshot_fit import flow_record
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
@@ -23,6 +27,7 @@ from builder.structure.solid.case import solid_case
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import Structure
+from builder.structure.structure_fit import structure_record
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts
 from strainfmu.estimator.inverse_map import InverseMap
@@ -118,7 +123,7 @@ def build_map(
         cannot carry the map.
     """
     vehicle, reporter = _vehicle(vehicle), _reporter(progress)
-    check_before_long_work(vehicle)
+    check_before_long_work(vehicle, None if snapshots is None else len(snapshots.condition))
     if snapshots is None:
         snapshots = take_snapshots(vehicle, progress=reporter)
     if structure is None:
@@ -127,15 +132,17 @@ def build_map(
     return map_from(vehicle, snapshots, on_snapshots(structure, snapshots, reporter), reporter, solid)
 
 
-def check_before_long_work(vehicle: Vehicle) -> None:
+def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:
     """Refuse a vehicle whose gauges, modes or noise do not fit, before anything is solved.
+
+    ``conditions`` is the number of flight conditions; by default those of the vehicle file.
 
     Raises
     ------
     InputError
         Names the entry of the vehicle file.
     """
-    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout])
+    check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout], conditions)
     check_noise(vehicle)
 
 
@@ -179,6 +186,7 @@ def map_from(
     ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported.
     """
     inverse_map = build_inverse_map(vehicle, snapshots, structure)
+    inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
     reporter.note(
         f"{inverse_map.n_gauges} gauges, sigma {1e6 * noise_std:.3g} um/m; "
@@ -187,6 +195,21 @@ def map_from(
     if solid is not None:
         reporter.note(mesh_error_line(solid, noise_std))
     return inverse_map
+
+
+def _with_sources(
+    provenance: dict[str, Any], vehicle: Vehicle, snapshots: Snapshots, solid: Structure | None
+) -> dict[str, Any]:
+    """Return a map's provenance with what really made its snapshots and its structure.
+
+    The vehicle file's resolution, which options may have set aside, is left out.
+    """
+    kept = {name: value for name, value in provenance.items() if name != "resolution"}
+    used = vehicle.resolution.map.model_dump(include={"harmonics", "element_length_mm", "wall_layers"})
+    structure = {"model": "fourier", **used} if solid is None else structure_record(solid)
+    sources = {"flow": flow_record(snapshots), "structure": structure}
+    # In the order that a file gives back, so that maps made in memory and from files are equal.
+    return {**kept, **json.loads(json.dumps(sources, sort_keys=True))}
 
 
 def _vehicle(vehicle: Vehicle | str | Path) -> Vehicle:

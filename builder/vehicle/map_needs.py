@@ -12,15 +12,17 @@ def used_layouts(vehicle: Vehicle) -> list[str]:
     return sorted({vehicle.gauges.layout, reference})
 
 
-def check_map_size(vehicle: Vehicle, n_gauges: int) -> None:
+def check_map_size(vehicle: Vehicle, n_gauges: int, n_conditions: int | None = None) -> None:
     """Refuse more modes than the gauges or the snapshots can carry.
+
+    ``n_conditions`` is the number of snapshots; by default that of the vehicle file's conditions.
 
     Raises
     ------
     InputError
         ``map.modes`` is too large.
     """
-    conditions = len(vehicle.flight_conditions())
+    conditions = len(vehicle.flight_conditions()) if n_conditions is None else n_conditions
     max_modes = min(n_gauges, conditions) - 1
     if vehicle.map.case == 1 and vehicle.map.modes > max_modes:
         raise InputError(

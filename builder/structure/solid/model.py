@@ -44,6 +44,7 @@ from builder.structure.solid.swept_mesh import SweptSector
 from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.profile_record import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.files import fingerprint
 from strainfmu.version import __version__
@@ -92,7 +93,7 @@ class SolidCase:
             "body": asdict(self.body),
             "wall": asdict(self.wall),
             "density": self.density,
-            "support": _support_entries(self.support),
+            "support": support_entries(self.support),
             "mesh": self.mesh.inputs(),
             "solver": self.solver,
             "allow_locking": self.allow_locking,
@@ -251,9 +252,11 @@ def _mesh_error(
 
 def _settings(case: SolidCase) -> dict[str, Any]:
     material = case.wall.material
+    file = case.mesh.file
     return {
         "strainfmu_version": __version__,
-        "mesh": case.mesh.inputs(),
+        "mesh": {**case.mesh.inputs(), **({} if file is None else {"file_name": file.name})},
+        "profile": profile_record(case.body),
         "wall": {
             "thickness_m": case.wall.thickness,
             "solid_tip_length_m": case.wall.solid_tip_length,
@@ -263,11 +266,12 @@ def _settings(case: SolidCase) -> dict[str, Any]:
             "poisson_ratio": material.poisson_ratio,
             "density_kg_per_m3": case.density,
         },
-        "support": _support_entries(case.support),
+        "support": support_entries(case.support),
     }
 
 
-def _support_entries(support: Support | None) -> dict[str, Any]:
+def support_entries(support: Support | None) -> dict[str, Any]:
+    """Return what a file states of the support."""
     if support is None:
         return {"kind": "free flight"}
     return {"kind": type(support).__name__.lower(), **asdict(support)}

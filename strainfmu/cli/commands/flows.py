@@ -72,7 +72,8 @@ def snapshots(
     console = Console()
     reporter = ConsoleReporter(console)
     source = make_engine(loaded, engine, loaded.resolution.map, grid, reporter.note)
-    campaign = vehicle_campaign(loaded, source, chosen)
+    given = {"set": list(sets or ()), "engine": engine, "grid": grid}
+    campaign = vehicle_campaign(loaded, source, chosen, {name: value for name, value in given.items() if value})
     repeated = count_repeated(campaign.conditions)
     if repeated:
         reporter.note(f"{repeated} conditions are in the sets more than once: kept in each, solved once")

@@ -13,24 +13,44 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import within
 
+SNAPSHOTS_OPTION = typer.Option(
+    "--snapshots", metavar="FILE", help="Snapshots to use, from anywhere. Default: snapshots.h5 of the folder."
+)
+STRUCTURE_OPTION = typer.Option(
+    "--structure", metavar="FILE", help="Structure to use, from anywhere. Default: structure.h5 of the folder."
+)
+REBUILD_OPTION = typer.Option(
+    "--rebuild", help="Make the folder's files by the vehicle file, in place of those made with other options."
+)
+
 
 def build(
     vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for what is made.")] = Path("map"),
+    snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
+    structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
+    rebuild: Annotated[bool, REBUILD_OPTION] = False,
 ) -> None:
     """Build the inverse map of a vehicle: snapshots.h5, map.h5, and report.html on what the gauges can measure.
+
+    A snapshots.h5 or structure.h5 that the commands of these names left in the folder is used, whatever their
+    options; one that does not fit the vehicle file is refused in one line.
 
     The report states what the layout observes, what it cannot observe, the uncertainty of each coefficient, what
     each gauge contributes and what its loss costs. Its numbers are in report.json and, as CSV, in report_tables.
 
-    Example:
+    Examples:
 
         strainfmu build my_vehicle.toml -o results
+
+        strainfmu build my_vehicle.toml -o results --snapshots flows/fine.h5 --structure meshed/structure.h5
     """
     from builder.pipeline.map_files import run_build
+    from builder.pipeline.pipeline import FilesGiven
 
     console = Console()
-    path = run_build(vehicle, output, ConsoleReporter(console))
+    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    path = run_build(vehicle, output, ConsoleReporter(console), given)
     for written in (path, path.with_name("report.html")):
         if written.is_file():
             console.print(f"{written}: written", highlight=False, markup=False, soft_wrap=True)

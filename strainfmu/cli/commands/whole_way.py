@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
@@ -34,11 +35,14 @@ def demo(
         float,
         typer.Option(metavar="S", callback=within(0.1, 1e5, "s"), help="With --can: duration of that flight."),
     ] = 20.0,
+    snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
+    structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
+    rebuild: Annotated[bool, REBUILD_OPTION] = False,
 ) -> None:
     """From a vehicle file to an FMU flying in a system simulation.
 
     Solves the flow, builds the inverse map, packages it as an FMU, and flies it against an independent, finer
-    model of the vehicle. A second run reuses what is up to date.
+    model of the vehicle. A second run reuses what is up to date. Snapshots and structure are taken as by `build`.
 
     Examples:
 
@@ -49,6 +53,7 @@ def demo(
         strainfmu demo --can
     """
     from builder.pipeline.demo import run_demo
+    from builder.pipeline.pipeline import FilesGiven
     from builder.vehicle.file import IC3X
 
     console = Console()
@@ -58,7 +63,8 @@ def demo(
 
         # Refused before the long work, not after it.
         check_multicast(private_port())
-    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console))
+    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given)
     _show_result(console, result)
     if can:
         _fly_over_bus(console, output, can_duration)

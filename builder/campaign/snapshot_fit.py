@@ -1,0 +1,127 @@
+"""Fit of a file of snapshots to a vehicle: the same body, and its entries where no option set them aside.
+
+A map needs the pressure on its vehicle's surface, whatever engine, cells and conditions it comes from. Internal
+pressure and reference quantities are taken from the vehicle file, so those in the snapshots need not agree.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from builder.aero.engines import make_engine
+from builder.campaign.snapshots import Snapshots
+from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.profile_record import profile_misfits
+from builder.workspace import Misfit
+
+SAME_SURFACE = 1e-6  # of the length: nodes on the meridian
+SAME_LENGTH = 0.02  # of the length: surfaces of other programs may be cut at the tip
+
+
+def body_misfits(snapshots: Snapshots, body: BodyOfRevolution) -> list[Misfit]:
+    """Return in what the body of ``snapshots`` is not ``body``: entries of its meridian, or its surface's size."""
+    held = snapshots.settings.get("profile", snapshots.settings.get("inputs", {}).get("profile"))
+    if held is not None and all("start_half_angle_deg" in piece for piece in held):
+        return profile_misfits(held, body)
+    length = float(np.ptp(snapshots.point[:, 0]))
+    if abs(length / body.length - 1.0) > SAME_LENGTH:
+        return [Misfit(entry="length of the surface", expected=f"{body.length:.6g} m", found=f"{length:.6g} m")]
+    grid = snapshots.grid
+    if grid is None:
+        return []
+    expected = body.radius(np.minimum(grid.x, body.length))
+    worst = int(np.abs(grid.radius - expected).argmax())
+    if abs(grid.radius[worst] - expected[worst]) <= SAME_SURFACE * body.length:
+        return []
+    where = f"radius at x = {grid.x[worst]:.4g} m"
+    return [Misfit(entry=where, expected=f"{expected[worst]:.6g} m", found=f"{grid.radius[worst]:.6g} m")]
+
+
+def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
+    """Return in what ``snapshots`` differ from a campaign of the vehicle file with the options they hold.
+
+    Snapshots of an unknown origin hold no options: nothing is expected of them here.
+
+    Raises
+    ------
+    InputError
+        The vehicle file lacks an entry that the engine needs.
+    """
+    options = snapshots.settings.get("options")
+    if options is None:
+        return []
+    engine_name = options.get("engine") or vehicle.aerodynamics.engine
+    if engine_name != snapshots.engine:
+        return [Misfit(entry="aerodynamics.engine", expected=engine_name, found=snapshots.engine)]
+    engine = make_engine(vehicle, engine_name, vehicle.resolution.map, options.get("grid"))
+    campaign = vehicle_campaign(vehicle, engine)
+    wanted, held = _plain(engine.inputs()), snapshots.settings.get("inputs", {})
+    found = _differences({**wanted, "profile": None}, {**held, "profile": None}, f"{engine_name} engine")
+    if options.get("set"):
+        return found
+    conditions = snapshots.conditions()
+    if len(conditions) != len(campaign.conditions):
+        return [
+            *found,
+            Misfit(entry="conditions", expected=f"{len(campaign.conditions)}", found=f"{len(conditions)}"),
+        ]
+    for number, (one, other) in enumerate(zip(conditions, campaign.conditions, strict=True), start=1):
+        if one != other:
+            return [*found, Misfit(entry=f"condition {number}", expected=str(other), found=str(one))]
+    return found
+
+
+def flow_record(snapshots: Snapshots) -> dict[str, Any]:
+    """Return what made ``snapshots``, for the provenance of a map: engine, its settings, sets of conditions."""
+    settings = snapshots.settings
+    inputs = {
+        name: value for name, value in settings.get("inputs", {}).items() if name not in ("profile", "engine")
+    }
+    sets = [f"{one['name']} ({one['conditions']})" for one in settings.get("sets", [])]
+    return _plain(
+        {
+            "engine": snapshots.engine,
+            **inputs,
+            "sets": sets,
+            "options": settings.get("options", {}),
+            "strainfmu_version": settings.get("strainfmu_version", "unknown"),
+        }
+    )
+
+
+def flow_line(snapshots: Snapshots) -> str:
+    """Return in a few words what made ``snapshots``."""
+    settings = snapshots.settings
+    grid = settings.get("inputs", {}).get("marching_grid")
+    cells = "" if grid is None else f" on {grid['n_radial']} x {grid['n_circumferential']} cells"
+    sets = ", ".join(one["name"] for one in settings.get("sets", [])) or "unknown"
+    return f"{snapshots.engine} engine{cells}, {len(snapshots.condition)} conditions, of {sets}"
+
+
+def _differences(expected: Any, found: Any, where: str) -> list[Misfit]:
+    """Return the entries in which two JSON values differ."""
+    if isinstance(expected, dict) and isinstance(found, dict):
+        names = sorted(expected.keys() | found.keys())
+        return [
+            one
+            for name in names
+            for one in _differences(expected.get(name), found.get(name), f"{where}, {name.replace('_', ' ')}")
+        ]
+    return [] if expected == found else [Misfit(entry=where, expected=_short(expected), found=_short(found))]
+
+
+def _short(value: Any) -> str:
+    text = "none" if value is None else json.dumps(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _plain(value: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``value`` as it comes back from JSON."""
+    plain: dict[str, Any] = json.loads(json.dumps(value))
+    return plain

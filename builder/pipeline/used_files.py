@@ -1,0 +1,111 @@
+"""Files on the way to a map that were not made by its build: used where they fit, refused where not.
+
+``snapshots.h5`` and ``structure.h5`` of the folder that the build did not write itself are the user's: they are
+used as they are, or refused in one line, and never written over unless ``rebuild`` is given.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from builder.campaign import snapshots as snapshots_file
+from builder.campaign.snapshot_fit import body_misfits, flow_line, option_misfits
+from builder.campaign.snapshots import load_snapshots
+from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.reporting import Reporter
+from builder.structure import structure_file
+from builder.structure.structure_file import load_structure
+from builder.structure.structure_fit import structure_line, structure_misfits
+from builder.vehicle.file import Vehicle
+from builder.workspace import Workspace, refuse_misfits
+from strainfmu.errors import InputError
+from strainfmu.files import content_hash_of, schema_of
+
+SNAPSHOTS, STRUCTURE, MAP = "snapshots.h5", "structure.h5", "map.h5"
+REPLACE = "make it again for this vehicle file, or --rebuild"
+
+
+def open_pipeline(vehicle: Vehicle, folder: Path, reporter: Reporter, given: FilesGiven) -> tuple[Pipeline, int]:
+    """Return the pipeline of a folder with the user's files in it, and the number of flight conditions.
+
+    Where a three-dimensional structure is used, the map is built on it, whatever ``structure.model`` says.
+
+    Raises
+    ------
+    InputError
+        A file is damaged, of another kind, or does not fit the vehicle; or the map there was made from files
+        given by options that are not given now.
+    """
+    workspace = Workspace(folder)
+    pipeline = Pipeline(vehicle, workspace, reporter, given)
+    _refuse_lost_options(workspace, given)
+    structure = _users_file(workspace, STRUCTURE, structure_file.SCHEMA, given.structure, given.rebuild)
+    if structure is not None:
+        _use_structure(pipeline, structure)
+    elif given.rebuild and vehicle.structure.model == "fourier" and workspace.holds_foreign(STRUCTURE):
+        reporter.note(f"{STRUCTURE}: not used, the vehicle file's structure.model is fourier")
+    snapshots = _users_file(workspace, SNAPSHOTS, snapshots_file.SCHEMA, given.snapshots, given.rebuild)
+    if snapshots is None:
+        return pipeline, len(vehicle.flight_conditions())
+    return pipeline, _use_snapshots(pipeline, snapshots)
+
+
+def _refuse_lost_options(workspace: Workspace, given: FilesGiven) -> None:
+    before, now = workspace.given(MAP), given.as_text()
+    lost = [f"{option} {path}" for option, path in before.items() if option not in now]
+    if lost and not given.rebuild:
+        raise InputError(
+            f"{workspace.path(MAP)}: made with {' '.join(lost)}, not given now: give it again, or --rebuild"
+        )
+
+
+def _users_file(workspace: Workspace, name: str, schema: str, given: Path | None, rebuild: bool) -> Path | None:
+    """Return the file to use that was not made here, None where it is to be made."""
+    if given is not None:
+        return given
+    path = workspace.path(name)
+    if not workspace.holds_foreign(name):
+        return None
+    damaged = False
+    try:
+        found = schema_of(path)
+    except InputError:
+        found, damaged = schema, True
+    if found != schema:
+        raise InputError(f"{path}: expected a file of schema '{schema}', found '{found}'; remove it")
+    if rebuild or (workspace.knows(name) and (damaged or not _readable(path, name))):
+        return None
+    return path
+
+
+def _readable(path: Path, name: str) -> bool:
+    try:
+        load_snapshots(path) if name == SNAPSHOTS else load_structure(path)
+    except InputError:
+        return False
+    return True
+
+
+def _use_snapshots(pipeline: Pipeline, path: Path) -> int:
+    """Use a file of snapshots if it fits; return the number of its conditions."""
+    vehicle, given = pipeline.vehicle, pipeline.given.snapshots is not None
+    snapshots = load_snapshots(path)
+    refuse_misfits(path, body_misfits(snapshots, vehicle.body()), "" if given else REPLACE)
+    if not given:
+        refuse_misfits(path, option_misfits(snapshots, vehicle), REPLACE)
+    pipeline.use(SNAPSHOTS, path, content_hash_of(path, snapshots_file.SCHEMA, snapshots_file.SCHEMA_VERSION))
+    pipeline.reporter.note(f"{path if given else SNAPSHOTS}: used as it is: {flow_line(snapshots)}")
+    return len(snapshots.condition)
+
+
+def _use_structure(pipeline: Pipeline, path: Path) -> None:
+    """Use a file of a structure if it fits; the vehicle's model is the three-dimensional one from now on."""
+    vehicle, given = pipeline.vehicle, pipeline.given.structure is not None
+    structure = load_structure(path)
+    entry = vehicle.structure.model_copy(update={"model": "solid"})
+    solid = vehicle.model_copy(update={"structure": entry})
+    refuse_misfits(path, structure_misfits(structure, solid), "" if given else REPLACE)
+    pipeline.vehicle = solid
+    pipeline.use(STRUCTURE, path, content_hash_of(path, structure_file.SCHEMA, structure_file.SCHEMA_VERSION))
+    instead = "" if vehicle.structure.model == "solid" else f" (the vehicle file: {vehicle.structure.model} model)"
+    pipeline.reporter.note(f"{path if given else STRUCTURE}: used as it is: {structure_line(structure)}{instead}")

@@ -1,0 +1,155 @@
+"""Fit of a file of a three-dimensional structure to a vehicle: body, wall, material, support and gauges.
+
+The mesh is the file's own affair: swept, by Gmsh or imported, of any resolution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isclose
+from typing import Any
+
+import numpy as np
+
+from builder.structure.solid.case import solid_case
+from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.model import SolidCase, support_entries
+from builder.structure.structure_file import Structure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.map_needs import used_layouts
+from builder.vehicle.profile_record import profile_misfits
+from builder.workspace import Misfit
+
+SAME = 1e-9
+SAME_BODY = 0.02  # of length and base radius: what an imported mesh of the body may differ
+
+
+def structure_misfits(structure: Structure, vehicle: Vehicle) -> list[Misfit]:
+    """Return in what ``structure`` is not of ``vehicle``: entries of its file, and gauges.
+
+    Raises
+    ------
+    InputError
+        A layout of the vehicle file is wrong, or the wall does not fit the body.
+    """
+    case = solid_case(vehicle, used_layouts(vehicle))
+    return [
+        *_body_misfits(structure, case.body),
+        *_entry_misfits(structure.settings, case),
+        *_gauges(structure, case),
+    ]
+
+
+def structure_record(structure: Structure) -> dict[str, Any]:
+    """Return what ``structure`` was made of, for a map's provenance: model, mesh and its file, size, solver."""
+    used = structure.statistics
+    return {
+        "model": structure.model,
+        **{name: value for name, value in structure.settings.get("mesh", {}).items() if name != "model"},
+        **{name: used[name] for name in ("degrees_of_freedom", "solver") if name in used},
+        "strainfmu_version": structure.settings.get("strainfmu_version", "unknown"),
+    }
+
+
+def structure_line(structure: Structure) -> str:
+    """Return in a few words what ``structure`` was made of."""
+    mesh = structure.settings.get("mesh", {})
+    source = mesh.get("file_name") or mesh.get("resolution")
+    of = f" ({source})" if source else ""
+    return f"{structure.model.replace('_', ' ')}{of}, {structure.statistics['degrees_of_freedom']} dofs"
+
+
+def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
+    held = structure.settings.get("profile")
+    if held is not None:
+        return profile_misfits(held, body)
+    length = float(np.ptp(structure.point[:, 0]))
+    radius = float(np.hypot(structure.point[:, 1], structure.point[:, 2]).max())
+    largest = float(body.radius(np.linspace(0.0, body.length, 200)).max())
+    pairs = (("length of the mesh", body.length, length), ("largest radius of the mesh", largest, radius))
+    return [
+        Misfit(entry=what, expected=f"{expected:.6g} m", found=f"{found:.6g} m")
+        for what, expected, found in pairs
+        if abs(found / expected - 1.0) > SAME_BODY
+    ]
+
+
+def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]:
+    """Return the entries of wall, material and support that differ; entries that a file lacks are not compared."""
+    wall, material = settings.get("wall", {}), settings.get("material", {})
+    numbers = [
+        ("structure.wall_thickness_mm", 1e3, case.wall.thickness, wall.get("thickness_m")),
+        ("structure.solid_tip_length_m", 1.0, case.wall.solid_tip_length, wall.get("solid_tip_length_m")),
+        (
+            "material.youngs_modulus_GPa",
+            1e-9,
+            case.wall.material.youngs_modulus,
+            material.get("youngs_modulus_Pa"),
+        ),
+        ("material.poisson_ratio", 1.0, case.wall.material.poisson_ratio, material.get("poisson_ratio")),
+    ]
+    if case.support is None and case.density is not None:
+        numbers.append(("material.density_kg_per_m3", 1.0, case.density, material.get("density_kg_per_m3")))
+    found = [
+        Misfit(entry=entry, expected=f"{factor * expected:.9g}", found=f"{factor * held:.9g}")
+        for entry, factor, expected, held in numbers
+        if held is not None and not isclose(held, expected, rel_tol=SAME)
+    ]
+    support, held_support = support_entries(case.support), settings.get("support")
+    if held_support is not None and held_support != support:
+        found.append(Misfit(entry="structure.support", expected=_words(support), found=_words(held_support)))
+    return found
+
+
+def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
+    """Return layouts that are missing, and the first gauge of each layout that is another."""
+    found = []
+    for layout, wanted in case.layouts.items():
+        if layout not in structure.layouts:
+            held = ", ".join(structure.layouts)
+            found.append(Misfit(entry="gauges", expected=f"layout '{layout}'", found=f"the layouts {held}"))
+            continue
+        misfit = _gauge_misfit(structure, layout, wanted)
+        if misfit is not None:
+            found.append(misfit)
+    return found
+
+
+def _gauge_misfit(structure: Structure, layout: str, wanted: Gauges) -> Misfit | None:
+    index = structure.gauges_of(layout)
+    where = f"gauges of layout '{layout}'"
+    names = tuple(structure.gauge_names[i] for i in index)
+    if len(names) != len(wanted.name):
+        return Misfit(entry=where, expected=f"{len(wanted.name)}", found=f"{len(names)}")
+    direction = wanted.direction / np.linalg.norm(wanted.direction, axis=1, keepdims=True)
+    for number, i in enumerate(index):
+        pairs = (
+            ("name", wanted.name[number], names[number]),
+            ("surface", wanted.surface[number], structure.gauge_surface[i]),
+            ("position [m]", wanted.position[number], structure.gauge_position[i]),
+            ("direction", direction[number], structure.gauge_direction[i]),
+            ("length [m]", wanted.length[number], structure.gauge_length[i]),
+        )
+        for what, expected, held in pairs:
+            if not _same(expected, held):
+                entry = f"{where}, gauge {number + 1} ({wanted.name[number]}), {what}"
+                return Misfit(entry=entry, expected=_text(expected), found=_text(held))
+    return None
+
+
+def _same(expected: Any, held: Any) -> bool:
+    if isinstance(expected, str):
+        return bool(expected == held)
+    return bool(np.allclose(expected, held, rtol=SAME, atol=SAME))
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return f"'{value}'"
+    return " ".join(f"{one:.6g}" for one in np.atleast_1d(value))
+
+
+def _words(support: Mapping[str, Any]) -> str:
+    numbers = ", ".join(f"{name} {value:g}" for name, value in support.items() if isinstance(value, float))
+    return f"{support.get('kind', 'unknown')}{f' ({numbers})' if numbers else ''}"

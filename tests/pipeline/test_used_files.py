@@ -1,0 +1,247 @@
+"""Chains of commands: files of ``snapshots`` and ``structure`` reach the map whatever their options."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from builder.pipeline.pipeline import FilesGiven
+from builder.pipeline.used_files import open_pipeline
+from builder.reporting import Silent
+from builder.vehicle.file import load_vehicle
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import load_inverse_map
+
+Run = Callable[..., tuple[int, str, str]]
+
+OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive"
+SET = (
+    "mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km\n"
+    "4,0,0,22\n4,3,1,22\n4.5,0,3,22\n4.5,6,0,22\n5,2,2,22\n5,6,3,22\n5,0,0,22\n"
+)
+
+
+def write_vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
+    """Write the coarse vehicle with texts replaced once each, its tables beside it."""
+    if not folder.exists():
+        shutil.copytree(OGIVE, folder)
+    text = (OGIVE / "ogive.toml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new, 1)
+    (folder / "vehicle.toml").write_text(text, encoding="utf-8")
+    return folder / "vehicle.toml"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Path:
+    """Files made by commands with options: by the newtonian engine at a set, euler on the coarse grid, a solid."""
+    from strainfmu.cli.main import main
+
+    folder = tmp_path_factory.mktemp("made")
+    vehicle = write_vehicle(folder / "vehicle")
+    (folder / "set.csv").write_text(SET, encoding="utf-8")
+    for command in (
+        ("snapshots", vehicle, "-o", folder / "set.h5", "--engine", "newtonian", "--set", folder / "set.csv"),
+        ("snapshots", vehicle, "-o", folder / "newtonian.h5", "--engine", "newtonian"),
+        ("structure", vehicle, "-o", folder / "structure.h5", "--resolution", "coarse"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in command])
+        assert not ended.value.code
+    return folder
+
+
+def provenance(folder: Path) -> dict[str, Any]:
+    return load_inverse_map(folder / "map.h5").provenance
+
+
+def test_options_of_both_commands_reach_the_map(run: Run, made: Path, tmp_path: Path) -> None:
+    """Engine, set of conditions, three-dimensional model and its resolution; the files are left as they were."""
+    folder = tmp_path / "results"
+    folder.mkdir()
+    shutil.copy(made / "set.h5", folder / "snapshots.h5")
+    shutil.copy(made / "structure.h5", folder / "structure.h5")
+    before = {name: (folder / name).read_bytes() for name in ("snapshots.h5", "structure.h5")}
+    vehicle = made / "vehicle" / "vehicle.toml"
+    code, printed, message = run("build", vehicle, "-o", folder)
+    assert (code, message) == (0, "")
+    found = provenance(folder)
+    assert found["snapshots"] == 7
+    assert found["flow"]["engine"] == "newtonian"
+    assert found["flow"]["sets"] == [f"{made / 'set.csv'} (7)"]
+    assert found["flow"]["options"] == {"engine": "newtonian", "set": [str(made / "set.csv")]}
+    assert found["structure"]["model"] == "swept_hexahedra"
+    assert found["structure"]["resolution"] == "coarse"
+    assert found["structural_model"].startswith("swept_hexahedra")
+    assert {name: (folder / name).read_bytes() for name in before} == before
+    assert "snapshots.h5: used as it is: newtonian engine, 7 conditions" in printed
+    assert "structure.h5: used as it is: swept hexahedra (coarse)" in printed
+    assert "the vehicle file: fourier model" in printed
+    code, printed, _ = run("build", vehicle, "-o", folder)
+    assert code == 0
+    assert "map.h5: up to date, reused" in printed
+    code, printed, _ = run("inspect", folder / "map.h5")
+    assert code == 0
+    assert "engine newtonian" in " ".join(printed.split())
+
+
+def test_grid_level_reaches_the_map(run: Run, tmp_path: Path, compiled_solver: None) -> None:
+    """A map on 16 x 24 cells where the vehicle file has 12 x 18; the vehicle file's Fourier model is kept."""
+    vehicle, folder = write_vehicle(tmp_path / "vehicle"), tmp_path / "results"
+    code, _, _ = run("snapshots", vehicle, "-o", folder / "snapshots.h5", "--grid", "coarse", "--workers", "0")
+    assert code == 0
+    assert run("build", vehicle, "-o", folder)[0] == 0
+    found = provenance(folder)
+    grid = found["flow"]["marching_grid"]
+    assert (found["flow"]["engine"], grid["n_radial"], grid["n_circumferential"]) == ("euler", 16, 24)
+    assert found["structure"] == {"model": "fourier", "harmonics": 8, "element_length_mm": 20.0, "wall_layers": 1}
+    assert "resolution" not in found  # the vehicle file's cells are not those of the map
+
+
+def test_files_from_anywhere(run: Run, made: Path, tmp_path: Path) -> None:
+    """Given by option they are used where they lie; a build without them does not replace their map unasked."""
+    vehicle, folder = made / "vehicle" / "vehicle.toml", tmp_path / "results"
+    files = ("--snapshots", made / "newtonian.h5", "--structure", made / "structure.h5")
+    code, _, message = run("build", vehicle, "-o", folder, *files)
+    assert (code, message) == (0, "")
+    assert not (folder / "snapshots.h5").exists()
+    assert provenance(folder)["flow"]["engine"] == "newtonian"
+    assert provenance(folder)["structure"]["model"] == "swept_hexahedra"
+    before = (folder / "map.h5").read_bytes()
+    for command in (("build", vehicle, "-o", folder), ("demo", "--vehicle", vehicle, "-o", folder)):
+        code, _, message = run(*command)
+        assert code == 2
+        assert message.count("\n") == 1
+        assert f"map.h5: made with --snapshots {made / 'newtonian.h5'} --structure" in message
+        assert (folder / "map.h5").read_bytes() == before
+    assert run("build", vehicle, "-o", folder, "--rebuild")[0] == 0
+    assert provenance(folder)["flow"]["engine"] == "euler"
+    assert provenance(folder)["structure"]["model"] == "fourier"
+
+
+def test_rebuild_replaces_what_options_made(run: Run, made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    shutil.copy(made / "newtonian.h5", folder / "snapshots.h5")
+    assert run("build", made / "vehicle" / "vehicle.toml", "-o", folder, "--rebuild")[0] == 0
+    assert provenance(folder)["flow"]["engine"] == "euler"
+    assert run("build", made / "vehicle" / "vehicle.toml", "-o", folder)[0] == 0  # now its own
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        (
+            "structure",
+            "wall_thickness_mm = 3.0",
+            "wall_thickness_mm = 4.0",
+            "structure.wall_thickness_mm: expected 4, got 3",
+        ),
+        (
+            "structure",
+            "poisson_ratio = 0.33",
+            "poisson_ratio = 0.3",
+            "material.poisson_ratio: expected 0.3, got 0.33",
+        ),
+        (
+            "structure",
+            "youngs_modulus_GPa = 70.0",
+            "youngs_modulus_GPa = 71.0",
+            "material.youngs_modulus_GPa: expected 71, got 70",
+        ),
+        ("structure", "end_x_m = 2.5", "end_x_m = 2.6", "profile.2.end_x_m: expected 2.6, got 2.5"),
+        (
+            "structure",
+            "layouts.table]",
+            "layouts.other]",
+            "gauges: expected layout 'other', got the layouts table",
+        ),
+        ("snapshots", "end_x_m = 2.5", "end_x_m = 2.6", "profile.2.end_x_m: expected 2.6, got 2.5"),
+        (
+            "snapshots",
+            "start_half_angle_deg = 16.0",
+            "start_half_angle_deg = 15.0",
+            "profile.1.start_half_angle_deg: expected 15, got 16",
+        ),
+        ("snapshots", "[4.0, 4.5, 5.0]", "[4.0, 5.0]", "conditions: expected 12, got 18"),
+        ("snapshots", "altitude_km = 22.0", "altitude_km = 21.0", "condition 1: expected M 4"),
+    ],
+)
+def test_what_does_not_fit_is_named(
+    name: str, old: str, new: str, words: str, made: Path, tmp_path: Path, run: Run
+) -> None:
+    """In one line: entry, expected, found; nothing is written over."""
+    change = [(old, new)]
+    if "other" in new:
+        change.append(('layout = "table"', 'layout = "other"'))
+    vehicle, folder = write_vehicle(tmp_path / "vehicle", *change), tmp_path / "results"
+    folder.mkdir()
+    file = folder / f"{name}.h5"
+    shutil.copy(made / ("newtonian.h5" if name == "snapshots" else "structure.h5"), file)
+    before = file.read_bytes()
+    code, _, message = run("build", vehicle, "-o", folder)
+    assert code == 2
+    assert f"{file}: " in message
+    assert words in message
+    assert "--rebuild" in message
+    assert message.count("\n") == 1
+    assert file.read_bytes() == before
+    with pytest.raises(InputError, match="--rebuild"):
+        open_pipeline(load_vehicle(vehicle), folder, Silent(), FilesGiven())
+
+
+def test_gauges_moved_since_are_named(made: Path, tmp_path: Path) -> None:
+    vehicle = write_vehicle(tmp_path / "vehicle")
+    table = vehicle.with_name("gauges.csv")
+    lines = table.read_text(encoding="utf-8").splitlines()
+    table.write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
+    given = FilesGiven(structure=made / "structure.h5")
+    with pytest.raises(InputError, match=r"gauges of layout 'table': expected 29, got 30$"):
+        open_pipeline(load_vehicle(vehicle), tmp_path / "results", Silent(), given)
+
+
+def test_given_snapshots_need_the_body_alone(made: Path, tmp_path: Path) -> None:
+    """Other conditions, walls and internal pressures are no misfit of a file given by option."""
+    vehicle = write_vehicle(
+        tmp_path / "vehicle",
+        ("[4.0, 4.5, 5.0]", "[4.0, 4.7]"),
+        ("wall_thickness_mm = 3.0", "wall_thickness_mm = 4.0"),
+    )
+    given = FilesGiven(snapshots=made / "newtonian.h5")
+    pipeline, conditions = open_pipeline(load_vehicle(vehicle), tmp_path / "results", Silent(), given)
+    assert conditions == 18
+    assert pipeline.path("snapshots.h5") == made / "newtonian.h5"
+    other = write_vehicle(tmp_path / "other", ("end_x_m = 2.5", "end_x_m = 2.6"))
+    with pytest.raises(InputError, match=r"newtonian.h5: profile.2.end_x_m: expected 2.6, got 2.5$"):
+        open_pipeline(load_vehicle(other), tmp_path / "results", Silent(), given)
+
+
+def test_a_file_of_another_kind_is_not_written_over(made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    shutil.copy(made / "structure.h5", folder / "snapshots.h5")
+    vehicle = load_vehicle(made / "vehicle" / "vehicle.toml")
+    for rebuild in (False, True):
+        with pytest.raises(
+            InputError, match=r"snapshots.h5: expected a file of schema 'strainfmu.snapshots', found"
+        ):
+            open_pipeline(vehicle, folder, Silent(), FilesGiven(rebuild=rebuild))
+
+
+def test_a_damaged_file_of_the_build_is_made_again_and_a_users_is_not(made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "results"
+    folder.mkdir()
+    vehicle = load_vehicle(made / "vehicle" / "vehicle.toml")
+    content = bytearray((made / "newtonian.h5").read_bytes())
+    content[-100] ^= 0xFF
+    (folder / "snapshots.h5").write_bytes(content)
+    with pytest.raises(InputError, match=r"snapshots.h5: damaged"):
+        open_pipeline(vehicle, folder, Silent(), FilesGiven())
+    (folder / "manifest.json").write_text('{"snapshots.h5": {"made_from": "", "sha256": ""}}')
+    pipeline, _ = open_pipeline(vehicle, folder, Silent(), FilesGiven())
+    assert pipeline.elsewhere == {}
