@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import sqrt
 from pathlib import Path
 from typing import Protocol
 
@@ -19,10 +18,11 @@ from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimates
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.estimator.step import Estimator
+from strainfmu.recorded.column_names import FLOW_NAMES
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.strain_level import LevelReference
 
-_HEALTH = ("chi_square_limit", "valid_gauges", "suspect_gauge", "suspects")
+_HEALTH = ("chi_square_limit", "valid_gauges", "suspect_gauge", "suspects", "envelope_score")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,7 +38,9 @@ class BlockEstimates:
     valid : (n, n_d) gauges that gave a usable strain.
     suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
     suspect_count : (n,) number of gauges under suspicion.
+    envelope_score : (n,) standard deviations by which the coefficients leave the envelope of the map, 0 inside.
     residual : (n, n_d) z of each gauge [1], None of an FMU.
+    residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
     """
 
     coefficients: FloatArray
@@ -51,7 +53,9 @@ class BlockEstimates:
     valid: BoolArray
     suspects: Sequence[tuple[int, ...]]
     suspect_count: FloatArray
+    envelope_score: FloatArray
     residual: FloatArray | None
+    residual_limit: FloatArray
 
 
 class BlockEstimator(Protocol):
@@ -62,18 +66,17 @@ class BlockEstimator(Protocol):
     inputs : quantities beside strain and q_inf that it takes, of ``FLOW_NAMES``.
     reference : the level of strains that it expects.
     has_residuals : whether it gives the z of each gauge.
+    envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
     """
 
     gauge_names: tuple[str, ...]
     inputs: tuple[str, ...]
     reference: LevelReference
     has_residuals: bool
+    envelope_score_limit: float
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
-
-    def residual_limit(self, valid: BoolArray) -> FloatArray:
-        """Return (n,) the alarm level of the largest |z| with the gauges ``valid`` (n, n_d) [1]."""
 
 
 @contextmanager
@@ -88,8 +91,7 @@ def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        further = ("dynamic_pressure_std", "mach_number", "altitude")
-        with FmuStep(source, further, tuple(f"health.{name}" for name in _HEALTH)) as step:
+        with FmuStep(source, FLOW_NAMES[1:], tuple(f"health.{name}" for name in _HEALTH)) as step:
             yield _FmuBlocks(step)
         return
     if source.suffix.lower() not in (".h5", ".hdf5"):
@@ -100,13 +102,14 @@ def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
 class _MapBlocks:
     """An inverse map."""
 
-    inputs: tuple[str, ...] = ("dynamic_pressure_std",)
+    inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
 
     def __init__(self, estimator: Estimator) -> None:
         inverse_map = estimator.inverse_map
         self._estimator = estimator
         self.gauge_names = tuple(inverse_map.gauge_names)
+        self.envelope_score_limit = inverse_map.envelope_score_limit
         self.reference = LevelReference(
             strain_range=inverse_map.strain_range,
             noise_std=inverse_map.noise_std,
@@ -114,8 +117,7 @@ class _MapBlocks:
         )
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        flow = {name: values for name, values in block.flow.items() if name in self.inputs}
-        found = self._estimator.estimate(block.strain, block.dynamic_pressure, **flow)
+        found = self._estimator.estimate(block.strain, block.dynamic_pressure, **block.flow)
         if not isinstance(found, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
         return BlockEstimates(
@@ -129,21 +131,28 @@ class _MapBlocks:
             valid=found.valid,
             suspects=list(found.suspects),
             suspect_count=np.array([float(len(one)) for one in found.suspects]),
+            envelope_score=found.envelope_score,
             residual=found.standardised_residual,
+            residual_limit=self._residual_limit(found),
         )
 
-    def residual_limit(self, valid: BoolArray) -> FloatArray:
-        masks, which = np.unique(valid, axis=0, return_inverse=True)
-        scale = sqrt(self._estimator.settings.alarm_scale)
-        found = [self._estimator.masked_map(mask) for mask in masks]
-        limits = [float("nan") if one is None else scale * one.outlier_threshold for one in found]
-        return np.array(limits)[np.ravel(which)]
+    def _residual_limit(self, found: LoadEstimates) -> FloatArray:
+        """Return (n,) the alarm level of the largest |z|, which moves with that of chi-square from its nominal."""
+        held = self._estimator.inverse_map
+        masks, which = np.unique(found.valid, axis=0, return_inverse=True)
+        maps = [self._estimator.masked_map(mask) for mask in masks]
+        threshold = np.array([np.nan if one is None else one.outlier_threshold for one in maps])
+        nominal = np.array([np.nan if one is None else one.chi_square_limit for one in maps])
+        of_sample = np.ravel(which)
+        moved = found.chi_square_limit / (held.chi_square_scale * nominal[of_sample])
+        return np.asarray(threshold[of_sample] * np.sqrt(held.outlier_scale * moved))
 
 
 class _FmuBlocks:
     """An estimator FMU, step by step."""
 
     has_residuals = False
+    envelope_score_limit = float("nan")
 
     def __init__(self, step: FmuStep) -> None:
         self._step = step
@@ -171,7 +180,7 @@ class _FmuBlocks:
             numbers[i] = *found.coefficients, *found.coefficients_std, found.chi_square, found.health
             further[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
         valid = np.abs(block.strain) <= SENSOR_RANGE
-        limit, used, suspect, count = further.T
+        limit, used, suspect, count, score = further.T
         return BlockEstimates(
             coefficients=numbers[:, :5],
             coefficients_std=numbers[:, 5:10],
@@ -183,11 +192,10 @@ class _FmuBlocks:
             valid=valid,
             suspects=[(int(one) - 1,) if one >= 1 else () for one in suspect],
             suspect_count=count,
+            envelope_score=score,
             residual=None,
+            residual_limit=np.full(n, np.nan),
         )
-
-    def residual_limit(self, valid: BoolArray) -> FloatArray:
-        return np.full(len(valid), np.nan)
 
 
 def _first_step(block: StrainBlock) -> float:

@@ -26,12 +26,14 @@ class HealthAccount:
     samples : number of samples by state.
     blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
         and a suspect, or else the one of the largest residual, where the strains do not fit.
+    beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     """
 
     samples: Counter[str] = field(default_factory=Counter)
     blamed: dict[str, Counter[str]] = field(default_factory=dict)
+    beyond: int | None = None
 
-    def add(self, found: BlockEstimates, gauge_names: Sequence[str]) -> None:
+    def add(self, found: BlockEstimates, gauge_names: Sequence[str], envelope_score_limit: float) -> None:
         """Count the samples of a block."""
         for state in np.unique(found.health[np.isfinite(found.health)]):
             rows = np.flatnonzero(found.health == state)
@@ -43,6 +45,9 @@ class HealthAccount:
             elif state in _MISFIT:
                 for row in rows.tolist():
                     counts[list(_misfits(found, row))] += 1
+            elif state == HealthState.OUTSIDE and np.isfinite(envelope_score_limit):
+                beyond = int((found.envelope_score[rows] > envelope_score_limit).sum())
+                self.beyond = beyond + (self.beyond or 0)
             blamed = {gauge: int(k) for gauge, k in zip(gauge_names, counts, strict=True) if k}
             self.blamed.setdefault(name, Counter()).update(blamed)
 
@@ -57,6 +62,9 @@ class HealthAccount:
             text = f"{name}: {number} of {total} samples ({100.0 * number / total:.2g} %)"
             if name in texts:
                 text += f": {texts[name][0].lower()}{texts[name][1:]}"
+            if name == HealthState.OUTSIDE.name and self.beyond is not None:
+                by_flow = number - self.beyond
+                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
             gauge = next(iter(self.blamed[name].most_common(1)), None)
             if gauge is not None:
                 text += f"; most often to blame: '{gauge[0]}' (in {gauge[1]})"

@@ -22,7 +22,13 @@ from strainfmu.recorded.strain_level import LevelCheck
 
 Progress = Callable[[int, int], None]
 
-HEALTH_COLUMNS = (("health.chi_square_limit", "1"), ("health.degrees_of_freedom", "1"), ("health.suspects", "1"))
+HEALTH_COLUMNS = (
+    ("health.chi_square_limit", "1"),
+    ("health.degrees_of_freedom", "1"),
+    ("health.suspects", "1"),
+    ("health.envelope_score", "1"),
+    ("health.envelope_score_limit", "1"),
+)
 SUSPECTS_COLUMN = "suspect_gauges"
 """Column of text: the names of the suspects, with a semicolon between them."""
 
@@ -120,7 +126,7 @@ def estimate_file(
                     level.add(block.strain, block.dynamic_pressure)
                     found = estimator.estimate(block, last)
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
-                    _count(summary, block, found=found, gauge_names=estimator.gauge_names)
+                    _count(summary, block, found=found, estimator=estimator)
                     last = float(block.time[-1])
                     if progress is not None:
                         progress(done, opened.length)
@@ -168,19 +174,22 @@ def _write(
         found.chi_square_limit,
         found.degrees_of_freedom,
         found.suspect_count,
+        found.envelope_score,
+        np.full(len(block.time), estimator.envelope_score_limit),
         *(block.flow[name] for name in FLOW_NAMES if name in block.flow),
     ]
     if residuals and found.residual is not None:
-        columns += [estimator.residual_limit(found.valid), *found.residual.T]
+        columns += [found.residual_limit, *found.residual.T]
     names = [";".join(estimator.gauge_names[i] for i in one) for one in found.suspects]
     writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names})
 
 
 def _count(
-    summary: EstimationSummary, block: StrainBlock, *, found: BlockEstimates, gauge_names: Sequence[str]
+    summary: EstimationSummary, block: StrainBlock, *, found: BlockEstimates, estimator: BlockEstimator
 ) -> None:
     """Add a block to the summary."""
-    summary.account.add(found, gauge_names)
+    gauge_names = estimator.gauge_names
+    summary.account.add(found, gauge_names, estimator.envelope_score_limit)
     missing = np.isnan(block.strain).sum(axis=0)
     summary.missing_strains.update({n: int(k) for n, k in zip(gauge_names, missing, strict=True) if k})
     summary.missing_pressure += int(np.isnan(block.dynamic_pressure).sum())

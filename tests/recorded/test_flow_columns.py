@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -11,7 +12,10 @@ import pytest
 from recorded_case import NAMES, read_csv, samples, write_flight
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
+from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.recorded.column_names import Wanted
 from strainfmu.recorded.run import estimate_file
@@ -37,6 +41,61 @@ def test_the_deviation_of_the_dynamic_pressure_widens_sigma(
     np.testing.assert_allclose(found["dynamic_pressure_std [Pa]"], std, atol=1e-9)
     assert summary.unused == ()
     assert summary.notes == []
+
+
+def test_navigation_decides_on_the_envelope(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    """Beyond the Mach numbers of the map, beyond its altitudes, unlike the dynamic pressure; not where unknown."""
+    held = replace(
+        synthetic_inverse_map(1),
+        mach_number_range=np.array([4.0, 7.0]),
+        altitude_range=np.array([15e3, 30e3]),
+        dynamic_pressure_range=np.array([5e4, 2e5]),
+    )
+    save_inverse_map(held, tmp_path / "map.h5")
+    _, strain, pressure = samples(20)
+    altitude = np.full(20, 20e3)
+    mach = np.sqrt(pressure / (0.7 * 5474.9))
+    mach[3], mach[4], mach[5], altitude[6] = 8.0, np.nan, 6.5, 40e3
+    more = {"mach_number": mach, "altitude [km]": 1e-3 * altitude}
+    data = write_flight(tmp_path / "d.csv", **more)
+    found = Estimator(held).estimate(strain, pressure, mach_number=mach, altitude=altitude)
+    assert np.flatnonzero(found.health == HealthState.OUTSIDE).tolist() == [3, 5, 6]
+    code, out, errors = run("estimate", tmp_path / "map.h5", data, "-o", tmp_path / "o.csv")
+    assert (code, errors) == (0, "")
+    np.testing.assert_array_equal(read_csv(tmp_path / "o.csv")["health.state [1]"], found.health)
+    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["altitude [m]"], altitude)
+    assert "OUTSIDE: 3 of 20 samples (15 %)" in out
+    assert "by the estimated coefficients in 0, by the flow alone in 3" in out
+
+
+def test_coefficients_beyond_the_envelope_are_told_apart(
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    _, strain, pressure = samples(20)
+    free = Estimator(synthetic_inverse_map(1)).estimate(strain, pressure)
+    direction = np.array([[0.0, 1.0, 0.0, 0.0, 0.0]])
+    beyond = free.C_N - 40.0 * free.sigma.C_N
+    limit = np.sort(beyond)[-5:-3].mean(keepdims=True)
+    held = replace(synthetic_inverse_map(1), envelope_direction=direction, envelope_limit=limit)
+    held = replace(held, envelope_score_limit=40.0)
+    save_inverse_map(held, tmp_path / "map.h5")
+    data = write_flight(tmp_path / "d.csv")
+    _, out, _ = run("estimate", tmp_path / "map.h5", data, "-o", tmp_path / "o.csv")
+    assert "OUTSIDE: 4 of 20 samples (20 %)" in out
+    assert "by the estimated coefficients in 4, by the flow alone in 0" in out
+    found = read_csv(tmp_path / "o.csv")
+    score, limits = found["health.envelope_score [1]"], found["health.envelope_score_limit [1]"]
+    np.testing.assert_array_equal(score > limits, found["health.state [1]"] == HealthState.OUTSIDE)
+
+
+def test_what_the_fmu_does_not_take_is_said(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    summary = estimate_file(
+        synthetic.estimator_1, write_flight(tmp_path / "d.csv", mach_number=6.0), tmp_path / "o.csv"
+    )
+    with FmuStep(synthetic.estimator_1, ("mach_number",)) as step:
+        taken = bool(step.further_inputs)
+    line = f"{tmp_path / 'd.csv'}: mach_number: written but not used, {synthetic.estimator_1} does not take them"
+    assert summary.notes == ([] if taken else [line])
 
 
 def test_mach_number_and_altitude_are_read_in_their_units(tmp_path: Path) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from recorded_case import NAMES, read_csv, samples, suspect_names, write_csv
+from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.recorded.run import estimate_file
 
@@ -56,6 +59,32 @@ def test_health_is_written_in_full(
     assert any(suspects)
     suspicious = np.abs(residual).max(axis=1) > found["health.residual_limit"]
     np.testing.assert_array_equal(suspicious, [bool(one) for one in suspects])
+
+
+@pytest.mark.parametrize("case", [1, 2])
+def test_the_limit_of_residuals_is_that_of_the_estimator(case: int, tmp_path: Path) -> None:
+    """At any dynamic pressure, with gauges lost and limits scaled, a suspect is a residual above its limit."""
+    held = replace(scaled_map(case, seed=1), chi_square_scale=1.3, outlier_scale=1.7)
+    save_inverse_map(held, tmp_path / "map.h5")
+    random = np.random.default_rng(3)
+    ratio = random.uniform(0.2, 3.0, size=400)
+    strain = ratio[:, None] * held.mean_strain + 5e-6 * random.standard_normal((400, held.n_gauges))
+    strain[::3, 0] += random.uniform(0.0, 1e-4, size=len(strain[::3]))
+    strain[::7, 2] = np.nan
+    data = write_csv(
+        tmp_path / "d.csv",
+        ["time", *held.gauge_names, "dynamic_pressure"],
+        np.arange(400.0),
+        strain,
+        ratio * held.nominal_dynamic_pressure,
+    )
+    out = tmp_path / "o.csv"
+    estimate_file(tmp_path / "map.h5", data, out, residuals=True, check_level=False)
+    found = read_csv(out)
+    largest = np.abs(np.column_stack([found[f"residual.{name} [1]"] for name in held.gauge_names])).max(axis=1)
+    suspicious = np.array([bool(name) for name in suspect_names(out)])
+    np.testing.assert_array_equal(largest > found["health.residual_limit [1]"], suspicious)
+    assert 20 < suspicious.sum() < 380
 
 
 def test_an_fmu_gives_what_it_states(
