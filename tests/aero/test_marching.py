@@ -189,7 +189,7 @@ def test_spacing_grows_outward_by_the_clustering() -> None:
     ("pieces", "mach_number", "incidence", "words"),
     [
         (((1.0, 40.0, 40.0),), 1.5, 0.0, ("axial Mach number", "(tip)", "M 1.5", "incidence 0 deg")),
-        (((1.0, 10.0, 10.0),), 6.0, 40.0, ("axial Mach number", "(tip)", "M 6,", "incidence 40 deg")),
+        (((1.0, 10.0, 10.0),), 3.0, 50.0, ("axial Mach number", "(tip)", "M 3,", "incidence 50 deg")),
         (((1.0, 10.0, 10.0), (1.5, 40.0, 40.0)), 3.0, 0.0, ("axial Mach number", "M 3,", "incidence 0 deg")),
         (((1.0, 5.0, 5.0), (1.5, 35.0, 35.0)), 3.0, 3.0, ("axial Mach number", "M 3,", "incidence 3 deg")),
     ],
