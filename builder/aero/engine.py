@@ -29,12 +29,15 @@ class Flow:
     key : the flow it is.
     arrays : what the engine needs to give pressures from it.
     momentum_error : relative difference of the force from wall pressure and from momentum; NaN if not known.
+    mass_error : imbalance of mass between tip and base over the free stream's flow through the base's area; NaN
+        if not known.
     repairs : states that had to be made physical; 0 in a clean run.
     """
 
     key: FlowKey
     arrays: Mapping[str, FloatArray]
     momentum_error: float = float("nan")
+    mass_error: float = float("nan")
     repairs: int = 0
 
 

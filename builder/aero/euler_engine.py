@@ -69,7 +69,13 @@ class EulerEngine:
         solution = solve_flow(self.body, mach_number, incidence, self.marching_grid)
         imbalance = np.linalg.norm(solution.force - solution.force_from_momentum)
         momentum_error = float(imbalance / np.linalg.norm(solution.force))
-        return Flow(key=key, arrays=_arrays(solution), momentum_error=momentum_error, repairs=solution.n_repairs)
+        return Flow(
+            key=key,
+            arrays=_arrays(solution),
+            momentum_error=momentum_error,
+            mass_error=abs(solution.mass_defect),
+            repairs=solution.n_repairs,
+        )
 
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
         at_stations = pressure_at_stations(pieces(flow), self.grid)

@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from builder.aero.engine import Engine, FlowKey
-from builder.campaign.worker import SolvedFlow, solve_one
+from builder.campaign.worker import FailedFlow, SolvedFlow, solve_one
 from builder.reporting import Note
 from strainfmu.errors import InputError, StrainfmuError
 
@@ -29,7 +29,7 @@ MEMORY_LIMIT = "1.8 GiB"
 
 def solve_on_dask(
     engine: Engine, keys: list[FlowKey], address: str | None, workers: int, note: Note
-) -> Generator[SolvedFlow, None, None]:
+) -> Generator[SolvedFlow | FailedFlow, None, None]:
     """Solve flows on ``workers`` local processes, or on the scheduler at ``address``.
 
     The engine travels with each flow, so that a worker can join at any time. Flows of a worker that dies go to
@@ -37,8 +37,6 @@ def solve_on_dask(
 
     Raises
     ------
-    FlowReachError
-        A flow is outside the engine's reach.
     InputError
         ``address`` is not the address of a scheduler.
     StrainfmuError
@@ -69,12 +67,12 @@ def solve_on_dask(
             future.release()
 
 
-def _result(future: Any, where: str) -> SolvedFlow:
+def _result(future: Any, where: str) -> SolvedFlow | FailedFlow:
     """Return what a worker solved, or raise an error in the user's terms."""
     from distributed import KilledWorker
 
     try:
-        solved: SolvedFlow = future.result()
+        solved: SolvedFlow | FailedFlow = future.result()
     except CancelledError as error:
         raise StrainfmuError(f"{where}: the scheduler was lost; start again to go on") from error
     except KilledWorker as error:

@@ -111,7 +111,8 @@ def encode_record(fingerprint: str, flow: Flow) -> bytes:
     stream = io.BytesIO()
     # Arrays have names of the engine's choice; the prefix keeps them apart from ours.
     entries: dict[str, Any] = {f"array.{name}": values for name, values in flow.arrays.items()}
-    entries |= {"key": np.array(flow.key), "momentum_error": flow.momentum_error, "repairs": flow.repairs}
+    entries |= {"key": np.array(flow.key), "repairs": flow.repairs}
+    entries |= {"momentum_error": flow.momentum_error, "mass_error": flow.mass_error}
     np.savez(stream, allow_pickle=False, **entries)
     name, payload = fingerprint.encode(), stream.getvalue()
     return HEADER.pack(MARK, len(payload), hashlib.sha256(name + payload).digest(), name) + payload
@@ -145,6 +146,7 @@ def _decode(payload: bytes) -> Flow:
             key=tuple(held["key"].tolist()),
             arrays={name.removeprefix("array."): held[name] for name in held.files if name.startswith("array.")},
             momentum_error=float(held["momentum_error"]),
+            mass_error=float(held["mass_error"]) if "mass_error" in held.files else float("nan"),
             repairs=int(held["repairs"]),
         )
 

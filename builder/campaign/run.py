@@ -2,7 +2,8 @@
 
 One process, this one, writes. A finished flow goes to the journal at once; when all are there the result is
 written whole, flows included, and the journal removed. The result depends on conditions and engine alone: not on
-what was reused, on the order in which flows came, or on who solved them.
+what was reused, on the order in which flows came, or on who solved them. A flow outside the engine's reach ends
+nothing: its conditions are named in the result, and a campaign started again tries them again.
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ import numpy as np
 
 from builder.aero.engine import Engine, Flow, FlowKey
 from builder.aero.surface_mesh import mesh_of_grid
+from builder.campaign.failures import FailedCondition, failed_conditions, missing_line
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
+from builder.campaign.worker import FailedFlow
 from builder.reporting import Reporter
 from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import FlowReachError, InputError, StrainfmuError
 from strainfmu.files import fingerprint
 from strainfmu.flight_condition import FlightCondition
 
@@ -79,22 +82,35 @@ class Tally:
 
 @dataclass(frozen=True, eq=False)
 class CampaignResult:
-    """The result of a run; ``up_to_date`` if the file already held it, equal in every entry."""
+    """The result of a run.
+
+    Attributes
+    ----------
+    snapshots : the conditions that could be solved, in the order of the campaign.
+    tally : where their flows came from.
+    up_to_date : whether the file already held this, equal in every entry.
+    """
 
     snapshots: Snapshots
     tally: Tally
     up_to_date: bool
 
+    @property
+    def failed(self) -> tuple[FailedCondition, ...]:
+        """The conditions that could not be solved."""
+        return failed_conditions(self.snapshots)
+
 
 def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporter: Reporter) -> CampaignResult:
     """Make ``path`` hold the snapshots of ``campaign``.
 
-    Flows are taken from ``path`` as it is and from its journal where key and engine inputs are the same.
+    Flows are taken from ``path`` as it is and from its journal where key and engine inputs are the same. The
+    result names the conditions that could not be solved.
 
     Raises
     ------
     FlowReachError
-        A condition is outside the engine's reach; the flows finished before are kept.
+        Every condition is outside the engine's reach.
     CampaignInterrupted
         Ctrl-C; the same.
     StrainfmuError
@@ -106,6 +122,7 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
     with Journal(path) as journal:
         known = _flows_of_file(path, fingerprint(engine.inputs()))
         keys = map(engine.flow_key, campaign.conditions)
+        failed: dict[FlowKey, str] = {}
         flows, tally = complete_flows(
             engine=engine,
             keys=keys,
@@ -114,8 +131,9 @@ def run_campaign(campaign: Campaign, path: Path, scheduling: Scheduling, reporte
             scheduling=scheduling,
             reporter=reporter,
             title="Flow: snapshots",
+            failed=failed,
         )
-        snapshots = snapshots_of_flows(campaign, flows)
+        snapshots = snapshots_of_flows(campaign, flows, failed)
         kept = KeptFlows(fingerprint(engine.inputs()), tuple(flows[key] for key in sorted(flows)))
         up_to_date = _holds(path, snapshots, kept)
         if not up_to_date:
@@ -132,14 +150,18 @@ def complete_flows(
     scheduling: Scheduling,
     reporter: Reporter,
     title: str,
+    failed: dict[FlowKey, str] | None = None,
 ) -> tuple[dict[FlowKey, Flow], Tally]:
     """Return the flow of every key: from ``known``, from the journal, or solved and added to the journal.
 
-    Without a journal the flows stay in memory.
+    Without a journal the flows stay in memory. ``failed`` takes the causes of flows that are outside the engine's
+    reach, which are then left out; without it the first one is an error.
 
     Raises
     ------
-    FlowReachError, CampaignInterrupted, StrainfmuError
+    FlowReachError
+        A flow is outside the engine's reach, and there is no ``failed``; the flows finished before are kept.
+    CampaignInterrupted, StrainfmuError
         As :func:`run_campaign`.
     """
     of = fingerprint(engine.inputs())
@@ -149,11 +171,17 @@ def complete_flows(
     reused = len(flows)
     start, times = perf_counter(), []
     missing = needed - flows.keys()
+
+    def note_failure(one: FailedFlow) -> None:
+        if failed is None:
+            raise FlowReachError(one.cause)
+        failed[one.key] = one.cause
+
     if missing:
         try:
             with (
                 reporter.stage(title) as progress,
-                closing(solve_flows(engine, missing, scheduling, reporter.note)) as solving,
+                closing(solve_flows(engine, missing, scheduling, reporter.note, failed=note_failure)) as solving,
             ):
                 progress(reused, len(needed))
                 for one in solving:
@@ -173,10 +201,29 @@ def complete_flows(
     return flows, Tally(solved=len(times), reused=reused, seconds=perf_counter() - start, seconds_per_flow=mean)
 
 
-def snapshots_of_flows(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Snapshots:
-    """Return the pressures, each condition's flow turned to its wind; its first condition counts as solved."""
-    engine, conditions = campaign.engine, campaign.conditions
-    keys = [engine.flow_key(condition) for condition in conditions]
+def snapshots_of_flows(
+    campaign: Campaign, flows: Mapping[FlowKey, Flow], failed: Mapping[FlowKey, str] | None = None
+) -> Snapshots:
+    """Return the pressures, each condition's flow turned to its wind; its first condition counts as solved.
+
+    Conditions of the flows ``failed``, by cause, are left out and named in the settings.
+
+    Raises
+    ------
+    FlowReachError
+        No condition is left.
+    """
+    engine, failed = campaign.engine, failed or {}
+    all_keys = [engine.flow_key(condition) for condition in campaign.conditions]
+    left_out = [
+        FailedCondition(number, campaign.conditions[number], failed[key])
+        for number, key in enumerate(all_keys)
+        if key in failed
+    ]
+    rows = [number for number, key in enumerate(all_keys) if key not in failed]
+    if not rows:
+        raise FlowReachError(missing_line(left_out, 0))
+    conditions, keys = [campaign.conditions[number] for number in rows], [all_keys[number] for number in rows]
     first: dict[FlowKey, int] = {}
     for number, key in enumerate(keys):
         first.setdefault(key, number)
@@ -188,13 +235,18 @@ def snapshots_of_flows(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Sna
     for i, (condition, key) in enumerate(zip(conditions, keys, strict=True)):
         pressure[i] = condition.ambient_pressure * engine.pressure_ratio(flows[key], condition)
     reference = campaign.reference
+    mass_error = np.array([flows[key].mass_error for key in keys])
     return Snapshots(
         vehicle=campaign.vehicle,
         engine=engine.name,
-        settings={**campaign.settings, "inputs": dict(engine.inputs())},
+        settings={
+            **campaign.settings,
+            "inputs": dict(engine.inputs()),
+            **({"failed": [one.as_entry() for one in left_out]} if left_out else {}),
+        },
         condition=np.array([condition.as_tuple() for condition in conditions]),
         pressure=pressure,
-        internal_pressure=campaign.internal_pressure,
+        internal_pressure=campaign.internal_pressure[rows],
         reference=np.array([reference.area, reference.length, reference.moment_station]),
         point=surface.point,
         triangle=surface.triangle,
@@ -205,6 +257,7 @@ def snapshots_of_flows(campaign: Campaign, flows: Mapping[FlowKey, Flow]) -> Sna
         flow=origin,
         momentum_error=np.array([flows[key].momentum_error for key in keys]),
         repairs=np.array([flows[key].repairs for key in keys], dtype=np.int64),
+        mass_error=mass_error if np.isfinite(mass_error).any() else None,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from importlib.util import find_spec
 from builder.aero.engine import Engine, FlowKey
 from builder.aero.engines import ENGINES
 from builder.campaign.dask_workers import solve_on_dask
-from builder.campaign.worker import SolvedFlow, solve_one
+from builder.campaign.worker import FailedFlow, SolvedFlow, solve_one
 from builder.reporting import Note
-from strainfmu.errors import StrainfmuError
+from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.files import fingerprint
 
 FEW_FLOWS = 32
@@ -37,7 +37,11 @@ class Scheduling:
 
 
 def solve_flows(
-    engine: Engine, keys: Iterable[FlowKey], scheduling: Scheduling | None = None, note: Note | None = None
+    engine: Engine,
+    keys: Iterable[FlowKey],
+    scheduling: Scheduling | None = None,
+    note: Note | None = None,
+    failed: Callable[[FailedFlow], None] | None = None,
 ) -> Generator[SolvedFlow, None, None]:
     """Solve each flow once and hand it over as soon as it is solved, in any order.
 
@@ -47,11 +51,13 @@ def solve_flows(
     Parameters
     ----------
     note : takes one line about where the flows are solved.
+    failed : takes each flow that is outside the engine's reach, and the others go on; without it the first one is
+        an error.
 
     Raises
     ------
     FlowReachError
-        A flow is outside the engine's reach; the others are abandoned.
+        A flow is outside the engine's reach, and there is no ``failed``; the others are abandoned.
     StrainfmuError
         The scheduler cannot be reached or is lost, or a worker has another version of the solver.
     """
@@ -75,7 +81,12 @@ def solve_flows(
                     f"{where}: a worker has another version of the {engine.name} engine; install this "
                     "strainfmu on every worker"
                 )
-            yield one
+            if isinstance(one, SolvedFlow):
+                yield one
+            elif failed is None:
+                raise FlowReachError(one.cause)
+            else:
+                failed(one)
 
 
 def _in_this_process(engine: Engine, n_flows: int, scheduling: Scheduling) -> bool:
@@ -88,7 +99,7 @@ def _in_this_process(engine: Engine, n_flows: int, scheduling: Scheduling) -> bo
 
 def _solve_in_threads(
     engine: Engine, keys: list[FlowKey], n_threads: int, note: Note
-) -> Generator[SolvedFlow, None, None]:
+) -> Generator[SolvedFlow | FailedFlow, None, None]:
     """Solve in threads: the compiled solver releases the interpreter lock, so they run side by side."""
     note(f"{min(n_threads, len(keys))} threads of this process")
     with ThreadPoolExecutor(max_workers=n_threads) as pool:

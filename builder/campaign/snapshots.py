@@ -43,7 +43,8 @@ class Snapshots:
     Attributes
     ----------
     vehicle, engine : names.
-    settings : the engine's inputs, and the version that wrote the file.
+    settings : the engine's inputs, and the version that wrote the file; under ``failed`` the conditions of the
+        campaign that are not here, where there are any.
     condition : (N, 4) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m].
     pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
     internal_pressure : (N,) pressure inside the body [Pa].
@@ -55,6 +56,8 @@ class Snapshots:
     flow : (N,) the condition whose flow it is: its own number where solved.
     momentum_error : (N,) relative difference of the force from wall pressure and from momentum; NaN if not known.
     repairs : (N,) states of the flow that had to be made physical.
+    mass_error : (N,) imbalance of mass between tip and base over the free stream's flow through the base's area;
+        NaN if not known, None where it is known of no flow.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class Snapshots:
     flow: NDArray[np.int64]
     momentum_error: FloatArray
     repairs: NDArray[np.int64]
+    mass_error: FloatArray | None = None
 
     def conditions(self) -> list[FlightCondition]:
         """Return the conditions as objects."""
@@ -100,6 +104,8 @@ class Snapshots:
             "momentum_error": (n,),
             "repairs": (n,),
         }
+        if self.mass_error is not None:
+            shapes["mass_error"] = (n,)
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"{name}: shape {getattr(self, name).shape} found, must be {shape}")
@@ -205,6 +211,7 @@ def load_flows(path: Path) -> KeptFlows:
 
 def _write_flow(group: h5py.Group, flow: Flow) -> None:
     group.attrs["momentum_error"] = flow.momentum_error
+    group.attrs["mass_error"] = flow.mass_error
     group.attrs["repairs"] = flow.repairs
     group.create_dataset("key", data=np.array(flow.key, dtype=float))
     arrays = group.create_group("arrays")
@@ -217,5 +224,6 @@ def _read_flow(group: h5py.Group) -> Flow:
         key=tuple(group["key"][()].tolist()),
         arrays={name: values[()] for name, values in group["arrays"].items()},
         momentum_error=float(group.attrs["momentum_error"]),
+        mass_error=float(group.attrs.get("mass_error", np.nan)),
         repairs=int(group.attrs["repairs"]),
     )

@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from builder.aero.engine import Engine, Flow, FlowKey
+from strainfmu.errors import FlowReachError
 from strainfmu.files import fingerprint
 
 
@@ -27,17 +28,30 @@ class SolvedFlow:
     seconds: float
 
 
-def solve_one(engine: Engine, key: FlowKey) -> SolvedFlow:
-    """Solve the flow ``key``.
+@dataclass(frozen=True)
+class FailedFlow:
+    """One flow that is outside the engine's reach, as a worker hands it back.
 
-    Raises
-    ------
-    FlowReachError
-        The flow is outside the engine's reach.
+    Attributes
+    ----------
+    key : the flow it is.
+    cause : why, in one line.
+    fingerprint : as in :class:`SolvedFlow`.
     """
-    start = perf_counter()
-    flow = engine.solve(key)
-    return SolvedFlow(flow, fingerprint(engine.inputs()), perf_counter() - start)
+
+    key: FlowKey
+    cause: str
+    fingerprint: str
+
+
+def solve_one(engine: Engine, key: FlowKey) -> SolvedFlow | FailedFlow:
+    """Solve the flow ``key``, or say why it is outside the engine's reach."""
+    start, of = perf_counter(), fingerprint(engine.inputs())
+    try:
+        flow = engine.solve(key)
+    except FlowReachError as error:
+        return FailedFlow(key, str(error), of)
+    return SolvedFlow(flow, of, perf_counter() - start)
 
 
 def dask_setup(worker: Any) -> None:

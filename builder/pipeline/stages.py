@@ -10,8 +10,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from warnings import warn
 
+from builder.aero.engine import FlowKey
 from builder.aero.engines import make_engine
+from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
@@ -44,6 +47,8 @@ def take_snapshots(
 ) -> Snapshots:
     """Return the surface pressure at the flight conditions of a vehicle.
 
+    Conditions outside the solver's reach are left out: a warning counts them, ``settings["failed"]`` names them.
+
     Parameters
     ----------
     vehicle : the vehicle, or the path of its file.
@@ -54,11 +59,12 @@ def take_snapshots(
     Raises
     ------
     InputError
-        The vehicle file, or a file it names, is wrong, or a condition is outside the solver's reach.
+        The vehicle file, or a file it names, is wrong, or every condition is outside the solver's reach.
     """
     vehicle, reporter = _vehicle(vehicle), _reporter(progress)
     campaign = snapshot_campaign(vehicle, reporter)
     keys = map(campaign.engine.flow_key, campaign.conditions)
+    failed: dict[FlowKey, str] = {}
     flows, tally = complete_flows(
         campaign.engine,
         keys,
@@ -67,9 +73,13 @@ def take_snapshots(
         scheduling=Scheduling(workers=workers),
         reporter=reporter,
         title=FLOW_TITLE,
+        failed=failed,
     )
-    snapshots = snapshots_of_flows(campaign, flows)
-    note_campaign(CampaignResult(snapshots=snapshots, tally=tally, up_to_date=False), reporter)
+    snapshots = snapshots_of_flows(campaign, flows, failed)
+    result = CampaignResult(snapshots=snapshots, tally=tally, up_to_date=False)
+    note_campaign(result, reporter)
+    if result.failed:
+        warn(missing_line(result.failed, len(snapshots.condition)), stacklevel=2)
     return snapshots
 
 
@@ -119,8 +129,8 @@ def build_map(
     Raises
     ------
     InputError
-        The vehicle file, or a file it names, is wrong; a condition is outside the solver's reach; or the gauges
-        cannot carry the map.
+        The vehicle file, or a file it names, is wrong; every condition is outside the solver's reach; or the
+        gauges, or the conditions that are left, cannot carry the map.
     """
     vehicle, reporter = _vehicle(vehicle), _reporter(progress)
     check_before_long_work(vehicle, None if snapshots is None else len(snapshots.condition))
@@ -185,6 +195,12 @@ def map_from(
 
     ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported.
     """
+    failed = failed_conditions(snapshots)
+    if failed:
+        count = len(failed) + len(snapshots.condition)
+        reporter.note(
+            f"warning: the map is made without {len(failed)} of {count} conditions, which were not solved"
+        )
     inverse_map = build_inverse_map(vehicle, snapshots, structure)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])

@@ -11,6 +11,7 @@ from typing import Any
 
 from builder.aero.engines import make_engine
 from builder.aero.surface_mesh import mesh_of_grid
+from builder.campaign.failures import refuse_missing
 from builder.campaign.run import run_campaign
 from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
 from builder.campaign.snapshots import Snapshots, load_snapshots
@@ -143,7 +144,9 @@ def _flows(stages: _Stages, name: str, sets: list[ConditionSet], level: str) -> 
     path = stages.ensure(
         name, inputs, lambda path: run_campaign(campaign, path, stages.sizes.scheduling, stages.reporter)
     )
-    return load_snapshots(path)
+    snapshots = load_snapshots(path)
+    refuse_missing(snapshots)  # rows are told apart by their number in the sets
+    return snapshots
 
 
 def _models(stages: _Stages, snapshots: Snapshots) -> tuple[dict[str, StrainModel], dict[str, StrainModel]]:

@@ -199,4 +199,5 @@ def _some(snapshots: Snapshots) -> Snapshots:
     chosen = np.unique(np.linspace(0, n - 1, CHECKED_SNAPSHOTS).astype(int))
     per_snapshot = ("condition", "pressure", "internal_pressure", "solved", "momentum_error", "repairs")
     kept = {name: getattr(snapshots, name)[chosen] for name in per_snapshot}
-    return replace(snapshots, flow=np.arange(len(chosen)), **kept)
+    mass_error = None if snapshots.mass_error is None else snapshots.mass_error[chosen]
+    return replace(snapshots, flow=np.arange(len(chosen)), mass_error=mass_error, **kept)

@@ -18,7 +18,6 @@ from builder.campaign.snapshots import Snapshots, load_flows, load_snapshots
 from builder.reporting import Progress, Silent
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import condition_grid
-from strainfmu.errors import FlowReachError
 
 
 def changed(vehicle: Vehicle, **entries: Any) -> Vehicle:
@@ -106,16 +105,17 @@ def test_a_damaged_file_is_made_again(vehicle: Vehicle, undisturbed: Undisturbed
     assert stored_hash(output) == undisturbed.content_hash
 
 
-def test_flows_before_a_failure_are_kept(vehicle: Vehicle, undisturbed: Undisturbed, tmp_path: Path) -> None:
-    """M 1.3 has no attached shock at this tip. Without it the campaign goes on from what was solved beside it."""
+def test_flows_beside_a_failure_are_reused(vehicle: Vehicle, undisturbed: Undisturbed, tmp_path: Path) -> None:
+    """M 1.1 has no axially supersonic flow over this tip. Nothing else is solved again, with it and without it."""
     output = tmp_path / "snapshots.h5"
     shutil.copy(undisturbed.path, output)
     conditions = campaign_of(vehicle).conditions
-    slow = condition_grid([1.3], [0.0], [0.0], 22e3)
-    with pytest.raises(FlowReachError, match=r"for M 1\.3, total incidence 0 deg"):
-        run(campaign_of(vehicle, [*conditions, *slow]), output)
+    slow = condition_grid([1.1], [0.0], [0.0], 22e3)
+    result = run(campaign_of(vehicle, [*conditions, *slow]), output)
+    assert "for M 1.1, total incidence 0 deg" in result.failed[0].cause
+    assert (result.tally.solved, result.tally.reused) == (0, 15)
+    assert run(campaign_of(vehicle), output).tally.solved == 0
     assert stored_hash(output) == undisturbed.content_hash
-    assert run(campaign_of(vehicle), output).up_to_date
 
 
 def test_a_condition_that_stands_twice_is_there_twice_and_solved_once(vehicle: Vehicle, tmp_path: Path) -> None:

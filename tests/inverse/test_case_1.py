@@ -134,7 +134,7 @@ def test_more_modes_than_gauges_or_snapshots_are_refused(
     with pytest.raises(InputError, match=r"map.modes: 55 found, at most 54 with 54 gauges and 90 snapshots"):
         build(55, snapshots)
     few = {name: getattr(snapshots, name)[:4] for name in ("condition", "pressure", "internal_pressure", "solved")}
-    few |= {name: getattr(snapshots, name)[:4] for name in ("flow", "momentum_error", "repairs")}
+    few |= {name: getattr(snapshots, name)[:4] for name in ("flow", "momentum_error", "mass_error", "repairs")}
     with pytest.raises(InputError, match=r"map.modes: 4 found, at most 3 with 54 gauges and 4 snapshots"):
         build(4, replace(snapshots, **few))
 

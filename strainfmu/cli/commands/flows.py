@@ -47,7 +47,8 @@ def snapshots(
 ) -> None:
     """Solve the flow at many flight conditions: surface pressure in one HDF5 file.
 
-    Every distinct flow is solved once and kept: an ended run goes on, a finished file is reused.
+    Every distinct flow is solved once and kept: an ended run goes on, a finished file is reused. Conditions
+    outside the engine's reach are listed and left out: exit code 3; a further run tries them again.
 
     Examples:
 
@@ -58,6 +59,7 @@ def snapshots(
         strainfmu snapshots my_vehicle.toml --set conditions.csv --scheduler tcp://cluster:8786
     """
     from builder.aero.engines import make_engine
+    from builder.campaign.failures import ConditionsMissing, missing_line
     from builder.campaign.notes import campaign_notes
     from builder.campaign.run import run_campaign
     from builder.campaign.scheduling import Scheduling
@@ -84,6 +86,8 @@ def snapshots(
     console.print(
         f"{output}: {state}, {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
     )
+    if result.failed:
+        raise ConditionsMissing(f"{output}: {missing_line(result.failed, len(result.snapshots.condition))}")
 
 
 def surface(

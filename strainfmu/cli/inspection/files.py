@@ -56,6 +56,7 @@ def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None
 
 def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder.campaign import snapshots as snapshots_file
+    from builder.campaign.failures import failed_conditions, failure_lines
     from builder.campaign.snapshots import load_snapshots
     from builder.figures import snapshots as snapshot_figures
     from builder.figures.canvas import save
@@ -72,12 +73,17 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
         summary.add_row(
             "force against momentum", f"within {100.0 * np.nanmax(snapshots.momentum_error):.2g} % of the force"
         )
+    if snapshots.mass_error is not None:
+        mass = 100.0 * np.nanmax(snapshots.mass_error)
+        summary.add_row("mass at the base against the tip's", f"within {mass:.2g} % of the base's free stream")
     repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
     summary.add_row("flows with repaired states", f"{repaired} of {solved}")
-    for key, value in _flat(snapshots.settings):
+    for key, value in _flat({key: entry for key, entry in snapshots.settings.items() if key != "failed"}):
         summary.add_row(escape(key), escape(value))
     console.print(summary)
     for line in _lines_of_conditions(snapshots):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for line in failure_lines(failed_conditions(snapshots)):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     with console.status("Figures"):
         for name in ("surface_maps", "centre_lines", "force_curves"):
@@ -99,16 +105,20 @@ def _lines_of_conditions(snapshots: Snapshots) -> Iterator[str]:
     from builder.figures.snapshots import in_plane_forces
 
     yield "Conditions; angles [deg], H [km], coefficients [1] of fore-body pressure less internal, x_cp [m],"
-    yield "flow: solved, or rolled from that of the condition named; force against momentum [%]; repaired states"
+    yield (
+        "flow: solved, or rolled from that of the condition named; force against momentum and balance of mass "
+        "[%]; repaired states"
+    )
     yield (
         f"{'no.':>4} {'M':>5} {'alpha':>7} {'beta':>7} {'a_T':>7} {'H':>5}"
         + "".join(f" {name:>8}" for name in COEFFICIENT_NAMES)
-        + f" {'x_cp':>7} {'flow':>7} {'momentum':>8} {'repairs':>7}"
+        + f" {'x_cp':>7} {'flow':>7} {'momentum':>8} {'mass':>8} {'repairs':>7}"
     )
     coefficients, centre = snapshots.coefficients().round(4) + 0.0, in_plane_forces(snapshots)[2]
     for i, condition in enumerate(snapshots.conditions()):
         angles = condition.angle_of_attack, condition.sideslip_angle, condition.total_incidence
         momentum = snapshots.momentum_error[i]
+        mass = float("nan") if snapshots.mass_error is None else snapshots.mass_error[i]
         yield (
             f"{i + 1:>4} {condition.mach_number:>5g}"
             + "".join(f" {degrees(angle):>7.4g}" for angle in angles)
@@ -117,5 +127,6 @@ def _lines_of_conditions(snapshots: Snapshots) -> Iterator[str]:
             + (f" {centre[i]:>7.3f}" if np.isfinite(centre[i]) else f" {'-':>7}")
             + f" {'solved' if snapshots.solved[i] else snapshots.flow[i] + 1:>7}"
             + (f" {100.0 * momentum:>8.4f}" if np.isfinite(momentum) else f" {'-':>8}")
+            + (f" {100.0 * mass:>8.4f}" if np.isfinite(mass) else f" {'-':>8}")
             + f" {snapshots.repairs[i]:>7}"
         )

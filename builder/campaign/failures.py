@@ -1,0 +1,88 @@
+"""Conditions of a campaign that could not be solved: named in the result, in notes and in errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from typing import Any
+
+from builder.campaign.snapshots import Snapshots
+from strainfmu.errors import FlowReachError, StrainfmuError
+from strainfmu.flight_condition import FlightCondition
+
+LISTED = 20
+"""Flows that are listed one by one in notes; the file holds all."""
+
+
+class ConditionsMissing(StrainfmuError):
+    """A campaign is finished and written, without the conditions that are outside the engine's reach."""
+
+    exit_code = 3
+
+
+@dataclass(frozen=True)
+class FailedCondition:
+    """One condition outside the engine's reach.
+
+    Attributes
+    ----------
+    number : in the campaign's list of conditions, from 0.
+    condition : the condition.
+    cause : why, in one line; conditions of one flow have the same.
+    """
+
+    number: int
+    condition: FlightCondition
+    cause: str
+
+    def as_entry(self) -> dict[str, Any]:
+        """Return it as the settings of a snapshot file hold it: Mach number [1], angles [rad], altitude [m]."""
+        return {"number": self.number, "condition": list(self.condition.as_tuple()), "cause": self.cause}
+
+
+def failed_conditions(snapshots: Snapshots) -> tuple[FailedCondition, ...]:
+    """Return the conditions that the campaign of ``snapshots`` had and could not solve."""
+    return tuple(
+        FailedCondition(int(entry["number"]), FlightCondition(*entry["condition"]), str(entry["cause"]))
+        for entry in snapshots.settings.get("failed", ())
+    )
+
+
+def name_of(condition: FlightCondition) -> str:
+    """Return a condition as notes name it."""
+    alpha, beta = degrees(condition.angle_of_attack), degrees(condition.sideslip_angle)
+    height = 1e-3 * condition.altitude
+    return f"M {condition.mach_number:g}, alpha {alpha:.4g} deg, beta {beta:.4g} deg, {height:g} km"
+
+
+def failure_lines(failed: Sequence[FailedCondition]) -> list[str]:
+    """Return one line per flow that failed: its conditions and the cause; the first LISTED of them."""
+    by_cause: dict[str, list[FailedCondition]] = {}
+    for one in failed:
+        by_cause.setdefault(one.cause, []).append(one)
+    lines = [
+        f"not solved: {'; '.join(name_of(one.condition) for one in same)}: {cause}"
+        for cause, same in list(by_cause.items())[:LISTED]
+    ]
+    if len(by_cause) > LISTED:
+        lines.append(f"not solved: {len(by_cause) - LISTED} further flows; the file's settings name them")
+    return lines
+
+
+def missing_line(failed: Sequence[FailedCondition], conditions: int) -> str:
+    """Return in one line that ``conditions`` were solved without those of ``failed``, and the first cause."""
+    return f"{len(failed)} of {len(failed) + conditions} conditions not solved; the first: {failed[0].cause}"
+
+
+def refuse_missing(snapshots: Snapshots) -> None:
+    """Refuse snapshots that lack conditions of their campaign, where every row counts.
+
+    Raises
+    ------
+    FlowReachError
+        Names the first of them.
+    """
+    failed = failed_conditions(snapshots)
+    if failed:
+        raise FlowReachError(missing_line(failed, len(snapshots.condition)))
