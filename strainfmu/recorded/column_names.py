@@ -38,6 +38,7 @@ _OTHER_NAMES = {
     **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
     **dict.fromkeys(("q", "qinf", "qbar", "pdyn", "pressure"), "dynamic_pressure"),
     **dict.fromkeys(("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"), "dynamic_pressure_std"),
+    "timestamp": "time",
     **dict.fromkeys(("alt", "h", "height", "geopotentialaltitude"), "altitude"),
 }
 """Names that others give to a quantity, in small letters and digits alone: for suggestions."""
@@ -136,6 +137,8 @@ def _is_read(name: str, wanted: Wanted) -> bool:
 def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:
     """Return what to say of unknown columns: the names, the nearest known ones, the way to pass over them."""
     first = unknown[0]
+    if not first:
+        return f"column {list(names).index(first) + 1}: no name found, or leave it out by --ignore-columns '*'"
     nearest = _nearest(first, names=names, wanted=wanted)
     number = strain_number(first)
     if nearest is not None:

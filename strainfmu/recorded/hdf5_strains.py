@@ -51,29 +51,18 @@ def _is_column(item: Any) -> bool:
 
 def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     """Read ``strain`` (n, n_d), ``time`` (n,) and the flow, each quantity a number or (n,)."""
-    n_d = len(wanted.gauge_names)
-    fixed, stored = wanted.fixed_pressure, list(file)
-    read, unused = columns_to_read(path, stored, wanted, known=(*_ARRAYS, *wanted.flow))
-    names = {stored[column] for column in read}
-    needed = ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure")
+    read, unused = columns_to_read(path, list(file), wanted, known=(*_ARRAYS, *wanted.flow))
+    names = [list(file)[column] for column in read]
+    fixed = wanted.fixed_pressure
     held = [name for name in wanted.flow if name in names and (fixed is None or name != "dynamic_pressure")]
+    needed = ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure")
     for name in dict.fromkeys((*needed, *held)):
         if name not in names or not isinstance(file[name], h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
-        if file[name].dtype.kind not in "fiu":
-            raise InputError(f"{path}: data set '{name}': expected numbers, got type {file[name].dtype}")
-    strain, time = file["strain"], file["time"]
-    if strain.ndim != 2 or strain.shape[1] != n_d:
-        raise InputError(f"{path}: data set 'strain': expected shape (n, {n_d}), got {strain.shape}")
-    if time.shape != strain.shape[:1]:
-        raise InputError(f"{path}: data set 'time': expected shape {strain.shape[:1]}, got {time.shape}")
-    for name in held:
-        if file[name].shape not in ((), (1,), time.shape):
-            raise InputError(
-                f"{path}: data set '{name}': expected shape {time.shape} or one number, got {file[name].shape}"
-            )
+    _check_shapes(path, file, n_d=len(wanted.gauge_names), held=held)
     if "gauge_names" in names:
         _check_gauge_order(path, file, wanted.gauge_names)
+    n_d, strain, time = len(wanted.gauge_names), file["strain"], file["time"]
     plan = ColumnPlan(
         path=path,
         names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held),
@@ -90,6 +79,23 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         reference=wanted.reference,
     )
     return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=[file[name] for name in held]), plan)
+
+
+def _check_shapes(path: Path, file: h5py.File, n_d: int, held: list[str]) -> None:
+    """Check types and shapes of ``strain``, ``time`` and the flow ``held``."""
+    for name in ("strain", "time", *held):
+        if file[name].dtype.kind not in "fiu":
+            raise InputError(f"{path}: data set '{name}': expected numbers, got type {file[name].dtype}")
+    strain, time = file["strain"], file["time"]
+    if strain.ndim != 2 or strain.shape[1] != n_d:
+        raise InputError(f"{path}: data set 'strain': expected shape (n, {n_d}), got {strain.shape}")
+    if time.shape != strain.shape[:1]:
+        raise InputError(f"{path}: data set 'time': expected shape {strain.shape[:1]}, got {time.shape}")
+    for name in held:
+        if file[name].shape not in ((), (1,), time.shape):
+            raise InputError(
+                f"{path}: data set '{name}': expected shape {time.shape} or one number, got {file[name].shape}"
+            )
 
 
 def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, flow: list[Any]) -> Iterator[tuple[StrainBlock, int]]:

@@ -140,6 +140,12 @@ def test_headings_without_a_name(tmp_path: Path) -> None:
     path.write_text("time,a,dynamic_pressure,,\n0,1e-6,9e4,,\n")
     with open_strains(path, wanted) as opened:
         assert len(list(opened.blocks)) == 1
+    path.write_text(",time,a,dynamic_pressure\n0,0,1e-6,9e4\n")  # the index of a data frame
+    with (
+        pytest.raises(InputError, match="column 1: no name found, or leave it out by"),
+        open_strains(path, wanted),
+    ):
+        pass
     path.write_text("time,a,dynamic_pressure,,\n0,1e-6,9e4,,5\n")
     with pytest.raises(InputError, match="line 2: expected 3 cells, got 5"), open_strains(path, wanted) as opened:
         list(opened.blocks)
