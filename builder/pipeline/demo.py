@@ -19,11 +19,12 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
+from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
@@ -37,13 +38,10 @@ from strainfmu.cosim.flight_model import FlightModel, check_envelope, save_fligh
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.system import System
-from strainfmu.cosim.trajectory import Trajectory, load_trajectory
+from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
-
-ROUND_OFF = 1e-9
-"""By which a manoeuvre may exceed the range of the snapshots, in the unit of each quantity."""
 
 COMMUNICATION_STEP_SIZE = 0.01
 """Time between communication points of the demonstration flight [s]: 100 Hz."""
@@ -87,7 +85,9 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesG
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     make_map(pipeline)
-    _note_extrapolation(load_snapshots(pipeline.path(SNAPSHOTS)), load_trajectory(manoeuvre), reporter)
+    snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
+    for warning in manoeuvre_warnings(load_trajectory(manoeuvre), snapshots.conditions()):
+        reporter.note(warning)
     _flight_model(pipeline)
     _fmus(pipeline)
     recording = _flight(pipeline)
@@ -97,24 +97,6 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesG
     return DemoResult(
         vehicle=vehicle.name, folder=folder, files=pipeline.files, reused=tuple(pipeline.reused), score=score
     )
-
-
-def _note_extrapolation(snapshots: Snapshots, trajectory: Trajectory, reporter: Reporter) -> None:
-    """Warn where the manoeuvre leaves the range of the snapshots: there the stated sigmas may not hold."""
-    flown, held = trajectory.conditions, snapshots.condition
-    ranges = (
-        ("Mach number", flown[:, 0], held[:, 0], ""),
-        ("angle of attack", np.degrees(flown[:, 1]), np.degrees(held[:, 1]), " deg"),
-        ("sideslip angle", np.degrees(flown[:, 2]), np.degrees(held[:, 2]), " deg"),
-        ("altitude", 1e-3 * flown[:, 3], 1e-3 * held[:, 3], " km"),
-    )
-    for name, values, covered, unit in ranges:
-        low, high = float(values.min()), float(values.max())
-        if low < min(covered) - ROUND_OFF or high > max(covered) + ROUND_OFF:
-            reporter.note(
-                f"warning: the manoeuvre flies {name} {low:.4g} to {high:.4g}{unit}, the snapshots cover "
-                f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
-            )
 
 
 def _flight_model(pipeline: Pipeline) -> None:

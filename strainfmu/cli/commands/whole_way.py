@@ -109,44 +109,14 @@ def _show_result(console: Console, result: DemoResult) -> None:
 
 
 def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]) -> None:
-    """Check a vehicle file, its gauges and its manoeuvre without solving anything.
+    """Check a vehicle file, its gauges, the reach of the flow solver, and the manoeuvre of the demonstration.
+
+    Of the flows, those of least and greatest Mach number and incidence are solved, which takes seconds.
 
     Example:
 
         strainfmu check my_vehicle.toml
     """
-    from math import degrees
+    from strainfmu.cli.inspection.vehicle import check_vehicle
 
-    from builder.aero.engines import make_engine
-    from builder.inverse.build import check_noise
-    from builder.pipeline.flight_tables import truth_knots
-    from builder.structure.gauge_checks import check_gauges
-    from builder.vehicle.file import load_vehicle
-    from builder.vehicle.map_needs import check_map_size
-    from strainfmu.cosim.flight_model import check_envelope
-    from strainfmu.cosim.trajectory import load_trajectory
-    from strainfmu.estimator.validity import condition_ranges, valid_conditions
-
-    loaded = load_vehicle(vehicle)
-    body = loaded.body()
-    gauges = check_gauges(loaded)
-    check_map_size(loaded, gauges[loaded.gauges.layout])
-    check_noise(loaded)
-    manoeuvre = loaded.beside(loaded.truth.manoeuvre)
-    trajectory = load_trajectory(manoeuvre)
-    check_envelope(*truth_knots(loaded), trajectory, manoeuvre)
-    table = Table(title=escape(f"{vehicle}: {loaded.name}"), show_header=False)
-    table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
-    table.add_row("tip half-angle", f"{degrees(body.tip_angle):.4g} deg")
-    table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
-    for name, count in gauges.items():
-        in_use = " (in use)" if name == loaded.gauges.layout else ""
-        table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
-    engine = make_engine(loaded, None, loaded.resolution.map)
-    conditions = engine.conditions() or loaded.flight_conditions()
-    flows = len({engine.flow_key(condition) for condition in conditions})
-    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
-    for one in valid_conditions(condition_ranges(conditions)):
-        table.add_row(f"valid over {one.quantity}", one.text)
-    table.add_row("manoeuvre", f"{trajectory.stop_time:.4g} s")
-    Console().print(table)
+    check_vehicle(vehicle, Console())

@@ -1,0 +1,142 @@
+"""Check of a vehicle file ahead of the long work: ``strainfmu check``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.errors import FaultsError, InputError
+from strainfmu.estimator.validity import condition_ranges, valid_conditions
+
+if TYPE_CHECKING:
+    from builder.aero.engine import Engine
+    from builder.reporting import Reporter
+    from builder.vehicle.file import Vehicle
+    from strainfmu.cosim.trajectory import Trajectory
+    from strainfmu.flight_condition import FlightCondition
+
+T = TypeVar("T")
+
+
+class _Faults:
+    """Runs checks one after the other and keeps what each refused."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def of(self, check: Callable[[], T]) -> T | None:
+        """Return the result of a check, None where it refused."""
+        try:
+            return check()
+        except InputError as error:
+            self.lines += error.lines
+            return None
+
+    def raise_if_any(self) -> None:
+        if self.lines:
+            raise FaultsError("\n".join(self.lines))
+
+
+def check_vehicle(path: Path, console: Console) -> None:
+    """Show what follows from the vehicle file at ``path``, and warn of what the demonstration would meet.
+
+    Gauges, modes and noise are checked against each other, the extreme flows are solved, the manoeuvre is read.
+
+    Raises
+    ------
+    FaultsError
+        What the commands that take the file would refuse; a line each, of all of these checks.
+    """
+    from builder.aero.engines import make_engine
+    from builder.inverse.build import check_noise
+    from builder.structure.gauge_checks import check_gauges
+    from builder.vehicle.file import load_vehicle
+    from builder.vehicle.map_needs import check_map_size
+
+    vehicle = load_vehicle(path)
+    reporter = ConsoleReporter(console)
+    faults = _Faults()
+    gauges = faults.of(lambda: check_gauges(vehicle))
+    engine = faults.of(lambda: make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note))
+    conditions = (None if engine is None else engine.conditions()) or vehicle.flight_conditions()
+    if gauges is not None:
+        faults.of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
+        faults.of(lambda: check_noise(vehicle))
+    trajectory = faults.of(lambda: _manoeuvre(vehicle))
+    faults.raise_if_any()  # before the flows, which take longest
+    assert gauges is not None
+    assert engine is not None
+    assert trajectory is not None
+    faults.lines += [f"{path}: {line}" for line in _out_of_reach(vehicle, engine, conditions, reporter)]
+    faults.raise_if_any()
+    console.print(_table(path, vehicle, gauges, engine, conditions))
+    for warning in _warnings(vehicle, trajectory, conditions):
+        console.print(warning, highlight=False, markup=False, soft_wrap=True)
+
+
+def _manoeuvre(vehicle: Vehicle) -> Trajectory:
+    """Return the manoeuvre, which the flight model of the demonstration must hold."""
+    from builder.pipeline.flight_tables import truth_knots
+    from strainfmu.cosim.flight_model import check_envelope
+    from strainfmu.cosim.trajectory import load_trajectory
+
+    path = vehicle.beside(vehicle.truth.manoeuvre)
+    trajectory = load_trajectory(path)
+    check_envelope(*truth_knots(vehicle), trajectory, path)
+    return trajectory
+
+
+def _out_of_reach(
+    vehicle: Vehicle, engine: Engine, conditions: Sequence[FlightCondition], reporter: Reporter
+) -> Iterator[str]:
+    """Yield why extreme flows of the snapshots and of the flight model cannot be solved."""
+    from builder.campaign.reach import extreme_conditions, flows_out_of_reach
+    from builder.pipeline.flight_tables import truth_engine, truth_keys
+
+    keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
+    for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):
+        yield f"conditions: {line}"
+    of_truth = sorted(truth_keys(vehicle))
+    mach, incidence = ([key[axis] for key in of_truth] for axis in (0, 1))
+    corners = [(m, a) for m in (min(mach), max(mach)) for a in (min(incidence), max(incidence))]
+    for line in flows_out_of_reach(truth_engine(vehicle), corners, reporter, "Flow: corners of the flight model"):
+        yield f"truth: {line}"
+
+
+def _table(
+    path: Path, vehicle: Vehicle, gauges: dict[str, int], engine: Engine, conditions: Sequence[FlightCondition]
+) -> Table:
+    """Return what follows from the entries."""
+    body = vehicle.body()
+    table = Table(title=escape(f"{path}: {vehicle.name}"), show_header=False)
+    table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
+    table.add_row("tip half-angle", f"{degrees(body.tip_angle):.4g} deg")
+    table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
+    for name, count in gauges.items():
+        in_use = " (in use)" if name == vehicle.gauges.layout else ""
+        table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
+    flows = len({engine.flow_key(condition) for condition in conditions})
+    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
+    for one in valid_conditions(condition_ranges(conditions)):
+        table.add_row(f"valid over {one.quantity}", one.text)
+    return table
+
+
+def _warnings(vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition]) -> Iterator[str]:
+    """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
+    from builder.pipeline.manoeuvre import manoeuvre_warnings
+    from builder.structure.fourier.model import refuse_beyond_fourier
+
+    yield f"manoeuvre: {trajectory.stop_time:.4g} s"
+    yield from manoeuvre_warnings(trajectory, conditions)
+    try:
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    except InputError as error:
+        yield f"warning: `strainfmu demo` would refuse this file, other commands take it: {error}"

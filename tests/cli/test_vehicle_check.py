@@ -1,0 +1,112 @@
+"""``strainfmu check``: what other commands would refuse is refused, all at once; what they note is noted."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from builder.aero.engines import make_engine
+from builder.campaign.reach import extreme_conditions, flows_out_of_reach
+from builder.pipeline.manoeuvre import manoeuvre_warnings
+from builder.reporting import Silent
+from builder.vehicle.file import load_vehicle
+from builder.vehicle.flight_conditions import condition_grid
+from strainfmu.cosim.trajectory import load_trajectory
+
+OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive"
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def vehicle(tmp_path: Path) -> Path:
+    """Return a copy of the coarse vehicle that a test may spoil."""
+    shutil.copytree(OGIVE, tmp_path / "vehicle")
+    return tmp_path / "vehicle" / "ogive.toml"
+
+
+def spoil(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+@pytest.mark.fast
+def test_extreme_conditions() -> None:
+    grid = condition_grid([5.0, 4.0, 6.0], [0.0, -8.0, 4.0], [0.0, 3.0], 20e3)
+    found = [(c.mach_number, c.angle_of_attack, c.sideslip_angle) for c in extreme_conditions(grid)]
+    assert found == [
+        (4.0, 0.0, 0.0),
+        (4.0, radians(-8.0), radians(3.0)),
+        (6.0, 0.0, 0.0),
+        (6.0, radians(-8.0), radians(3.0)),
+    ]
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_flows_that_snapshots_would_refuse_are_refused(vehicle: Path, tmp_path: Path, run: Run) -> None:
+    """Both commands name the same flow, the check without the campaign."""
+    assert run("check", vehicle)[0] == 0
+    spoil(vehicle, "mach_number = [4.0, 4.5, 5.0]", "mach_number = [1.1, 4.5, 5.0]")
+    code, _, message = run("check", vehicle)
+    assert code == 2
+    assert message.count("\n") == 1
+    assert message.startswith(f"strainfmu: {vehicle}: conditions: euler: ")
+    assert "M 1.1, total incidence 0 deg" in message
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_flows_of_the_flight_model_too(vehicle: Path, run: Run) -> None:
+    spoil(vehicle, "[truth]\nmach_number = [4.0,", "[truth]\nmach_number = [1.1,")
+    code, _, message = run("check", vehicle)
+    assert code == 2
+    assert message.startswith(f"strainfmu: {vehicle}: truth: euler: ")
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_one_failure_stands_for_more_incidence() -> None:
+    """No minute is spent on a flow that fails for the same reason."""
+    vehicle = load_vehicle(OGIVE / "ogive.toml")
+    engine = make_engine(vehicle, None, vehicle.resolution.map)
+    keys = [(1.1, 0.0), (1.1, radians(3.0)), (4.0, 0.0), (4.0, 0.0)]
+    assert len(flows_out_of_reach(engine, keys, Silent(), "title")) == 1
+
+
+def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
+    """Gauges, modes and manoeuvre in one go, before any flow is solved."""
+    spoil(vehicle, "modes = 4", "modes = 400")
+    spoil(vehicle.parent / "manoeuvre.csv", "1,4.6,5,1,22", "1,4.6,9,1,22")
+    spoil(vehicle, "[conditions]", "[aerodynamics]\nengine = 'table'\n[conditions]")
+    code, _, message = run("check", vehicle)
+    assert code == 2
+    lines = message.splitlines()
+    assert len(lines) == 3
+    for line, words in zip(lines, ("aerodynamics.manifest: ", "map.modes: ", "total incidence: "), strict=True):
+        assert line.startswith("strainfmu: ")
+        assert words in line
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_manoeuvre_beyond_the_snapshots_is_warned_of(vehicle: Path, run: Run) -> None:
+    """Inside the flight model, outside the snapshots: no fault, and a line per quantity."""
+    spoil(vehicle, "angle_of_attack_deg = [0.0, 3.0, 6.0]", "angle_of_attack_deg = [0.0, 1.0, 2.0, 3.0]")
+    spoil(vehicle, "altitude_km = 22.0", "altitude_km = 21.0")
+    code, printed, message = run("check", vehicle)
+    assert (code, message) == (0, "")
+    warnings = [line for line in printed.splitlines() if line.startswith("warning: ")]
+    assert [line.partition(",")[0] for line in warnings] == [
+        "warning: the manoeuvre flies angle of attack 1 to 5 deg",
+        "warning: the manoeuvre flies total incidence 1 to 5.099 deg",
+        "warning: the manoeuvre flies altitude 22 to 22 km",
+    ]
+
+
+@pytest.mark.fast
+def test_the_shipped_manoeuvres_stay_inside() -> None:
+    vehicle = load_vehicle(OGIVE / "ogive.toml")
+    trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    assert manoeuvre_warnings(trajectory, vehicle.flight_conditions()) == []
