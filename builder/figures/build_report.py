@@ -96,6 +96,18 @@ def modes(*, of_variance: FloatArray, removed: FloatArray, removed_at_best: Floa
     return figure
 
 
+def singular_values(values: FloatArray) -> Figure:
+    """Draw the singular values of Z_p [um/m per kPa rms] by their number; those that are 0 are left out."""
+    figure = blank_figure(10.0, 3.2)
+    axis = figure.subplots()
+    above = values[values > 0.0]
+    axis.semilogy(np.arange(1, len(above) + 1), above, ".-", color=THIS_MAP, linewidth=0.8)
+    axis.set_xlabel("number")
+    axis.set_ylabel("singular value\n[um/m per kPa rms]")
+    axis.grid(alpha=0.3)
+    return figure
+
+
 def known_pressure(surface: SurfaceMesh, removed: FloatArray, inverse_map: InverseMap) -> Figure:
     """Draw the unrolled body: how much of the pressure's variance the data remove, and the gauges.
 

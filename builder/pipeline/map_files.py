@@ -25,8 +25,9 @@ from builder.pipeline.stages import (
 )
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
-from builder.reports import build_page
+from builder.reports import build_page, hover_scripts
 from builder.reports.build_report import BuildReport, build_report
+from builder.reports.build_sections import blind_line
 from builder.structure import structure_file
 from builder.structure.solid.case import solid_case
 from builder.structure.solid.model import update_structure
@@ -166,7 +167,7 @@ def _report(pipeline: Pipeline) -> None:
         inverse_map = load_inverse_map(pipeline.path(MAP))
         with pipeline.reporter.stage("Report: what the gauges observe"):
             found = build_report(pipeline.vehicle, snapshots, structure, inverse_map)
-        pipeline.reporter.note(build_page.blind_line(found))
+        pipeline.reporter.note(blind_line(found))
         return found
 
     def page(path: Path) -> None:
@@ -185,6 +186,6 @@ def _report(pipeline: Pipeline) -> None:
     pipeline.make(
         build_page.PAGE_NAME,
         "report: what this layout observes, uncertainty of the map, value of the gauges",
-        inputs,
+        {**inputs, "values under the pointer": hover_scripts.available()},
         page,
     )

@@ -101,7 +101,7 @@ def modes(report: BuildReport) -> Table:
                 100.0 * observed.mode_fraction[j],
                 MICRO * observed.mode_strain[j],
                 observed.mode_strain[j] / sigma,
-                *_main_class(observed.mode_classes[j]),
+                *main_class(observed.mode_classes[j]),
                 100.0 * observed.mode_removed[j],
                 100.0 * observed.mode_removed_at_best[j],
             )
@@ -121,7 +121,7 @@ def modes(report: BuildReport) -> Table:
     return make_table("modes", "POD modes of the snapshots at one standard deviation.", columns, rows)
 
 
-def _main_class(fractions: FloatArray) -> tuple[str, float]:
+def main_class(fractions: FloatArray) -> tuple[str, float]:
     """Return the main class of a mode and its fraction in per cent; an empty name and NaN without classes."""
     main = int(np.argmax(fractions))
     return (str(SYMMETRIES[main]) if np.isfinite(fractions).all() else "", 100.0 * float(fractions[main]))
@@ -327,7 +327,7 @@ def gamma_rules(report: BuildReport) -> Table:
 def eigenvalues(report: BuildReport) -> Table:
     assert report.gamma is not None
     one = report.gamma
-    found = zip(one.eigenvalues, one.filter_factors, map(_main_class, one.mode_classes), strict=True)
+    found = zip(one.eigenvalues, one.filter_factors, map(main_class, one.mode_classes), strict=True)
     rows = [(number, value, factor, *main) for number, (value, factor, main) in enumerate(found, start=1)]
     columns = (
         Column("number"),

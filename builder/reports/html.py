@@ -1,4 +1,4 @@
-"""A page of HTML that needs no other file: no script, no font, no external picture.
+"""A page of HTML that needs no other file: no font, no external picture or script.
 
 A page is a title and sections; a section holds paragraphs, lists, tables, figures and further sections. All text
 is escaped. Figures are embedded as data URIs. Each SVG is an image of its own, so that the names inside one cannot
@@ -16,6 +16,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from builder.figures.hover import HoverFigure
+from builder.reports.hover_scripts import NEEDS_PLOTLY, POLICY, available, figure_data, scripts
 from builder.reports.tables import Table, is_number, shown
 from strainfmu.files import write_bytes_atomically
 from strainfmu.pages import STYLE, table_html
@@ -68,12 +70,14 @@ class Picture:
     kind : "png" or "svg".
     caption : text below the figure; numbers and units of axes belong into the figure.
     alternative : description for readers who cannot see the figure.
+    hover : the same figure with values under the pointer, which takes its place where plotly is installed.
     """
 
     content: bytes
     kind: Literal["png", "svg"]
     caption: str
     alternative: str
+    hover: HoverFigure | None = None
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,13 @@ class Page:
     sections: tuple[Section, ...]
 
 
-def picture(figure: Figure, caption: str, alternative: str, kind: Literal["png", "svg"] = "png") -> Picture:
+def picture(
+    figure: Figure,
+    caption: str,
+    alternative: str,
+    kind: Literal["png", "svg"] = "png",
+    hover: HoverFigure | None = None,
+) -> Picture:
     """Draw a matplotlib figure into a page; "svg" for lines only, "png" for meshes."""
     from matplotlib import rc_context
 
@@ -116,7 +126,7 @@ def picture(figure: Figure, caption: str, alternative: str, kind: Literal["png",
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
         figure.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)
-    return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative)
+    return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative, hover=hover)
 
 
 def write_page(page: Page, path: Path) -> None:
@@ -133,14 +143,25 @@ def write_page(page: Page, path: Path) -> None:
 def page_html(page: Page) -> str:
     """Return the page as HTML 5."""
     anchors = _Anchors()
+    figures = any(map(_hovers, (*page.opening, *page.sections)))
+    note = f"<p>{escape(NEEDS_PLOTLY)}</p>\n" if figures and not available() else ""
+    drawn = f"{scripts()}\n" if figures and available() else ""
     body = "\n".join(_section(section, 2, anchors) for section in page.sections)
     opening = "\n".join(_block(block, 2, anchors) for block in page.opening)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         f"<title>{escape(page.title)}</title>\n<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"
-        f"<h1>{escape(page.title)}</h1>\n{opening}\n{_contents(anchors)}\n{body}\n</body>\n</html>\n"
+        f"<h1>{escape(page.title)}</h1>\n{opening}\n{note}{_contents(anchors)}\n{body}\n{drawn}</body>\n</html>\n"
     )
+
+
+def _hovers(block: Block) -> bool:
+    """Return whether a block holds a figure with values under the pointer."""
+    if isinstance(block, Section):
+        return any(map(_hovers, block.blocks))
+    return isinstance(block, Picture) and block.hover is not None
 
 
 class _Anchors:
@@ -227,8 +248,11 @@ def _table(table: Table) -> str:
 def _picture(one: Picture) -> str:
     kind = "image/svg+xml" if one.kind == "svg" else "image/png"
     content = b64encode(one.content).decode("ascii")
+    begin, data = "<figure>", ""
+    if one.hover is not None and available():
+        begin, data = '<figure class="hover">', f"{figure_data(one.hover)}\n"
     return (
-        f'<figure>\n<img src="data:{kind};base64,{content}" alt="{escape(one.alternative)}">\n'
+        f'{begin}\n<img src="data:{kind};base64,{content}" alt="{escape(one.alternative)}">\n{data}'
         f"<figcaption>{escape(one.caption)}</figcaption>\n</figure>"
     )
 

@@ -48,6 +48,7 @@ class PriorObservability:
     class_strain : (4,) rms over the gauges of the strain of each class's pressure [m/m].
     class_removed, class_removed_at_best : (4,) [1]; NaN where the class holds no variance.
     removed, removed_at_best : fraction of the whole variance [1].
+    node_mean, node_std : (n_p,) mean and standard deviation of the snapshots' pressure at each node [Pa].
     node_removed : (n_p,) by this map, at each node [1]; NaN where the snapshots do not vary.
     n_kept : number of modes that are states.
     """
@@ -65,6 +66,8 @@ class PriorObservability:
     class_removed_at_best: FloatArray
     removed: float
     removed_at_best: float
+    node_mean: FloatArray
+    node_std: FloatArray
     node_removed: FloatArray
     n_kept: int
 
@@ -83,6 +86,7 @@ def prior_observability(
     whole = float(per_mode.sum())
     of_error, of_best = (_variance(modes.modes, area, factor) for factor in (error, best))
     mirrors = mirror_operators(surface)
+    node_std, node_removed = _at_nodes(modes.modes, std, error)
     classes = np.full((5, len(SYMMETRIES)), np.nan)
     for i, symmetry in enumerate(SYMMETRIES):
         if mirrors is None:
@@ -108,7 +112,9 @@ def prior_observability(
         class_removed_at_best=classes[4],
         removed=1.0 - of_error / whole,
         removed_at_best=1.0 - of_best / whole,
-        node_removed=_node_removed(modes.modes, std, error),
+        node_mean=modes.mean,
+        node_std=node_std,
+        node_removed=node_removed,
         n_kept=kept,
     )
 
@@ -134,11 +140,13 @@ def _variance(part: FloatArray, area: FloatArray, factor: FloatArray) -> float:
     return float(np.sum(factor * (gram @ factor)))
 
 
-def _node_removed(modes: FloatArray, std: FloatArray, error: FloatArray) -> FloatArray:
-    removed = np.full(len(modes), np.nan)
+def _at_nodes(modes: FloatArray, std: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (n_p,) standard deviation [Pa] and the fraction of its square that is removed, NaN where it is 0."""
+    spread, removed = np.empty(len(modes)), np.full(len(modes), np.nan)
     for first in range(0, len(modes), NODES_AT_ONCE):
         rows = modes[first : first + NODES_AT_ONCE]
         before, after = np.sum((rows * std) ** 2, axis=1), np.sum((rows @ error) ** 2, axis=1)
         varies = before > 0.0
+        spread[first : first + NODES_AT_ONCE] = np.sqrt(before)
         removed[first : first + NODES_AT_ONCE][varies] = 1.0 - after[varies] / before[varies]
-    return removed
+    return spread, removed

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
+from chromium import Browser
 from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
 
 from builder.campaign.snapshots import Snapshots
@@ -23,6 +26,14 @@ def parts(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Pa
 @pytest.fixture(scope="session", params=[CASE_1, CASE_2], ids=["case 1", "case 2"])
 def case(request: pytest.FixtureRequest, parts: Parts) -> ReportCase:
     return case_of(parts, request.param)
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A browser for all pages, one after another."""
+    running = Browser(tmp_path_factory.mktemp("profile"), "about:blank")
+    yield running
+    running.close()
 
 
 @pytest.fixture(scope="session")

@@ -17,8 +17,9 @@ from builder.campaign.snapshots import Snapshots
 from builder.figures.build_report import known_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise_model import nuisance_modes
-from builder.reports.build_page import blind_line, write_numbers
+from builder.reports.build_page import write_numbers
 from builder.reports.build_report import BuildReport, build_report
+from builder.reports.build_sections import blind_line
 from builder.reports.build_tables import report_tables
 from builder.reports.exclusions import exclusions
 from builder.reports.html import Page, Section, page_html, picture
@@ -48,11 +49,11 @@ SECTIONS = [
 
 def test_sections_of_the_page_in_order(report: BuildReport, html: str) -> None:
     page = assert_self_contained(html)
-    sections = [name for name in page.anchors if not name.startswith("table-")]
+    sections = [name for name in page.anchors if not name.startswith("table-") and name != "plotly"]
     expected = [name for name in SECTIONS if report.gamma or name != "weight-of-the-prior"]
     assert sections == expected
     assert "nan" not in page.text.lower().replace("nano", "").split()
-    assert len(page.alternatives) == (8 if report.gamma else 6)
+    assert len(page.alternatives) == (9 if report.gamma else 7)
     assert blind_line(report) in page.text
 
 

@@ -12,10 +12,9 @@ import pytest
 from chromium import PROGRAM, Browser
 from clipping import set_width, show
 
-from builder.reports.build_page import report_page, write_numbers
+from builder.reports.build_page import write_numbers
 from builder.reports.build_report import BuildReport
 from builder.reports.first_screen import UNMEASURED, WELL, first_screen
-from builder.reports.html import page_html
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 
@@ -110,15 +109,12 @@ def test_page_and_numbers_hold_the_same_sentences(report: BuildReport, html: str
 
 
 @pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
-def test_the_answer_fits_the_first_screen(report: BuildReport, tmp_path: Path) -> None:
-    (tmp_path / "report.html").write_text(page_html(report_page(report)), encoding="utf-8")
-    browser = Browser(tmp_path / "profile", "about:blank")
-    try:
-        show(browser, tmp_path / "report.html")
-        set_width(browser, 1280)
-        bottoms = "[...document.querySelectorAll('.card')].map(one => one.getBoundingClientRect().bottom)"
-        found = browser.value(bottoms)
-        assert len(found) == 4
-        assert max(found) <= 900.0
-    finally:
-        browser.close()
+def test_the_answer_fits_the_first_screen(browser: Browser, html: str, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text(html, encoding="utf-8")
+    show(browser, tmp_path / "report.html")
+    set_width(browser, 1280)
+    bottoms = browser.value(
+        "[...document.querySelectorAll('.card')].map(one => one.getBoundingClientRect().bottom)"
+    )
+    assert len(bottoms) == 4
+    assert max(bottoms) <= 900.0

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from chromium import PROGRAM, Browser
-from clipping import WIDTHS, clipped, show
+from clipping import DRAWN, WIDTHS, clipped, show
 from synthetic_vehicle import SyntheticFiles
 
 from builder.reports.html import Files, Items, Page, Paragraph, Preformatted, Section, page_html, write_page
@@ -57,13 +56,6 @@ def test_tables_in_fmus_fold_too() -> None:
     assert "<details" not in table_html(("No.", "Gauge"), rows[:-1], caption="Gauges")
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    running = Browser(tmp_path_factory.mktemp("profile"), "about:blank")
-    yield running
-    running.close()
-
-
 @in_browser
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nothing_is_clipped_on_a_page_of_long_words(browser: Browser, tmp_path: Path, width: int) -> None:
@@ -76,7 +68,7 @@ def test_nothing_is_clipped_on_a_page_of_long_words(browser: Browser, tmp_path: 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_nothing_is_clipped_on_the_report(browser: Browser, html: str, tmp_path: Path, width: int) -> None:
     (tmp_path / "report.html").write_text(html, encoding="utf-8")
-    show(browser, tmp_path / "report.html")
+    show(browser, tmp_path / "report.html", DRAWN)
     assert clipped(browser, width) == []
 
 
@@ -97,4 +89,4 @@ def test_clipped_content_is_found(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "page.html"
     path.write_text('<!DOCTYPE html><div style="overflow-x:auto"><p style="width:1500px">wide</p></div>')
     show(browser, path)
-    assert any("1500 in" in one for one in clipped(browser, 1280))
+    assert any("1500 in" in one for one in clipped(browser, 1280, patience=0.0))

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from chromium import Browser
 
 WIDTHS = (1280, 768)
 """Widths of the window [px] at which nothing may be clipped."""
+
+PATIENCE = 3.0
+"""Time [s] in which figures that are drawn again fit."""
+
+DRAWN = "document.documentElement.dataset.figures === 'drawn'"
+"""Whether the figures of a page show their values."""
 
 CLIPPED = """(() => {
   document.querySelectorAll("details").forEach(one => { one.open = true; });
@@ -18,8 +25,9 @@ CLIPPED = """(() => {
   const limit = document.documentElement.clientWidth + 1;
   for (const one of document.querySelectorAll("body, body *")) {
     const box = one.getBoundingClientRect();
-    if (!box.width || !box.height) continue;
-    if (one.clientWidth && one.scrollWidth > one.clientWidth + 1)
+    if (!box.width || !box.height || box.right < 0) continue;  // left of the window: hidden on purpose
+    const drawn = one instanceof SVGElement && one.ownerSVGElement;  // its place counts, it has no box
+    if (!drawn && one.clientWidth && one.scrollWidth > one.clientWidth + 1)
       found.push(`${name(one)}: ${one.scrollWidth} in ${one.clientWidth}`);
     if (box.right > limit || box.left < -1) found.push(`${name(one)}: ends at ${Math.round(box.right)}`);
     if (one.tagName === "text") {
@@ -48,9 +56,11 @@ def show(browser: Browser, page: Path, drawn: str = "true") -> None:
     browser.wait(f"location.href === '{url}' && document.readyState === 'complete' && ({drawn})", bool)
 
 
-def clipped(browser: Browser, width: int) -> list[str]:
+def clipped(browser: Browser, width: int, patience: float = PATIENCE) -> list[str]:
     """Return what is clipped at ``width`` [px]."""
     set_width(browser, width)
-    found = browser.value(CLIPPED)
+    end = time.monotonic() + patience
+    while (found := browser.value(CLIPPED)) and time.monotonic() < end:
+        time.sleep(0.1)
     assert isinstance(found, list)
     return found

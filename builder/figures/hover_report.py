@@ -1,0 +1,455 @@
+"""Figures of a build report that show their values; their stills are in :mod:`builder.figures.build_report`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from builder.aero.surface_mesh import SurfaceMesh
+from builder.figures.build_report import MIN_SHOWN, MODES_DRAWN
+from builder.figures.hover import (
+    BLUE,
+    COLOUR_SCALE,
+    GREY,
+    ORANGE,
+    RED,
+    HoverFigure,
+    axis,
+    choice,
+    hover_figure,
+    numbers,
+    words,
+)
+from builder.figures.unrolled import roll_degrees
+from builder.inverse.regularisation import LCurve
+from builder.structure.observability import direction_names
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+
+STATIONS, ROLLS = 100, 49
+"""Points of an unrolled field."""
+
+MAX_MATRIX = 120
+"""Gauges up to which the matrix of pairs is drawn: its size grows with their square."""
+
+ROLL_AXIS = axis("roll angle [deg]", range=[-25.0, 370.0], tickvals=[0, 90, 180, 270, 360])
+STATION_AXIS = axis("station x from the nose tip [m]")
+NAMES = list(COEFFICIENT_NAMES)
+OFFSETS, SYMBOLS = {"axial": -9.0, "hoop": 9.0}, {"axial": "circle", "hoop": "square"}
+"""Roll angle [deg] by which marks of gauges are moved apart, and their symbols; others are diamonds in place."""
+
+
+def unrolled_pressure(
+    surface: SurfaceMesh, *, removed: FloatArray, mean: FloatArray, std: FloatArray, inverse_map: InverseMap
+) -> HoverFigure:
+    """Return the unrolled body with the value of the closest node at each point.
+
+    Parameters
+    ----------
+    surface : the pressure nodes.
+    removed : (n_p,) fraction of the variance that the data remove [1]; NaN where there is none.
+    mean, std : (n_p,) mean and standard deviation of the snapshots' pressure [Pa].
+    inverse_map : its gauges are drawn.
+    """
+    x, roll, node = _closest_nodes(surface)
+    fields = np.stack([100.0 * removed, 1e-3 * mean, 1e-3 * std], axis=-1)[node]
+    titles = ("variance removed [%]", "mean pressure [kPa]", "standard deviation [kPa]")
+    limits: list[dict[str, float]] = [{"zmin": 0.0, "zmax": 100.0}, {}, {}]
+    along = {"x": numbers(x), "y": numbers(roll)}
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "heatmap",
+            **along,
+            "z": numbers(fields[..., k]),
+            "colorscale": COLOUR_SCALE,
+            "colorbar": {"title": {"text": titles[k], "side": "right"}},
+            "hoverinfo": "skip",
+            "visible": k == 0,
+            **limits[k],
+        }
+        for k in range(3)
+    ]
+    every = {
+        "type": "heatmap",
+        **along,
+        "z": [[0] * len(x)] * len(roll),
+        "opacity": 0.0,
+        "showscale": False,
+        "customdata": numbers(fields),
+        "hovertemplate": "x %{x} m, roll %{y} deg<br>variance removed %{customdata[0]} %<br>mean %{customdata[1]} "
+        "kPa<br>standard deviation %{customdata[2]} kPa<extra></extra>",
+    }
+    at, texts = _gauge_places(inverse_map)
+    gauges = {
+        "type": "scatter",
+        "mode": "markers",
+        **at,
+        "text": texts,
+        "hovertemplate": "%{text}<extra></extra>",
+        "marker": {"symbol": _symbols(inverse_map), "color": "white", "size": 7, "line": {"width": 1}},
+    }
+    shown = [{"visible": [k == 0, k == 1, k == 2, True, True]} for k in range(3)]
+    return hover_figure(
+        [*traces, every, gauges],
+        430,
+        xaxis=STATION_AXIS,
+        yaxis=ROLL_AXIS,
+        showlegend=False,
+        margin={"l": 60, "r": 20, "t": 60, "b": 50},
+        updatemenus=[choice(titles, shown)],
+    )
+
+
+def _closest_nodes(surface: SurfaceMesh) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return stations [m], roll angles [deg] and, for each pair of them (n_roll, n_x), the closest node."""
+    point = surface.point
+    radius = np.hypot(point[:, 1], point[:, 2])
+    per_degree = max(float(radius.mean()), 1e-9) * np.pi / 180.0
+    x, roll = np.linspace(point[:, 0].min(), point[:, 0].max(), STATIONS), np.linspace(0.0, 360.0, ROLLS)
+    angle = roll_degrees(point)
+    nodes = np.concatenate(
+        [np.column_stack([point[:, 0], per_degree * (angle + turn)]) for turn in (-360.0, 0.0, 360.0)]
+    )
+    wanted = np.stack(np.meshgrid(x, per_degree * roll), axis=-1)
+    _, index = cKDTree(nodes).query(wanted)
+    return x, roll, np.asarray(index % len(point), dtype=np.int64)
+
+
+def modes(
+    *, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, n_kept: int
+) -> HoverFigure:
+    """Return the first modes: fraction of the variance, and what is left of it; see the still."""
+    count = min(MODES_DRAWN, len(of_variance))
+    number, percent = list(range(1, count + 1)), 100.0 * of_variance[:count]
+
+    def left(fraction: FloatArray) -> Any:
+        return numbers(np.maximum(percent * (1.0 - fraction[:count]), MIN_SHOWN))
+
+    held = numbers(np.column_stack([percent, 100.0 * removed[:count], 100.0 * removed_at_best[:count]]))
+    states = ["state of the map" if j <= n_kept else "truncated" for j in number]
+    template = (
+        "mode %{x}, %{hovertext}<br>%{customdata[0]} % of the variance<br>"
+        "removed by this map %{customdata[1]} %<br>at best %{customdata[2]} %<extra></extra>"
+    )
+    common = {"x": number, "customdata": held, "hovertext": states, "hovertemplate": template}
+    line = {"mode": "markers", "type": "scatter"}
+    return hover_figure(
+        [
+            {"type": "bar", "y": numbers(np.maximum(percent, MIN_SHOWN)), "name": "of the snapshots", **common},
+            {
+                **line,
+                "y": left(removed),
+                "name": "left by this map",
+                "marker": {"color": BLUE, "size": 9},
+                **common,
+            },
+            {
+                **line,
+                "y": left(removed_at_best),
+                "name": "left by the best map",
+                "marker": {"color": ORANGE, "size": 14, "symbol": "line-ew-open", "line": {"width": 3}},
+                **common,
+            },
+        ],
+        380,
+        colorway=["#cccccc", BLUE, ORANGE],
+        xaxis=axis("POD mode", dtick=1),
+        yaxis=axis("fraction of the variance [%]", type="log", exponentformat="power"),
+    )
+
+
+def singular_values(values: FloatArray) -> HoverFigure:
+    """Return the singular values of Z_p [um/m per kPa rms] by their number, with their ratio to the largest."""
+    above = values[values > 0.0]
+    return hover_figure(
+        [
+            {
+                "type": "scatter",
+                "mode": "lines+markers",
+                "x": list(range(1, len(above) + 1)),
+                "y": numbers(above),
+                "customdata": numbers(above / above[:1]),
+                "line": {"color": BLUE, "width": 1},
+                "hovertemplate": "number %{x}<br>%{y} um/m per kPa rms<br>%{customdata} of the largest"
+                "<extra></extra>",
+            }
+        ],
+        340,
+        xaxis=axis("number"),
+        yaxis=axis("singular value [um/m per kPa rms]", type="log", exponentformat="power"),
+    )
+
+
+def coefficients(
+    *,
+    sources: Sequence[str],
+    of_variance: FloatArray,
+    std: FloatArray,
+    limits: FloatArray,
+    std_of_range: FloatArray,
+    correlation: FloatArray,
+) -> HoverFigure:
+    """Return the sources of each coefficient's variance, 3 sigma over its range, and the errors' correlation.
+
+    Parameters
+    ----------
+    sources : n names.
+    of_variance : (n, 5) fraction of each source in the variance of each coefficient [1].
+    std : (5,) sigma [1].
+    limits : (5, 2) range of the snapshots [1].
+    std_of_range : (5,) sigma over the width of the range [1].
+    correlation : (5, 5) of the errors [1].
+    """
+    alone = np.sqrt(of_variance) * std
+    bars: list[dict[str, Any]] = [
+        {
+            "type": "bar",
+            "name": name,
+            "x": NAMES,
+            "y": numbers(100.0 * of_variance[k]),
+            "customdata": numbers(alone[k]),
+            "hovertemplate": "%{x}, %{fullData.name}<br>%{y} % of the variance<br>sigma of it alone %{customdata}"
+            "<extra></extra>",
+        }
+        for k, name in enumerate(words(sources))
+    ]
+    ranges = {
+        "type": "bar",
+        "x": NAMES,
+        "y": numbers(300.0 * std_of_range),
+        "xaxis": "x2",
+        "yaxis": "y2",
+        "showlegend": False,
+        "marker": {"color": BLUE},
+        "customdata": numbers(np.column_stack([std, 3.0 * std, limits])),
+        "hovertemplate": "%{x}: sigma %{customdata[0]}, 3 sigma %{customdata[1]}<br>%{y} % of the range "
+        "%{customdata[2]} to %{customdata[3]}<extra></extra>",
+    }
+    matrix = {
+        "type": "heatmap",
+        "x": NAMES,
+        "y": NAMES,
+        "z": numbers(correlation),
+        "xaxis": "x3",
+        "yaxis": "y3",
+        "zmin": -1.0,
+        "zmax": 1.0,
+        "colorscale": "RdBu",
+        "colorbar": {"title": {"text": "correlation of errors [1]", "side": "right"}},
+        "hovertemplate": "%{x} and %{y}: %{z}<extra></extra>",
+    }
+    return hover_figure(
+        [*bars, ranges, matrix],
+        380,
+        barmode="stack",
+        xaxis=axis("", domain=[0.0, 0.32]),
+        yaxis=axis("fraction of the variance [%]"),
+        xaxis2=axis("", domain=[0.43, 0.65], anchor="y2"),
+        yaxis2=axis("3 sigma over the range [%]", anchor="x2"),
+        xaxis3=axis("", domain=[0.74, 1.0], anchor="y3"),
+        yaxis3=axis("", anchor="x3", autorange="reversed"),
+    )
+
+
+def gauge_values(
+    inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: FloatArray, leverage: FloatArray
+) -> HoverFigure:
+    """Return the gauges on the unrolled body, coloured by the cost of their loss; all values at each gauge.
+
+    Parameters
+    ----------
+    growth : (n_d, 5) sigma of each load without the gauge over sigma with all [1].
+    detectable_bias : (n_d,) [m/m].
+    leverage : (n_d,) [1].
+    """
+    at, texts = _gauge_places(inverse_map)
+    grown = 100.0 * (growth - 1.0)
+    columns = [*grown.T, 1e6 * detectable_bias]
+    labels = [*(f"lost: sigma of {name} grows [%]" for name in NAMES), "detectable bias [um/m]"]
+    details = [
+        "<br>".join(
+            (
+                text,
+                *(f"lost: {name} {_growth(value)}" for name, value in zip(NAMES, row, strict=True)),
+                f"detectable bias {1e6 * bias:.3g} um/m, leverage {share:.3g}",
+            )
+        )
+        for text, row, bias, share in zip(texts, grown, detectable_bias, leverage, strict=True)
+    ]
+    # Where the others identify nothing without a gauge, its colour is the last one.
+    colours = [
+        numbers(np.where(np.isfinite(one), one, np.max(one, where=np.isfinite(one), initial=0.0)))
+        for one in columns
+    ]
+    scales = [
+        {"marker.color": [colours[k]], "marker.colorbar.title.text": label} for k, label in enumerate(labels)
+    ]
+    return hover_figure(
+        [
+            {
+                "type": "scatter",
+                "mode": "markers",
+                **at,
+                "text": details,
+                "hovertemplate": "%{text}<extra></extra>",
+                "marker": {
+                    "symbol": _symbols(inverse_map),
+                    "size": 13,
+                    "color": colours[0],
+                    "colorscale": COLOUR_SCALE,
+                    "line": {
+                        "width": numbers(np.where(np.isfinite(grown).all(axis=1), 0.5, 4.0)),
+                        "color": "black",
+                    },
+                    "colorbar": {"title": {"text": labels[0], "side": "right"}},
+                },
+            }
+        ],
+        470,
+        xaxis=STATION_AXIS,
+        yaxis=ROLL_AXIS,
+        margin={"l": 60, "r": 20, "t": 60, "b": 50},
+        updatemenus=[choice(labels, scales)],
+    )
+
+
+def _growth(percent: float) -> str:
+    return f"+{percent:.3g} %" if np.isfinite(percent) else "not identified"
+
+
+def pair_loss(
+    inverse_map: InverseMap, *, growth: FloatArray, pairs: IntArray, pair_growth: FloatArray
+) -> HoverFigure | None:
+    """Return the largest growth of a sigma by the loss of two gauges; None with more than 120 gauges."""
+    n = inverse_map.n_gauges
+    if n > MAX_MATRIX:
+        return None
+    grown = np.zeros((n, n))
+    i, j = pairs.T
+    grown[i, j] = grown[j, i] = 100.0 * (pair_growth.max(axis=1) - 1.0)
+    grown[np.arange(n), np.arange(n)] = 100.0 * (growth.max(axis=1) - 1.0)
+    largest = max(float(grown[np.isfinite(grown)].max(initial=0.0)), 1.0)
+    names = words(inverse_map.gauge_names)
+    shown = np.log10(np.clip(grown, 1e-3 * largest, largest))
+    ticks = np.arange(np.ceil(np.log10(1e-3 * largest)), np.log10(largest))
+    return hover_figure(
+        [
+            {
+                "type": "heatmap",
+                "x": names,
+                "y": names,
+                "z": numbers(shown),
+                "customdata": numbers(grown),
+                "colorscale": COLOUR_SCALE,
+                "colorbar": {
+                    "title": {"text": "largest growth of a sigma [%]", "side": "right"},
+                    "tickvals": numbers(ticks),
+                    "ticktext": [f"{10.0**tick:g}" for tick in ticks],
+                },
+                "hovertemplate": "%{x} and %{y} lost: +%{customdata} %<extra></extra>",
+            }
+        ],
+        680,
+        xaxis={"automargin": True, "tickangle": -90, "type": "category"},
+        yaxis={"automargin": True, "autorange": "reversed", "type": "category"},
+    )
+
+
+def eigenvalues(values: FloatArray, gamma: float, classes: Sequence[str]) -> HoverFigure:
+    """Return the Hessian's eigenvalues with gamma, and the filter factors; ``classes`` names each mode's."""
+    number = list(range(1, len(values) + 1))
+    above = np.where(values > 1e-16 * values[0], values, np.nan)
+    held = numbers(np.column_stack([values, values / (values + gamma)]))
+    common: dict[str, Any] = {
+        "x": number,
+        "customdata": held,
+        "hovertext": list(classes),
+        "hovertemplate": "mode %{x}<br>%{hovertext}<br>eigenvalue %{customdata[0]}<br>"
+        "filter factor %{customdata[1]}<extra></extra>",
+        "showlegend": False,
+    }
+    line = {
+        "mode": "lines",
+        "x": [1, len(values)],
+        "y": numbers([gamma, gamma]),
+        "line": {"color": RED, "width": 1},
+    }
+    return hover_figure(
+        [
+            {"type": "scatter", "mode": "lines+markers", "y": numbers(above), "marker": {"color": BLUE}, **common},
+            {"type": "scatter", "name": f"gamma = {gamma:.4g}", "hoverinfo": "name", **line},
+            {
+                "type": "bar",
+                "y": numbers(values / (values + gamma)),
+                "xaxis": "x2",
+                "yaxis": "y2",
+                "marker": {"color": BLUE},
+                **common,
+            },
+        ],
+        380,
+        xaxis=axis("mode", domain=[0.0, 0.44]),
+        yaxis=axis("eigenvalue [1]", type="log", exponentformat="power"),
+        xaxis2=axis("mode", domain=[0.58, 1.0], anchor="y2"),
+        yaxis2=axis("filter factor [1]", anchor="x2"),
+    )
+
+
+def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> HoverFigure:
+    """Return the L-curve, gamma at each of its points, and on it each of ``gammas`` with its name."""
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": numbers(curve.residual_norm),
+            "y": numbers(curve.solution_norm),
+            "customdata": numbers(curve.gamma),
+            "line": {"color": GREY},
+            "name": "L-curve",
+            "hovertemplate": "gamma %{customdata}<br>residual %{x}, states %{y}<extra></extra>",
+        }
+    ]
+    order = np.log(curve.gamma)
+    for name, gamma in [*gammas, ("corner of the L-curve", curve.corner)]:
+        at = [
+            np.exp(np.interp(np.log(gamma), order, np.log(norm)))
+            for norm in (curve.residual_norm, curve.solution_norm)
+        ]
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": numbers(at[:1]),
+                "y": numbers(at[1:]),
+                "name": f"{name}: {gamma:.3g}",
+                "marker": {"size": 11, "symbol": "circle-open", "line": {"width": 2}},
+                "hovertemplate": f"{name}: gamma {gamma:.4g}<br>residual %{{x}}, states %{{y}}<extra></extra>",
+            }
+        )
+    return hover_figure(
+        traces,
+        430,
+        xaxis=axis("norm of the whitened residual [1]", type="log"),
+        yaxis=axis("norm of the states [1]", type="log"),
+    )
+
+
+def _gauge_places(inverse_map: InverseMap) -> tuple[dict[str, Any], list[str]]:
+    """Return x and y of the gauges' marks, and name and place of each as text."""
+    position = inverse_map.gauge_position
+    roll = roll_degrees(position)
+    kinds = direction_names(position, inverse_map.gauge_direction)
+    offset = [OFFSETS.get(kind, 0.0) for kind in kinds]
+    texts = [
+        f"{name}, {kind}<br>x {at:.4g} m, roll {angle:.4g} deg"
+        for name, kind, at, angle in zip(words(inverse_map.gauge_names), kinds, position[:, 0], roll, strict=True)
+    ]
+    return {"x": numbers(position[:, 0]), "y": numbers(roll + offset)}, texts
+
+
+def _symbols(inverse_map: InverseMap) -> list[str]:
+    kinds = direction_names(inverse_map.gauge_position, inverse_map.gauge_direction)
+    return [SYMBOLS.get(kind, "diamond") for kind in kinds]
