@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.figures.build_report import MIN_SHOWN, MODES_DRAWN
+from builder.figures.gauge_marks import gauge_kinds
 from builder.figures.hover import (
     BLUE,
     COLOUR_SCALE,
@@ -38,8 +39,9 @@ MAX_MATRIX = 120
 ROLL_AXIS = axis("roll angle [deg]", range=[-25.0, 370.0], tickvals=[0, 90, 180, 270, 360])
 STATION_AXIS = axis("station x from the nose tip [m]")
 NAMES = list(COEFFICIENT_NAMES)
-OFFSETS, SYMBOLS = {"axial": -9.0, "hoop": 9.0}, {"axial": "circle", "hoop": "square"}
-"""Roll angle [deg] by which marks of gauges are moved apart, and their symbols; others are diamonds in place."""
+OFFSETS = {"axial": -9.0, "hoop": 9.0, "inclined": 0.0}
+SYMBOLS = {"axial": "circle", "hoop": "square", "inclined": "diamond"}
+"""Roll angle [deg] by which marks of each kind of gauge are moved apart, and their symbols."""
 
 
 def unrolled_pressure(
@@ -441,15 +443,22 @@ def _gauge_places(inverse_map: InverseMap) -> tuple[dict[str, Any], list[str]]:
     """Return x and y of the gauges' marks, and name and place of each as text."""
     position = inverse_map.gauge_position
     roll = roll_degrees(position)
-    kinds = direction_names(position, inverse_map.gauge_direction)
-    offset = [OFFSETS.get(kind, 0.0) for kind in kinds]
+    names = direction_names(position, inverse_map.gauge_direction)
+    offset = [OFFSETS[kind] for kind in _kinds(inverse_map)]
     texts = [
-        f"{name}, {kind}<br>x {at:.4g} m, roll {angle:.4g} deg"
-        for name, kind, at, angle in zip(words(inverse_map.gauge_names), kinds, position[:, 0], roll, strict=True)
+        f"{name}, {direction}<br>x {at:.4g} m, roll {angle:.4g} deg"
+        for name, direction, at, angle in zip(
+            words(inverse_map.gauge_names), names, position[:, 0], roll, strict=True
+        )
     ]
     return {"x": numbers(position[:, 0]), "y": numbers(roll + offset)}, texts
 
 
 def _symbols(inverse_map: InverseMap) -> list[str]:
-    kinds = direction_names(inverse_map.gauge_position, inverse_map.gauge_direction)
-    return [SYMBOLS.get(kind, "diamond") for kind in kinds]
+    return [SYMBOLS[kind] for kind in _kinds(inverse_map)]
+
+
+def _kinds(inverse_map: InverseMap) -> list[str]:
+    """Return the kind of each gauge."""
+    kinds = gauge_kinds(inverse_map.gauge_position, inverse_map.gauge_direction)
+    return [next(kind for kind, of in kinds.items() if of[i]) for i in range(inverse_map.n_gauges)]

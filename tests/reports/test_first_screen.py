@@ -113,8 +113,7 @@ def test_the_answer_fits_the_first_screen(browser: Browser, html: str, tmp_path:
     (tmp_path / "report.html").write_text(html, encoding="utf-8")
     show(browser, tmp_path / "report.html")
     set_width(browser, 1280)
-    bottoms = browser.value(
-        "[...document.querySelectorAll('.card')].map(one => one.getBoundingClientRect().bottom)"
-    )
+    cards = "[...document.querySelectorAll('.card')]"
+    bottoms = browser.value(f"{cards}.map(one => one.getBoundingClientRect().bottom)")
     assert len(bottoms) == 4
     assert max(bottoms) <= 900.0

@@ -1,4 +1,4 @@
-"""Figures that show their values: the numbers of the report, drawn by a browser without a network; stills without plotly."""
+"""Figures that show their values: numbers of the report, drawn without a network; stills without plotly."""
 
 from __future__ import annotations
 
