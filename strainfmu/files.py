@@ -11,6 +11,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ HASH_ATTRIBUTE = "content_hash"
 USER_BLOCK_SIZE = 512
 
 
-def write_bytes_atomically(path: Path, content: bytes) -> None:
+def write_bytes_atomically(path: str | PathLike[str], content: bytes) -> None:
     """Write ``content`` to a temporary file beside ``path``, then rename it into place.
 
     Raises
@@ -31,6 +32,7 @@ def write_bytes_atomically(path: Path, content: bytes) -> None:
     StrainfmuError
         The operating system refused (disk full, no permission, ...); ``path`` keeps its old content.
     """
+    path = Path(path)
     temporary: str | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -54,7 +56,9 @@ def _current_umask() -> int:
     return mask
 
 
-def write_hdf5_atomically(path: Path, schema: str, schema_version: int, fill: Callable[[h5py.File], None]) -> str:
+def write_hdf5_atomically(
+    path: str | PathLike[str], schema: str, schema_version: int, fill: Callable[[h5py.File], None]
+) -> str:
     """Compose an HDF5 file in memory with ``fill``, stamp it and write it atomically.
 
     The file gets the root attributes ``schema``, ``schema_version`` and ``content_hash``, and ahead of the HDF5
@@ -66,6 +70,7 @@ def write_hdf5_atomically(path: Path, schema: str, schema_version: int, fill: Ca
     str
         The content hash (see :func:`content_hash`).
     """
+    path = Path(path)
     with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
         fill(file)
         file.attrs["schema"] = schema
@@ -105,7 +110,7 @@ def content_hash(file: h5py.File) -> str:
     return digest.hexdigest()
 
 
-def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
+def open_hdf5(path: str | PathLike[str], schema: str, schema_version: int) -> h5py.File:
     """Open an artefact for reading after checking its kind, version and bytes.
 
     Raises
@@ -113,6 +118,7 @@ def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
     InputError
         The file is missing, is not one of ours, is of another kind or version, or was altered.
     """
+    path = Path(path)
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
@@ -136,7 +142,7 @@ def open_hdf5(path: Path, schema: str, schema_version: int) -> h5py.File:
         raise InputError(f"{path}: damaged, or not an HDF5 file") from error
 
 
-def schema_of(path: Path) -> str:
+def schema_of(path: str | PathLike[str]) -> str:
     """Return the schema that an artefact states, unchecked.
 
     Raises
@@ -144,6 +150,7 @@ def schema_of(path: Path) -> str:
     InputError
         The file is missing, cannot be read, or is not one of ours.
     """
+    path = Path(path)
     try:
         with path.open("rb") as stream:
             words = stream.read(USER_BLOCK_SIZE).split(b"\n")[0].decode("ascii", "replace").split(" ")
@@ -156,7 +163,7 @@ def schema_of(path: Path) -> str:
     return words[1]
 
 
-def content_hash_of(path: Path, schema: str, schema_version: int) -> str:
+def content_hash_of(path: str | PathLike[str], schema: str, schema_version: int) -> str:
     """Return the content hash that identifies the artefact at ``path``.
 
     Raises

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import fields
-from pathlib import Path
+from os import PathLike
 from typing import Any, TypeVar, cast
 
 import h5py
@@ -25,7 +25,9 @@ LONGEST_ATTRIBUTE = 32_768
 """Bytes above which text goes into a data set: HDF5 holds attributes of less than 64 KiB."""
 
 
-def save_record(record: Any, path: Path, schema: str, schema_version: int, units: Mapping[str, str]) -> str:
+def save_record(
+    record: Any, path: str | PathLike[str], schema: str, schema_version: int, units: Mapping[str, str]
+) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
 
     ``units`` holds the unit of each field; fields without one are of unit 1.
@@ -57,7 +59,7 @@ def write_record(group: h5py.Group, record: Any, units: Mapping[str, str]) -> No
             group.create_dataset(entry.name, data=value).attrs["unit"] = units.get(entry.name, "1")
 
 
-def load_record(kind: type[Record], path: Path, schema: str, schema_version: int) -> Record:
+def load_record(kind: type[Record], path: str | PathLike[str], schema: str, schema_version: int) -> Record:
     """Read a dataclass of type ``kind`` that :func:`save_record` wrote.
 
     Raises

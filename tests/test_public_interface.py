@@ -5,12 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from random_map import random_map
+from synthetic_vehicle import SyntheticFiles
 
 import strainfmu
+from strainfmu.cosim.flight_model import load_flight_model
+from strainfmu.cosim.master import matching_connections
+from strainfmu.cosim.recording import load_recording, save_csv, save_hdf5
+from strainfmu.cosim.trajectory import load_trajectory
 
 pytestmark = pytest.mark.fast
 
@@ -63,3 +69,26 @@ def test_paths_are_text_or_paths(kind: type, tmp_path: Path) -> None:
     Path(data).write_text("\n".join(table) + "\n", encoding="utf-8")
     assert strainfmu.estimate_file(source, data, loads, dynamic_pressure=95.8e3).samples == 2
     assert Path(fmu).exists()
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_simulations_take_text_or_paths(kind: type, synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """The FMUs of a system, and the files of what was flown."""
+    fmus = {"plant": kind(synthetic.plant), "estimator": kind(synthetic.estimator_1)}
+    system = strainfmu.System(fmus, matching_connections("plant", "estimator", fmus))
+    flown = strainfmu.simulate(system, 0.1, 0.01, record=["estimator.C_N"])
+    save_hdf5(flown, kind(tmp_path / "a.h5"))
+    save_csv(flown, kind(tmp_path / "a.csv"))
+    np.testing.assert_array_equal(load_recording(kind(tmp_path / "a.h5")).values, flown.values)
+    assert load_flight_model(kind(synthetic.flight_model)).vehicle
+    assert load_trajectory(kind(synthetic.trajectory)).stop_time > 0.0
+
+
+@pytest.mark.parametrize("value", [None, "high", [1.0, 2.0], {}])
+def test_dynamic_pressure_that_is_no_number(value: Any) -> None:
+    inverse_map = random_map()
+    estimator = strainfmu.Estimator(inverse_map)
+    strain = inverse_map.mean_strain
+    for strains in (strain, np.tile(strain, (3, 1))):
+        with pytest.raises(strainfmu.InputError, match=r"^dynamic_pressure: expected a number.*, got "):
+            estimator.estimate(strains, dynamic_pressure=value)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import cos, degrees, sin
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -252,7 +253,7 @@ def _check_values(model: FlightModel) -> None:
         raise InputError(f"flight model: noise_std is {model.noise_std}, must be 0 or more")
 
 
-def save_flight_model(model: FlightModel, path: Path) -> str:
+def save_flight_model(model: FlightModel, path: str | PathLike[str]) -> str:
     """Write ``model`` to ``path`` atomically and return its content hash.
 
     Raises
@@ -263,7 +264,7 @@ def save_flight_model(model: FlightModel, path: Path) -> str:
     return save_record(model, path, SCHEMA, SCHEMA_VERSION, _UNITS)
 
 
-def load_flight_model(path: Path) -> FlightModel:
+def load_flight_model(path: str | PathLike[str]) -> FlightModel:
     """Read and check a flight model.
 
     Raises

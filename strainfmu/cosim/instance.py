@@ -10,6 +10,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def safe_temporary_parent(candidates: Sequence[Path] | None = None) -> Path:
     )
 
 
-def read_description(path: Path) -> Any:
+def read_description(path: str | PathLike[str]) -> Any:
     """Return fmpy's ModelDescription of the FMU at ``path``.
 
     Raises
@@ -77,6 +78,7 @@ def read_description(path: Path) -> Any:
         The FMU is missing, damaged, or not of FMI 2.0 co-simulation.
     """
     fmpy = import_fmpy()
+    path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such FMU")
     try:

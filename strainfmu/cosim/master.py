@@ -14,6 +14,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf
+from os import PathLike
 from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
@@ -131,7 +132,9 @@ def communication_points(stop_time: float, communication_step_size: float) -> Fl
     return np.append(np.arange(n_steps) * communication_step_size, stop_time)
 
 
-def matching_connections(source: str, target: str, instances: Mapping[str, Path]) -> tuple[Connection, ...]:
+def matching_connections(
+    source: str, target: str, instances: Mapping[str, str | PathLike[str]]
+) -> tuple[Connection, ...]:
     """Return connections from every output of ``source`` to the input of ``target`` of the same name.
 
     Raises

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, field
-from pathlib import Path
+from os import PathLike
 
 import h5py
 import numpy as np
@@ -53,7 +53,7 @@ class Recording:
         return self.values[:, self.names.index(name)]
 
 
-def save_hdf5(recording: Recording, path: Path) -> str:
+def save_hdf5(recording: Recording, path: str | PathLike[str]) -> str:
     """Write ``recording`` as HDF5, one data set per signal with its unit; return the content hash.
 
     Raises
@@ -75,7 +75,7 @@ def save_hdf5(recording: Recording, path: Path) -> str:
     return write_hdf5_atomically(path, SCHEMA, SCHEMA_VERSION, fill)
 
 
-def load_recording(path: Path) -> Recording:
+def load_recording(path: str | PathLike[str]) -> Recording:
     """Read what :func:`save_hdf5` wrote.
 
     Raises
@@ -101,7 +101,7 @@ def load_recording(path: Path) -> Recording:
     return Recording(time=time, names=names, units=units, values=values, instances=instances, step_cost=step_cost)
 
 
-def save_csv(recording: Recording, path: Path) -> None:
+def save_csv(recording: Recording, path: str | PathLike[str]) -> None:
     """Write ``recording`` as CSV as the FMI cross-check does: quoted names, ``"time"`` first, no units.
 
     Raises

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
+from os import PathLike
 from typing import Any
 
 from strainfmu.errors import InputError
@@ -37,7 +37,7 @@ class System:
     start_values : value by ``instance.variable``, for inputs and parameters, set before initialization.
     """
 
-    instances: Mapping[str, Path]
+    instances: Mapping[str, str | PathLike[str]]
     connections: Sequence[Connection] = ()
     start_values: Mapping[str, float] = field(default_factory=dict)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from math import isfinite
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,7 @@ def _end_slope(
     return np.where(turns & (np.abs(slope) > 3.0 * np.abs(near_secant)), 3.0 * near_secant, slope)
 
 
-def load_trajectory(path: Path) -> Trajectory:
+def load_trajectory(path: str | PathLike[str]) -> Trajectory:
     """Read a trajectory from a CSV file whose first line is :data:`HEADER`.
 
     Raises
@@ -99,6 +100,7 @@ def load_trajectory(path: Path) -> Trajectory:
     InputError
         The file is missing or no text, or a row is wrong; the message names row (1 = header) and column.
     """
+    path = Path(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.reader(stream))
