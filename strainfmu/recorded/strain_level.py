@@ -11,21 +11,16 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
-TOO_HIGH = 30.0
+TOO_HIGH = 10.0
 """Times the level of the snapshots above which strains are refused: no flight is so far beyond a map."""
 
 TOO_LOW = 1.0 / 300.0
 """Fraction of the level at the data's q_inf below which strains are refused: gauge noise alone gives more."""
 
-NOTABLE = (1e-2, 10.0)
-"""Range of the fraction outside which a note is given."""
-
 _UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
-_TYPICAL = 0.6
-"""Largest strain of a flight over that of the snapshots, which hold the corners of the envelope."""
-
-_ALSO_LIKELY = 0.7
-"""Decades from the typical level within which a unit is named beside a likelier one."""
+_FLOWN = (0.008, 4.0)
+"""Largest strain of a recording over that of the snapshots: 0.016 on the shipped vehicle without incidence."""
+_TYPICAL = 0.4
 
 _QUANTILE = 0.99
 """Of a gauge's |strain| in a block: single spikes do not count."""
@@ -63,18 +58,12 @@ class LevelReference:
 def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
     """Return the units that strains may be in, likeliest first, which exceed the map's ``ratio`` times as read.
 
-    ``factor`` is that of the unit stated, to m/m. Two where both leave a level that flights have: percent and mm/m
-    are a factor of 10 apart. None if no unit explains the ratio within a factor of 10.
+    ``factor`` is that of the unit stated, to m/m. Two units where both leave a level that a recording may have:
+    percent and mm/m are a factor of 10 apart. Empty if no unit explains the ratio.
     """
-    if not (0.0 < ratio < np.inf):
-        return ()
-    distance = {
-        name: abs(log10(ratio * other / factor / _TYPICAL))
-        for name, other in _UNITS
-        if abs(other - factor) > 1e-9 * factor
-    }
-    near = sorted((name for name in distance if distance[name] < 1.0), key=lambda name: distance[name])
-    return tuple(name for name in near if name == near[0] or distance[name] < _ALSO_LIKELY)
+    level = {name: ratio * other / factor for name, other in _UNITS if abs(other - factor) > 1e-9 * factor}
+    possible = [name for name in level if _FLOWN[0] <= level[name] <= _FLOWN[1]]
+    return tuple(sorted(possible, key=lambda name: abs(log10(level[name] / _TYPICAL))))
 
 
 def level_of(strain: FloatArray) -> FloatArray:
@@ -112,7 +101,7 @@ class LevelCheck:
             raise InputError(self._text(self._above()))
 
     def notes(self) -> list[str]:
-        """Return what is to be said of the level of the whole file, nothing where it is as expected.
+        """Return what is to be said of the level of the whole file, nothing where it may be a flight's.
 
         Raises
         ------
@@ -122,11 +111,11 @@ class LevelCheck:
         above, below = self._above(), self._below()
         if self._reference.ratio(self._level) == 0.0:
             return [f"{self._path}: strains are 0 throughout"]
-        if self._refuses and below < TOO_LOW:
+        if below < TOO_LOW and self._refuses:
             raise InputError(self._text(below))
-        if above > NOTABLE[1]:
-            return [self._text(above, ends=False)]
-        return [self._text(below, ends=False)] if below < NOTABLE[0] else []
+        if above > TOO_HIGH:
+            return [self._text(above)]
+        return [self._text(below)] if below < TOO_LOW else []
 
     def _above(self) -> float:
         """Return the level over the map's, at a q_inf that may be above the map's."""
@@ -145,14 +134,14 @@ class LevelCheck:
             return float("nan")
         return reference.ratio(self._level) / part
 
-    def _text(self, ratio: float, ends: bool = True) -> str:
+    def _text(self, ratio: float) -> str:
         seen = self._reference.seen & np.isfinite(self._level)
         found = 1e6 * float(np.max(self._level[seen]))
         held = 1e6 * float(np.max(self._reference.strain_range[seen]))
         units = likely_units(ratio, self._factor)
         likely = f"likely in {' or '.join(units)}, not {_unit_name(self._factor)}"
         example = f", as in 'strain[1] [{units[0]}]'" if units else ""
-        way = f"; state the unit{example}, or give --accept-strain-level" if ends else ""
+        way = f"; state the unit{example}, or give --accept-strain-level" if self._refuses else ""
         return (
             f"{self._path}: strains are {ratio:.2g} times the map's, {found:.3g} um/m against {held:.3g} um/m: "
             f"{likely if units else 'no unit explains it'}{way}"

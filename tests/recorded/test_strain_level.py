@@ -72,6 +72,7 @@ def test_the_refusal_can_be_overridden(synthetic: SyntheticFiles, tmp_path: Path
         "likely in mm/m, not um/m; state the unit, as in 'strain[1] [mm/m]', or give --accept-strain-level"
         in errors
     )
+    assert not (tmp_path / "o.csv").exists()
     code, printed, errors = run(*arguments, "--accept-strain-level")
     assert (code, errors) == (0, "")
     assert "likely in mm/m, not um/m\n" in printed
@@ -103,20 +104,15 @@ def test_what_flights_do_is_no_unit() -> None:
     spikes = np.tile(level, (1000, 1))
     spikes[::300] = 0.09
     assert notes(spikes, 1e5) == []
+    assert notes(0.016 * level, 1e5) == []  # no incidence
     noisy = LevelReference(strain_range=np.full(4, 3e-4), noise_std=np.full(4, 1e-3), dynamic_pressure=1e5)
     assert notes(1e-3 * level, 1e5, noisy) == []  # no gauge sees more than its noise
-
-
-def test_a_level_between_the_limits_is_a_note() -> None:
-    (line,) = notes(np.full(4, 6e-3), 1e5)
-    assert line == "d.csv: strains are 20 times the map's, 6e+03 um/m against 300 um/m: likely in percent, not m/m"
-    (line,) = notes(np.full(4, 1.5e-6), 1e5)
-    assert line.startswith("d.csv: strains are 0.005 times the map's, 1.5 um/m against 300 um/m: ")
 
 
 def test_a_level_that_no_unit_explains() -> None:
     assert likely_units(1e-9, 1.0) == ()
     assert likely_units(np.inf, 1.0) == ()
     assert likely_units(0.5e6, 1.0) == ("um/m",)
-    assert likely_units(60.0, 1.0) == ("percent",)
+    assert likely_units(600.0, 1.0) == ("mm/m",)
     assert likely_units(200.0, 1.0) == ("mm/m", "percent")
+    assert likely_units(36.0, 1.0) == ("percent", "mm/m")
