@@ -5,11 +5,14 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from cad_files import write_step, write_stl
+from fmpy import read_model_description
 
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import run_build
@@ -259,6 +262,88 @@ def test_brought_mesh(run: Run, clamped: Structure, tmp_path: Path) -> None:
     np.testing.assert_allclose(
         list(uniform_strain(structure).values()), list(uniform_strain(clamped).values()), rtol=0.01
     )
+
+
+def chain_to_an_fmu(run: Run, path: Path, folder: Path, *options: object) -> dict[str, Any]:
+    """Run ``structure``, ``build`` and ``export`` as a user does; return the provenance of the map."""
+    commands = (
+        ("snapshots", path, "-o", folder / "snapshots.h5", "--engine", "newtonian"),
+        ("structure", path, "-o", folder / "structure.h5", "--resolution", "coarse", *options),
+        ("build", path, "-o", folder),
+        ("export", folder / "map.h5", "-o", folder / "estimator.fmu", "--platforms", "linux64"),
+    )
+    for command in commands:
+        code, _, err = run(*command)
+        assert (code, err) == (0, ""), command
+    assert read_model_description(str(folder / "estimator.fmu")).coSimulation is not None
+    return load_inverse_map(folder / "map.h5").provenance
+
+
+def wall_file(vehicle: Vehicle, path: Path) -> Path:
+    """Write the vehicle's wall as a mesh in mm."""
+    mesh = full_mesh(swept_wall(vehicle.body(), wall_of(vehicle), "coarse"))
+    write_mesh(path, replace(mesh, node=1e3 * mesh.node), with_surfaces=True)
+    return path
+
+
+FEW_MODES = ("modes = 4", "modes = 3")
+
+
+def test_an_imported_mesh_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
+    """Two commands from the mesh to the map, whose provenance names the file, and one to the FMU."""
+    pytest.importorskip("meshio")
+    path, folder = small(tmp_path, FEW_MODES), tmp_path / "results"
+    mesh = wall_file(load_vehicle(path), tmp_path / "wall.vtu")
+    found = chain_to_an_fmu(run, path, folder, "--model", mesh, "--mesh-unit", "0.001", "--allow-locking")
+    assert found["structural_model"].startswith("imported")
+    assert found["structure"]["model"] == "imported"
+    assert found["structure"]["file_name"] == "wall.vtu"
+    assert found["structure"]["file"] == sha256(mesh.read_bytes()).hexdigest()
+    assert found["structure"]["unit"] == 0.001
+    assert found["flow"]["options"] == {"engine": "newtonian"}
+
+
+@pytest.mark.slow
+def test_a_step_file_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
+    try:
+        load_gmsh()
+    except StrainfmuError as error:
+        pytest.skip(str(error))
+    path, folder, cad = small(tmp_path, FEW_MODES), tmp_path / "results", tmp_path / "wall.step"
+    vehicle = load_vehicle(path)
+    write_step(vehicle.body(), wall_of(vehicle), cad)
+    found = chain_to_an_fmu(run, path, folder, "--model", cad)
+    assert found["structure"]["model"] == "gmsh_tetrahedra"
+    assert found["structure"]["file_name"] == "wall.step"
+    assert found["structure"]["resolution"] == "coarse"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            ("wall_thickness_mm = 6.0", "wall_thickness_mm = 5.0"),
+            "wall thickness of the mesh: expected 5 mm, got 6 mm",
+        ),
+        (("end_x_m = 0.8", "end_x_m = 0.81"), "length of the mesh: expected 0.81 m, got 0.8 m"),
+        (
+            ("start_half_angle_deg = 20.0", "start_half_angle_deg = 21.0"),
+            "outer radius of the mesh at x = 0.4",
+        ),
+    ],
+)
+def test_a_mesh_of_another_body_is_named_as_such(
+    run: Run, tmp_path: Path, change: tuple[str, str], words: str
+) -> None:
+    """Which quantity, expected and found, in one line before anything is solved."""
+    pytest.importorskip("meshio")
+    mesh = wall_file(load_vehicle(small(tmp_path)), tmp_path / "wall.vtu")
+    changed, output = small(tmp_path, change), tmp_path / "structure.h5"
+    code, _, err = run("structure", changed, "-o", output, "--model", mesh, "--mesh-unit", "0.001")
+    assert code == 2
+    assert f"wall.vtu: {words}" in err
+    assert err.count("\n") == 1
+    assert not output.exists()
 
 
 @pytest.mark.slow

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.displaced_gauges import displaced_gauges
 from builder.structure.solid.gauge_layouts import solid_gauges
+from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.model import SolidCase
 from builder.structure.solid.solid_mesh import SUPPORT
 from builder.structure.solid.supports import Clamped, Foundation, Support
-from builder.structure.wall import wall_of
+from builder.structure.solid.swept_mesh import RESOLUTIONS
+from builder.structure.solid.wall_layers import layers_needed
+from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 
@@ -23,6 +32,7 @@ def solid_case(
 ) -> SolidCase:
     """Return what the three-dimensional model of a vehicle is made of, by default on a swept mesh.
 
+    A swept mesh gets as many elements through the wall as the locking check needs at the base and at the gauges.
     Where the section [noise] has position or orientation errors, the layout in use is there displaced as well.
 
     Raises
@@ -36,20 +46,37 @@ def solid_case(
             raise InputError(f"layout '{name}' found, must be one of {', '.join(known)}")
     rows_on = gauge_mesh(vehicle)
     gauges = {name: solid_gauges(vehicle, name, rows_on) for name in dict.fromkeys(layouts)}
+    body, wall = vehicle.body(), wall_of(vehicle)
+    mesh = _with_layers(mesh or MeshChoice(resolution=vehicle.structure.resolution), body, wall, gauges)
     in_use = vehicle.gauges.layout
     if vehicle.noise.moves_gauges and in_use in gauges:
-        gauges |= displaced_gauges(in_use, gauges[in_use], vehicle.body())
+        gauges |= displaced_gauges(in_use, gauges[in_use], body)
     return SolidCase(
         vehicle=vehicle.name,
-        body=vehicle.body(),
-        wall=wall_of(vehicle),
+        body=body,
+        wall=wall,
         density=vehicle.material.density_kg_per_m3,
         support=support_of(vehicle),
-        mesh=mesh or MeshChoice(resolution=vehicle.structure.resolution),
+        mesh=mesh,
         layouts=gauges,
         solver=solver,
         allow_locking=allow_locking,
     )
+
+
+def _with_layers(mesh: MeshChoice, body: BodyOfRevolution, wall: Wall, gauges: Mapping[str, Gauges]) -> MeshChoice:
+    """Return the choice with its layers through the wall, where it states none.
+
+    Of other meshes they are those of the swept one that the mesh is compared with.
+    """
+    if mesh.layers is not None:
+        return mesh
+    at_gauges = [
+        float(r) for one in gauges.values() for r in body.radius(one.position[:, 0].clip(0.0, body.length))
+    ]
+    resolution = RESOLUTIONS[mesh.resolution]
+    radius = np.array([body.base_radius, *at_gauges])
+    return replace(mesh, layers=layers_needed(wall, radius, resolution.n_sectors, resolution.n_layers))
 
 
 def support_of(vehicle: Vehicle) -> Support | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,7 @@ class MeshChoice:
     resolution : key of :data:`RESOLUTIONS`; a mesh that is read has its own.
     unit : length of the unit of a mesh or STL file [m].
     by_position : find the surfaces of a mesh that is read by their position, not by names.
+    layers : elements through the wall of a swept mesh; None for those of the resolution.
 
     Raises
     ------
@@ -59,6 +60,7 @@ class MeshChoice:
     resolution: str = "medium"
     unit: float = 1.0
     by_position: bool = False
+    layers: int | None = None
 
     def __post_init__(self) -> None:
         if self.resolution not in RESOLUTIONS:
@@ -96,7 +98,13 @@ class MeshChoice:
             given["file"] = sha256(self.file.read_bytes()).hexdigest()
         if self.model != "imported":
             given["resolution"] = self.resolution
+        if self.source == SWEPT:
+            given["layers"] = self.with_layers(RESOLUTIONS[self.resolution]).n_layers
         return given
+
+    def with_layers(self, resolution: SweptResolution) -> SweptResolution:
+        """Return a resolution of swept meshes with the layers chosen."""
+        return resolution if self.layers is None else replace(resolution, n_layers=self.layers)
 
 
 def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSector | SolidMesh:
@@ -110,7 +118,7 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
         Gmsh or meshio is needed and not installed, or fails.
     """
     if choice.source == SWEPT:
-        return swept_wall(body, wall, choice.resolution)
+        return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
     from builder.structure.solid.gmsh_files import step_mesh, stl_mesh
     from builder.structure.solid.gmsh_wall import graded_wall_mesh
     from builder.structure.solid.mesh_import import read_mesh
@@ -141,8 +149,9 @@ def coarser_sector(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> Sw
         The wall does not fit the body.
     """
     if choice.source != SWEPT:
-        return swept_wall(body, wall, choice.resolution)
-    return swept_wall(body, wall, COARSER.get(choice.resolution, COARSEST))
+        return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
+    coarser = COARSER.get(choice.resolution)
+    return swept_wall(body, wall, choice.with_layers(COARSEST if coarser is None else RESOLUTIONS[coarser]))
 
 
 def wall_elements(

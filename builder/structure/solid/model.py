@@ -27,6 +27,7 @@ from builder.structure.solid.mesh_choice import (
     wall_elements,
     whole_mesh,
 )
+from builder.structure.solid.mesh_of_vehicle import mesh_misfits
 from builder.structure.solid.mesh_report import exact_wall, mesh_report
 from builder.structure.solid.reference_loads import (
     fourier_can,
@@ -45,11 +46,13 @@ from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_str
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import BodyOfRevolution
 from builder.vehicle.profile_record import profile_record
+from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.files import fingerprint
 from strainfmu.version import __version__
 
 FOURIER_REFERENCE = "the Fourier model"
+NEEDS_BOTH = "the vehicle file must state the body and the wall of the mesh"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -199,6 +202,8 @@ def _examined(
     """Check the mesh and describe it; return the settings that follow."""
     with reporter.stage("Mesh checks and report"):
         check_mesh(whole, case.body.length)
+        if case.mesh.file is not None:
+            refuse_misfits(case.mesh.file, mesh_misfits(whole, case.body, case.wall), NEEDS_BOTH)
         density = None if case.density is None else dict.fromkeys(whole.region_names, case.density)
         report = mesh_report(whole, density, exact_wall(case.body, case.wall))
     with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
