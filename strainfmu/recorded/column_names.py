@@ -9,7 +9,6 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from strainfmu.errors import InputError
-from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.recorded.strain_level import LevelReference
 
@@ -21,15 +20,14 @@ FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitu
 SIGNALS = frozenset(
     {
         *COEFFICIENTS,
-        *LOADS,
-        *(f"sigma.{name}" for name in (*COEFFICIENTS, *LOADS)),
-        *(f"health.{name}" for name in ("state", "chi_square", "chi_square_limit", "valid_gauges")),
-        *("health.suspect_gauge", "health.suspects"),
         *("angle_of_attack", "sideslip_angle", "pitch_rate", "control_moment", "commanded_angle_of_attack"),
         *("estimated_angle_of_attack", "trusted", "isolated_gauges"),
     }
 )
 """What a recorded system simulation holds besides: known, and not read."""
+
+_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.")
+"""Beginnings of the names of an estimator's other outputs."""
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
@@ -109,7 +107,7 @@ def columns_to_read(
             unused.append(name)
         elif _is_read(name, wanted) if known is None else name in known:
             read.append(column)
-        elif name in SIGNALS or name.partition(".")[2] in SIGNALS or any(p.fullmatch(name) for p in patterns):
+        elif _is_signal(name) or any(pattern.fullmatch(name) for pattern in patterns):
             unused.append(name)
         else:
             unknown.append(name)
@@ -132,6 +130,12 @@ def _is_read(name: str, wanted: Wanted) -> bool:
         return True
     number = strain_number(name)
     return number is not None and 1 <= number <= len(wanted.gauge_names)
+
+
+def _is_signal(name: str) -> bool:
+    """Return whether this is an output of an estimator, a plant or an autopilot; an instance may stand ahead."""
+    own = (name, name.partition(".")[2])
+    return any(one in SIGNALS or one.startswith(_SIGNAL_GROUPS) for one in own)
 
 
 def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:

@@ -11,6 +11,7 @@ import pytest
 from recorded_case import NAMES, samples, write_flight
 from synthetic_vehicle import SyntheticFiles
 
+from strainfmu.cosim.instance import read_description
 from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import Wanted
 from strainfmu.recorded.strain_files import open_strains
@@ -70,6 +71,20 @@ def test_columns_are_left_out_by_name_and_named_at_the_end(
     code, _, errors = run("estimate", synthetic.map_1, data, "-o", out, "--ignore-columns", "*,pilot")
     assert code == 2
     assert "--ignore-columns: no column 'pilot' found, it holds time, G0" in errors
+
+
+def test_signals_of_a_simulation_are_known(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """Every output of the estimator and of the plant, as a recording names it."""
+    names = []
+    for instance, fmu in (("estimator", synthetic.estimator_1), ("plant", synthetic.plant)):
+        found = read_description(fmu).modelVariables
+        names += [f"{instance}.{one.name}" for one in found if one.causality == "output"]
+    names = [name for name in names if not name.endswith("]") and not name.endswith(".dynamic_pressure")]
+    assert len(names) > 30
+    data = write_flight(tmp_path / "d.csv", **dict.fromkeys(names, 1.0))
+    with open_strains(data, Wanted(gauge_names=tuple(NAMES))) as opened:
+        read = {f"plant.{name}" for name in opened.plan.stated}
+        assert {*opened.plan.unused} | read == {*names}
 
 
 def test_a_known_column_is_left_out_by_its_name_alone(tmp_path: Path) -> None:
