@@ -140,6 +140,7 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
             ),
             tables["sources"],
             tables["source_sigmas"],
+            tables["sigmas_without"],
             tables["correlations"],
         ),
     )

@@ -33,6 +33,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         correlations(report),
         sources(report),
         source_sigmas(report),
+        sigmas_without(report),
         noise(report),
         gauges(report),
         worst_losses(report),
@@ -192,6 +193,13 @@ def source_sigmas(report: BuildReport) -> Table:
     return _by_coefficient(
         "source_sigmas", caption, "source", (*found.names, "all"), sigma, Column("", "1", ".3g")
     )
+
+
+def sigmas_without(report: BuildReport) -> Table:
+    """One row per source that is left out; what groups of sources cost takes a row of the same kind."""
+    found, caption = report.coefficients, "Sigma of each coefficient without one source, with the same gain."
+    sigma = np.array([found.std_without([name]) for name in found.names])
+    return _by_coefficient("sigmas_without", caption, "without", found.names, sigma, Column("", "1", ".3g"))
 
 
 def _by_coefficient(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,11 @@ class CoefficientSources:
         fraction = np.full(5, np.inf)
         np.divide(self.std, width, out=fraction, where=width > UNCHANGED * self.std)
         return fraction
+
+    def std_without(self, left_out: Collection[str]) -> FloatArray:
+        """Return (5,) sigma [1] without the named sources, with the same gain."""
+        chosen = np.array([name in left_out for name in self.names], dtype=bool)
+        return np.sqrt(np.maximum(self.std**2 - self.variance[chosen].sum(axis=0), 0.0))
 
 
 def coefficient_scales(inverse_map: InverseMap) -> FloatArray:

@@ -104,10 +104,10 @@ def _weak_modes(report: BuildReport) -> list[str]:
     lines = []
     for j in np.flatnonzero(weak)[:MAX_MODES].tolist():
         removed = f"{_percent(max(observed.mode_removed[j], 0.0))} of it is removed"
-        what = removed if j < observed.n_kept else "no state of this map"
+        what = removed if j < observed.n_kept else "it is no state of this map"
         lines.append(
-            f"POD mode {j + 1}, {_percent(observed.mode_fraction[j])} of the variance: {what}; at best "
-            f"{_percent(observed.mode_removed_at_best[j])} could be."
+            f"POD mode {j + 1}, {_percent(observed.mode_fraction[j])} of the variance: {what}; the best linear "
+            f"map would remove {_percent(observed.mode_removed_at_best[j])}."
         )
     return lines
 
@@ -146,10 +146,10 @@ def _largest_source(report: BuildReport) -> list[str]:
     if finite.any():
         worst = int(np.argmax(np.where(finite, of_range, -1.0)))
         source = int(np.argmax(found.variance[:, worst]))
-        left = 1.0 - found.variance[source, worst] / found.std[worst] ** 2
+        left = found.std_without([found.names[source]])[worst] / found.std[worst]
         lines.append(
             f"The source to reduce first is {found.names[source]}: without it the sigma of "
-            f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * np.sqrt(max(left, 0.0)))} of the "
+            f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * left)} of the "
             f"range, not {_percent(of_range[worst])}."
         )
     if len(report.noise) > 1:

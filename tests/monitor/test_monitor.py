@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from bus_run import live_run
 from chromium import PROGRAM, Browser
+from clipping import WIDTHS, clipped
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bridge.publisher import GaugePosition, Publisher, gauge_positions, parsed_address
@@ -305,5 +306,7 @@ def test_chromium_shows_live_data_and_goes_on_after_a_restart(
         assert len(counted) == 2
         browser.screenshot(tmp_path / "page.png")
         assert (tmp_path / "page.png").stat().st_size > 10_000
+        for width in WIDTHS:
+            assert clipped(browser, width) == []
     finally:
         browser.close()

@@ -79,6 +79,19 @@ def test_a_mode_below_the_noise_is_not_measured(report: BuildReport) -> None:
     assert "below the noise" in str(sentence(first_screen(silent).unmeasured, "POD mode 2,"))
 
 
+def test_a_mode_that_is_hardly_removed_is_measured_badly(report: BuildReport) -> None:
+    """A state of the map, and one that is truncated, each with what the best linear map would remove."""
+    observed = report.observability
+    removed, at_best = observed.mode_removed.copy(), observed.mode_removed_at_best.copy()
+    removed[1], at_best[1] = 0.1234, 0.75
+    assert sentence(first_screen(report).badly, "POD mode 2,") is None
+    weak = replace(report, observability=replace(observed, mode_removed=removed, mode_removed_at_best=at_best))
+    line = str(sentence(first_screen(weak).badly, "POD mode 2,"))
+    assert "12.3 % of it is removed; the best linear map would remove 75 %." in line
+    truncated = replace(weak, observability=replace(weak.observability, n_kept=1))
+    assert "it is no state of this map" in str(sentence(first_screen(truncated).badly, "POD mode 2,"))
+
+
 def test_what_helps_is_computed(report: BuildReport) -> None:
     """The largest source of the worst coefficient and what it leaves; the gauge whose loss costs most."""
     helps = first_screen(report).helps
