@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,10 @@ from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_g
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.coefficients import load_covariance_by_terms
-from builder.inverse.gauge_derivatives import gauge_derivatives
-from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nuisance_terms
+from builder.inverse.ensemble import Ensemble, ensemble_of
+from builder.inverse.gauge_noise import gauge_covariance, nuisance_terms
+from builder.inverse.hardware_errors import HardwareError, error_model, hardware_errors, hardware_terms
+from builder.inverse.map_envelope import coefficient_half_spaces, flight_ranges
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
 from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import Problem, Solution, solve
@@ -23,7 +26,6 @@ from builder.structure.solid.case import solid_case
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.validity import condition_ranges
 from strainfmu.version import __version__
@@ -34,7 +36,8 @@ AnyStructure = StructuralModel | MappedStructure
 def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> FloatArray:
     """Return the covariance (n_d, n_d) of the noise of the gauges in use [(m/m)^2].
 
-    Relative noise is a fraction of the median |strain| over the snapshots and the gauges of ``noise.of_layout``.
+    Relative noise is a fraction of the median |strain| over the snapshots, at their own pressure level and as they
+    are listed, and the gauges of ``noise.of_layout``.
 
     Raises
     ------
@@ -44,7 +47,8 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
     entry = vehicle.noise
     layout, median = vehicle.gauges.layout, 0.0
     if entry.percent_of_median_strain is not None:
-        net = snapshots.pressure - internal_pressure(vehicle, snapshots)
+        inside = np.array([vehicle.internal_pressure(condition) for condition in snapshots.conditions()])
+        net = snapshots.pressure - inside[:, None]
         median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
     return gauge_covariance(entry, len(structure.layouts[layout].names), median, vehicle.beside(""))
 
@@ -67,39 +71,26 @@ def check_noise(vehicle: Vehicle) -> None:
 
 
 def noise_terms(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, strain_operator: FloatArray
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    ensemble: Ensemble,
+    errors: list[HardwareError],
 ) -> list[NoiseTerm]:
     """Return the noise terms of the section [noise], without the truncated modes.
+
+    ``errors`` are those in proportion to strain.
 
     Raises
     ------
     InputError
         The section does not fit the gauges, or the structural model cannot do what it requests.
     """
-    entry = vehicle.noise
-    layout, file = vehicle.gauges.layout, entry.nuisance_file
+    layout, file = vehicle.gauges.layout, vehicle.noise.nuisance_file
     nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), structure.layouts[layout].names)
-    derivatives = gauge_derivatives(vehicle, structure, layout) if entry.moves_gauges else None
-    net = snapshots.pressure - internal_pressure(vehicle, snapshots)
     own = gauge_noise(gauge_noise_covariance(vehicle, snapshots, structure))
-    return [own, *nuisance, *gauge_error_terms(entry, net, strain_operator, derivatives)]
-
-
-def internal_pressure(vehicle: Vehicle, snapshots: Snapshots) -> float:
-    """Return p_internal [Pa] of all snapshots.
-
-    Raises
-    ------
-    InputError
-        The snapshots' altitudes differ and so does the pressure inside.
-    """
-    inside = [vehicle.internal_pressure(condition) for condition in snapshots.conditions()]
-    if min(inside) != max(inside):
-        raise InputError(
-            f"snapshots: internal pressures {min(inside):.6g} to {max(inside):.6g} Pa found, one is needed: give "
-            "one altitude, or structure.internal_pressure_Pa as a number"
-        )
-    return inside[0]
+    z_p = structure.strain_operator(layout)
+    return [own, *nuisance, *hardware_terms(vehicle, errors, ensemble, z_p)]
 
 
 def build_inverse_map(
@@ -134,13 +125,14 @@ def inverse_problem(
     """
     snapshots = _on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
+    ensemble, errors = ensemble_of(vehicle, snapshots), hardware_errors(vehicle, structure, z_p)
     return Problem(
-        pressure=snapshots.pressure,
-        internal_pressure=internal_pressure(vehicle, snapshots),
+        ensemble=ensemble,
         strain_operator=z_p,
         load_operator=_load_operator(structure.surface, vehicle.reference_quantities().moment_station),
         node_area=_mesh(structure.surface).node_area,
-        noise=(*noise_terms(vehicle, snapshots, structure, z_p), *nuisance),
+        noise=(*noise_terms(vehicle, snapshots, structure, ensemble, errors), *nuisance),
+        errors=tuple(errors),
         with_truncated_modes=vehicle.noise.with_truncated_modes,
         entry=vehicle.map,
     )
@@ -151,10 +143,11 @@ def inverse_map_of(
 ) -> InverseMap:
     """Return the map of a solved ``problem``; its first noise term is the gauges' own."""
     snapshots, reference = _on_structure(snapshots, structure), vehicle.reference_quantities()
-    z_p, loads, inside = problem.strain_operator, problem.load_operator, problem.internal_pressure
+    z_p, loads, ensemble = problem.strain_operator, problem.load_operator, problem.ensemble
     solved, load_per_state = solution.solved, loads @ solution.field_modes
-    coefficients = snapshot_coefficients(vehicle, snapshots, loads)
+    coefficients = ensemble.coefficients(loads)
     gauges = structure.layouts[vehicle.gauges.layout]
+    ranges, half_spaces = flight_ranges(vehicle, ensemble), coefficient_half_spaces(ensemble, coefficients)
     return InverseMap(
         vehicle=vehicle.name,
         case=problem.entry.case,
@@ -168,22 +161,70 @@ def inverse_map_of(
         strain_gain=solved.strain_gain,
         state_offset=solved.state_offset,
         load_per_state=load_per_state,
-        load_of_mean=loads @ (solution.mean - inside),
+        load_of_mean=loads @ (solution.mean - ensemble.fixed_pressure),
         load_covariance=load_covariance_by_terms(
             solved, load_per_state, solution.noise, solution.noise.strain_load_covariance
         ),
         mean_strain=solved.mean_strain,
         residual_whitening=solved.residual_whitening,
         residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
-        strain_range=np.abs((snapshots.pressure - inside) @ z_p.T).max(axis=0),
+        strain_range=np.abs(ensemble.responses(z_p)).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
         reference_area=reference.area,
         reference_length=reference.length,
-        nominal_dynamic_pressure=float(np.mean([c.dynamic_pressure for c in snapshots.conditions()])),
+        nominal_dynamic_pressure=ensemble.nominal_dynamic_pressure,
         strain_load_covariance=solution.noise.strain_load_covariance,
-        provenance=_provenance(vehicle, snapshots, structure, solution, inside),
+        provenance=_provenance(vehicle, snapshots, structure, problem, solution),
+        dynamic_pressure_error=0.01 * vehicle.noise.dynamic_pressure_percent,
+        envelope_direction=half_spaces.direction,
+        envelope_limit=half_spaces.limit,
+        dynamic_pressure_range=ranges.dynamic_pressure,
+        mach_number_range=ranges.mach_number,
+        altitude_range=ranges.altitude,
+        **(_scaled_parts(problem, solution, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
         **(_field(solution, _mesh(structure.surface)) if problem.entry.keep_field else {}),
     )
+
+
+def _scaled_parts(problem: Problem, solution: Solution, coefficients: FloatArray) -> dict[str, Any]:
+    """Return the fields of a map in form "dynamic_pressure" that one in form "absolute" does not have."""
+    scaling = [term for term in solution.noise.terms if term.scales]
+    fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
+    strain, load = _compressed(scaling, len(problem.strain_operator))
+    parts: dict[str, Any] = {
+        "form": "dynamic_pressure",
+        "gauge_covariance": np.sum(fixed, axis=0),
+        "error_strain": strain,
+        "error_load": load,
+    }
+    inside = problem.ensemble.fixed_pressure
+    if inside != 0.0:
+        parts["fixed_strain"] = -inside * problem.strain_operator.sum(axis=1)
+        parts["fixed_load"] = -inside * problem.load_operator.sum(axis=1)
+    errors = error_model(list(problem.errors), problem.ensemble, coefficients)
+    if errors is not None:
+        parts["gauge_error_product"] = errors.of_gauge
+        parts["common_error"] = errors.common
+        parts["mean_product"] = errors.mean_product
+    return parts
+
+
+def _compressed(terms: list[NoiseTerm], n_gauges: int) -> tuple[FloatArray, FloatArray]:
+    """Return strain (n_d, k) and load (5, k) columns with the covariance of all ``terms``, k at most n_d + 5."""
+    if not terms:
+        return np.zeros((n_gauges, 0)), np.zeros((5, 0))
+    joint = np.hstack(
+        [
+            np.vstack([term.strain, np.zeros((5, term.strain.shape[1])) if term.load is None else term.load])
+            for term in terms
+        ]
+    )
+    # Rows of one size: strain and newtons differ by many orders of magnitude.
+    size = np.linalg.norm(joint, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    upper: FloatArray = np.asarray(np.linalg.qr((joint / size).T, mode="r"))
+    triangle = size * upper.T
+    return triangle[:n_gauges], triangle[n_gauges:]
 
 
 def _on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
@@ -192,25 +233,33 @@ def _on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
 
 
 def _provenance(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, solution: Solution, inside: float
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
 ) -> dict[str, Any]:
-    conditions = snapshots.conditions()
+    conditions, ensemble = snapshots.conditions(), problem.ensemble
     return {
         "strainfmu_version": __version__,
         "layout": vehicle.gauges.layout,
         "snapshots": len(conditions),
         "flows_solved": int(snapshots.solved.sum()),
         **solution.facts,
+        "form": problem.entry.form,
+        "symmetry": "listed" if ensemble.grid is None else "full",
         "noise_terms": [
             {"name": one.name, "share": one.fraction, "rms_strain": one.rms_strain}
             for one in solution.noise.fractions()
         ],
-        "internal_pressure_Pa": inside,
+        "internal_pressure_Pa": vehicle.structure.internal_pressure_Pa,
         **condition_ranges(conditions),
+        "total_incidence_deg": _incidence_range(ensemble),
         "moment_station_m": vehicle.reference_quantities().moment_station,
         "resolution": vehicle.resolution.map.model_dump(),
         "structural_model": structure.description,
     }
+
+
+def _incidence_range(ensemble: Ensemble) -> list[float]:
+    incidence = [degrees(condition.total_incidence) for condition in ensemble.conditions]
+    return [min(incidence), max(incidence)]
 
 
 def _field(solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
@@ -236,5 +285,6 @@ def _load_operator(surface: SurfaceGrid | SurfaceMesh, moment_station: float) ->
 
 def snapshot_coefficients(vehicle: Vehicle, snapshots: Snapshots, loads: FloatArray) -> FloatArray:
     """Return (N, 5) coefficients of the snapshots; ``loads`` is the load operator (5, n_p)."""
-    net = snapshots.pressure - internal_pressure(vehicle, snapshots)
-    return coefficients_of(net, loads, snapshots.conditions(), vehicle.reference_quantities())
+    conditions = snapshots.conditions()
+    inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
+    return coefficients_of(snapshots.pressure - inside[:, None], loads, conditions, vehicle.reference_quantities())

@@ -1,4 +1,4 @@
-"""Derivatives of strain by position and direction of the gauges, from displaced gauges by differences."""
+"""Derivatives of strain by position and direction of the gauges, roll of the layout, and wall thickness."""
 
 from __future__ import annotations
 
@@ -9,18 +9,22 @@ import numpy as np
 from builder.inverse.noise_model import central_difference
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid import displaced_gauges as displaced
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 STEP = 1e-3
 """Step of the differences: 1 mm along the surface, 1 mrad of direction."""
+
+WALL_STEP = 0.01
+"""Step of the wall's thickness, relative to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +35,13 @@ class GaugeDerivatives:
     ----------
     axial, circumferential : by the gauge's position along the surface [1/(Pa m)].
     orientation : by the angle of its direction in the surface [1/(Pa rad)].
+    layout_roll : by the roll angle of all gauges together [1/(Pa rad)].
     """
 
     axial: FloatArray
     circumferential: FloatArray
     orientation: FloatArray
+    layout_roll: FloatArray
 
 
 def gauge_derivatives(
@@ -66,15 +72,71 @@ def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDer
         name = displaced.displaced_name(layout, how)
         if name not in structure.operators:
             raise InputError(
-                f"structure: layout '{name}' is missing, which noise.gauge_position_mm and "
-                "noise.gauge_orientation_deg need; compute the structure again with the same vehicle file"
+                f"structure: layout '{name}' is missing, which noise.gauge_position_mm, gauge_orientation_deg and "
+                "layout_roll_deg need; compute the structure again with the same vehicle file, or set them to 0"
             )
         return structure.strain_operator(name)
 
+    around = central_difference(of(displaced.AROUND), of(displaced.BACK), displaced.STEP)
+    position = structure.layouts[layout].position
     return GaugeDerivatives(
         axial=central_difference(of(displaced.AFT), of(displaced.FORE), displaced.STEP),
-        circumferential=central_difference(of(displaced.AROUND), of(displaced.BACK), displaced.STEP),
+        circumferential=around,
         orientation=of(displaced.TURNED_AROUND) - of(displaced.TURNED_BACK),
+        layout_roll=np.hypot(position[:, 1], position[:, 2])[:, None] * around,
+    )
+
+
+def wall_thickness_derivative(
+    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
+) -> FloatArray:
+    """Return the derivative of Z_p (n_d, n_p) by the relative wall thickness [1/Pa].
+
+    By the semi-analytic model, which for a solid structure stands in with a clamped ring and gauges at a point
+    inside: what counts is how strain changes, and that follows from membrane and bending alike. On a surface
+    without stations, or with gauges off the wall, strain goes with 1 / t.
+    """
+    surface = structure.surface
+    if not isinstance(surface, SurfaceGrid):
+        return -structure.strain_operator(layout)
+    try:
+        thin, thick = (
+            structural_model(_with_wall(vehicle, factor), vehicle.resolution.map, [layout])
+            for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
+        )
+    except InputError:
+        return -structure.strain_operator(layout)
+    placed = thin.placed[layout]
+    after, before = (strain_operator(model.response, placed, surface) for model in (thick, thin))
+    return central_difference(after, before, WALL_STEP)
+
+
+def _with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
+    """Return the vehicle with another wall, clamped, and gauges at a point on the inner surface."""
+    thickness = factor * vehicle.structure.wall_thickness_mm
+    changed = {
+        "wall_thickness_mm": thickness,
+        "support": "clamped_aft",
+        "foundation_normal_N_per_m3": None,
+        "foundation_tangential_N_per_m3": None,
+    }
+    layouts = {
+        name: entry.model_copy(
+            update={
+                "rows": None
+                if entry.rows is None
+                else [row.model_copy(update={"surface": "inner", "length_mm": 0.0}) for row in entry.rows],
+                "surface": None if entry.file is None else "inner",
+                "length_mm": None,
+            }
+        )
+        for name, entry in vehicle.gauges.layouts.items()
+    }
+    return vehicle.model_copy(
+        update={
+            "structure": vehicle.structure.model_copy(update=changed),
+            "gauges": vehicle.gauges.model_copy(update={"layouts": layouts}),
+        }
     )
 
 
@@ -98,13 +160,15 @@ def fourier_gauge_derivatives(vehicle: Vehicle, structure: StructuralModel, layo
         after, before = (strain_operator(response, gauges, surface) for gauges in (plus, minus))
         return central_difference(after, before, STEP)
 
+    circumferential = difference(
+        replace(placed, roll_angle=placed.roll_angle + around),
+        replace(placed, roll_angle=placed.roll_angle - around),
+    )
     return GaugeDerivatives(
         axial=difference(replace(placed, x=placed.x + along_x), replace(placed, x=placed.x - along_x)),
-        circumferential=difference(
-            replace(placed, roll_angle=placed.roll_angle + around),
-            replace(placed, roll_angle=placed.roll_angle - around),
-        ),
+        circumferential=circumferential,
         orientation=difference(_turned(placed, STEP), _turned(placed, -STEP)),
+        layout_roll=at_gauge.radius[:, None] * circumferential,
     )
 
 

@@ -1,4 +1,4 @@
-"""Noise and errors of the gauges, from the section [noise] of a vehicle file."""
+"""Noise of the gauges and further modes of strain error, from the section [noise] of a vehicle file."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.inverse.gauge_derivatives import GaugeDerivatives
-from builder.inverse.noise_model import NoiseTerm, gauge_errors, nuisance_modes
+from builder.inverse.noise_model import NoiseTerm, nuisance_modes
 from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -62,36 +61,6 @@ def _covariance_of(path: Path, n_gauges: int) -> FloatArray:
     if not (symmetric and np.linalg.eigvalsh(values)[0] > 0.0):
         raise InputError(f"{where}: no covariance: must be symmetric and positive definite")
     return values
-
-
-def gauge_error_terms(
-    entry: Noise, net_pressure: FloatArray, strain_operator: FloatArray, derivatives: GaugeDerivatives | None
-) -> list[NoiseTerm]:
-    """Return the terms for apparent strain and for errors of the gauges' gain, position and orientation.
-
-    Parameters
-    ----------
-    entry : section [noise].
-    net_pressure : (N, n_p) p - p_internal of the snapshots [Pa], over which variances are averaged.
-    strain_operator : (n_d, n_p) Z_p [1/Pa].
-    derivatives : of Z_p; None without position and orientation errors.
-    """
-    terms = []
-    if entry.apparent_strain_um_per_m > 0.0:
-        column = np.ones((len(strain_operator), 1))
-        terms.append(nuisance_modes("apparent strain", column, np.array([MICRO * entry.apparent_strain_um_per_m])))
-    if entry.gauge_gain_percent > 0.0:
-        terms.append(gauge_errors("gauge gain", net_pressure @ strain_operator.T, 0.01 * entry.gauge_gain_percent))
-    if derivatives is not None:
-        position, angle = 1e-3 * entry.gauge_position_mm, np.deg2rad(entry.gauge_orientation_deg)
-        for name, derivative, std in (
-            ("gauge position, axial", derivatives.axial, position),
-            ("gauge position, circumferential", derivatives.circumferential, position),
-            ("gauge orientation", derivatives.orientation, float(angle)),
-        ):
-            if std > 0.0:
-                terms.append(gauge_errors(name, net_pressure @ derivative.T, std))
-    return terms
 
 
 def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:

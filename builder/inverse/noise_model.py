@@ -7,7 +7,7 @@ and Computational Inverse Problems, 2005, section 5.8).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,11 +27,15 @@ class NoiseTerm:
     name : for reports.
     strain : (n_d, k) columns of strain at one standard deviation [m/m].
     load : (5, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
+    scales : whether the term grows with the dynamic pressure, as errors in proportion to strain do.
+    hardware : whether it is an error of the vehicle and its gauges as built.
     """
 
     name: str
     strain: FloatArray
     load: FloatArray | None = None
+    scales: bool = False
+    hardware: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,9 @@ def truncated_modes(
     kept : number of modes that are states.
     """
     std = modes.coefficient_std()[kept:]
-    return NoiseTerm("truncated modes", strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std)
+    return NoiseTerm(
+        "truncated modes", strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std, scales=True
+    )
 
 
 def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
@@ -135,7 +141,7 @@ def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
     return NoiseTerm(name, strain * std)
 
 
-def gauge_errors(name: str, sensitivity: FloatArray, std: float) -> NoiseTerm:
+def gauge_errors(name: str, sensitivity: FloatArray, std: float, weight: FloatArray | None = None) -> NoiseTerm:
     """Return the term of an error that is independent from gauge to gauge, to first order.
 
     The strain error of gauge i is g_i s_ij in flight j, with g_i of standard deviation ``std``; its variance is
@@ -146,14 +152,28 @@ def gauge_errors(name: str, sensitivity: FloatArray, std: float) -> NoiseTerm:
     name : for reports.
     sensitivity : (N, n_d) strain error per unit of the gauge's error, over N flights [m/m per unit].
     std : standard deviation of the gauge's error [unit].
+    weight : (N,) of the flights in the mean, adding up to 1; None for equal ones.
 
     Raises
     ------
     InputError
         A value is not finite, or the standard deviation is negative.
     """
-    rms = np.sqrt(np.mean(sensitivity**2, axis=0))
-    return nuisance_modes(name, np.diag(rms), np.full(len(rms), std))
+    rms = np.sqrt(np.average(sensitivity**2, axis=0, weights=weight))
+    term = nuisance_modes(name, np.diag(rms), np.full(len(rms), std))
+    return replace(term, scales=True, hardware=True)
+
+
+def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatArray) -> NoiseTerm:
+    """Return the term of one error that all gauges have in common, such as that of the wall's thickness.
+
+    Its covariance is the mean of s_j s_j' over the flights j; parameters as in :func:`gauge_errors`.
+    """
+    _, size, right = np.linalg.svd(np.sqrt(weight)[:, None] * sensitivity, full_matrices=False)
+    kept = size > 1e-6 * size[0] if size[0] > 0.0 else size > 0.0
+    return replace(
+        nuisance_modes(name, right[kept].T * size[kept], np.full(int(kept.sum()), std)), scales=True, hardware=True
+    )
 
 
 def central_difference(plus: FloatArray, minus: FloatArray, step: float) -> FloatArray:

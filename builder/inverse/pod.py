@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,10 @@ class PressureModes:
     def coefficient_std(self) -> FloatArray:
         """(k,) standard deviation of the modal coefficients over the snapshots [Pa]."""
         return self.singular_values / np.sqrt(self.n_snapshots - 1)
+
+    def reordered(self, order: list[int]) -> PressureModes:
+        """Return the modes in another ``order``, by index."""
+        return replace(self, modes=self.modes[:, order], singular_values=self.singular_values[order])
 
     def coefficients(self, pressure: FloatArray) -> FloatArray:
         """Return c = V^T W (p - mean), (N, k) [Pa], of pressures (N, n_p) [Pa]."""

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array, vstack
 
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, internal_pressure, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.reporting import Progress, Reporter
 from builder.structure.fourier.model import StructuralModel, place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -167,7 +167,7 @@ def mesh_study(
     layout, case = vehicle.gauges.layout, solid_case(vehicle, used_layouts(vehicle))
     with reporter.stage(FOURIER) as progress:
         fourier = fourier_on_snapshots(vehicle, snapshots, progress)
-        net = snapshots.pressure - internal_pressure(vehicle, snapshots)
+        net = snapshots.pressure - snapshots.internal_pressure[:, None]
         own_map = build_inverse_map(vehicle, snapshots, fourier)
         loads = load_operator(fourier.surface, own_map.provenance["moment_station_m"])
         truth = StrainTruth(

@@ -17,7 +17,7 @@ from builder.aero.surface_mesh import SurfaceMesh
 from builder.inverse.case_2 import gaussian_map
 from builder.inverse.noise_model import NoiseModel
 from builder.inverse.pod import PressureModes
-from builder.inverse.solution import Problem, Solution, pressure_modes
+from builder.inverse.solution import Problem, Solution, ordered_modes, pressure_modes
 from builder.reports.symmetry_classes import class_fractions, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.geometry import SurfaceGrid
@@ -77,10 +77,11 @@ def prior_observability(
 ) -> PriorObservability:
     """Return what the gauges of ``problem`` observe of its snapshots, with the map of ``solution``."""
     entry = problem.entry
-    modes = pressure_modes(problem)
+    modes = ordered_modes(problem)[0] if entry.case == 1 else pressure_modes(problem)
     std, strain = modes.coefficient_std(), problem.strain_operator @ modes.modes
     error, best = _error_factor(problem, solution, modes, strain), _best_error_factor(problem, modes, strain)
-    kept = entry.modes if entry.case == 1 else min(entry.prior_modes or len(std), len(std))
+    of_states = solution.field_modes.shape[1]
+    kept = of_states if entry.case == 1 else min(entry.prior_modes or len(std), len(std))
     area = problem.node_area / problem.node_area.sum()
     per_mode = std**2 * (area @ modes.modes**2)
     whole = float(per_mode.sum())

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.limits import GAMMA
-from builder.vehicle.sections import Section
+from builder.vehicle.sections import Altitude, Section
 
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
@@ -19,8 +19,16 @@ class MapEntry(Section):
     ``case`` 1 keeps ``modes`` POD modes and solves by least squares; 2 takes the snapshots as a Gaussian prior,
     all of them or ``prior_modes`` POD modes. ``gamma`` is Case 2's: a number, or the rule that finds it.
     ``inner_product`` is that of the POD. ``keep_field`` writes the pressure field into the map.
+
+    ``form`` "dynamic_pressure" models strain in proportion to q_inf, so that the map holds at every altitude of
+    ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
+    uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
+    conditions with their signs.
     """
 
+    form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
+    symmetry: Literal["full", "listed"] = "full"
+    valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1
     inner_product: Literal["euclidean", "area"] = "euclidean"
@@ -36,16 +44,45 @@ class MapEntry(Section):
             raise ValueError(f"expected {GAMMA} or one of {', '.join(RULES)}, got {value!r}")
         return value
 
+    @field_validator("valid_altitude_km", mode="before")
+    @classmethod
+    def _range_of_altitudes(cls, value: Any) -> Any:
+        return tuple(value) if isinstance(value, list) else value
+
+    @model_validator(mode="after")
+    def _fits_form(self) -> MapEntry:
+        if self.valid_altitude_km[0] >= self.valid_altitude_km[1]:
+            raise ValueError(f"valid_altitude_km: expected two rising numbers, got {list(self.valid_altitude_km)}")
+        if self.form == "dynamic_pressure" and self.gamma != 1.0:
+            raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
+        return self
+
+
+HARDWARE_ERRORS = (
+    "gauge_gain_percent",
+    "common_gain_percent",
+    "gauge_position_mm",
+    "gauge_orientation_deg",
+    "layout_roll_deg",
+    "wall_thickness_percent",
+    "apparent_strain_um_per_m",
+    "internal_pressure_percent",
+    "dynamic_pressure_percent",
+)
+"""Entries of [noise] that are errors of the hardware, one standard deviation each."""
+
 
 class Noise(Section):
-    """Strain error: the gauges' own noise, and what is added to its covariance.
+    """Strain error: the gauges' own noise, and the errors of the hardware.
 
     The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,
     one per gauge, or as the CSV file of a full covariance [(um/m)^2] beside the vehicle file. Nothing is added to
-    it with ``model`` "paper". Gain, position and orientation errors are those of each gauge on its own; apparent
-    strain is the same for all gauges, as an uncompensated temperature causes it. ``nuisance_file`` is a CSV file
-    beside the vehicle file with the strain of further modes, such as temperature distributions, at one standard
-    deviation.
+    it with ``model`` "paper". Every other entry is one standard deviation. Gain, position and orientation errors
+    are those of each gauge on its own. Common gain is of all gauges, as from Young's modulus or the lot's gauge
+    factor; ``layout_roll_deg`` turns all gauges round the axis; apparent strain is the same for all, as an
+    uncompensated temperature causes it. Internal pressure is in percent of p_inf. ``dynamic_pressure_percent`` is
+    the error of q_inf where the estimator is told no other. ``nuisance_file`` is a CSV file beside the vehicle
+    file with the strain of further modes, such as temperature distributions, at one standard deviation.
     """
 
     percent_of_median_strain: float | None = Field(default=None, ge=1e-6, le=100.0)
@@ -56,10 +93,22 @@ class Noise(Section):
     model: Literal["default", "paper"] = "default"
     truncated_modes: bool = True
     nuisance_file: str | None = None
-    apparent_strain_um_per_m: float = Field(default=0.0, ge=0.0, le=1e4)
-    gauge_gain_percent: float = Field(default=0.0, ge=0.0, le=100.0)
-    gauge_position_mm: float = Field(default=0.0, ge=0.0, le=100.0)
-    gauge_orientation_deg: float = Field(default=0.0, ge=0.0, le=90.0)
+    gauge_gain_percent: float = Field(default=1.0, ge=0.0, le=100.0)
+    common_gain_percent: float = Field(default=1.0, ge=0.0, le=100.0)
+    gauge_position_mm: float = Field(default=1.0, ge=0.0, le=100.0)
+    gauge_orientation_deg: float = Field(default=1.0, ge=0.0, le=90.0)
+    layout_roll_deg: float = Field(default=0.5, ge=0.0, le=90.0)
+    wall_thickness_percent: float = Field(default=1.0, ge=0.0, le=50.0)
+    apparent_strain_um_per_m: float = Field(default=5.0, ge=0.0, le=1e4)
+    internal_pressure_percent: float = Field(default=5.0, ge=0.0, le=1000.0)
+    dynamic_pressure_percent: float = Field(default=1.0, ge=0.0, le=50.0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _paper_has_no_hardware_errors(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or values.get("model") != "paper":
+            return values
+        return dict.fromkeys(HARDWARE_ERRORS, 0.0) | values
 
     @model_validator(mode="after")
     def _one_way(self) -> Noise:
@@ -70,8 +119,7 @@ class Noise(Section):
 
     @model_validator(mode="after")
     def _paper_is_gauge_noise_alone(self) -> Noise:
-        names = ("apparent_strain_um_per_m", "gauge_gain_percent", "gauge_position_mm", "gauge_orientation_deg")
-        added = [name for name in names if getattr(self, name) > 0.0]
+        added = [name for name in HARDWARE_ERRORS if getattr(self, name) > 0.0]
         if self.model == "paper" and added:
             raise ValueError(f"model 'paper' is gauge noise alone, but {added[0]} is {getattr(self, added[0]):g}")
         if self.model == "paper" and self.nuisance_file is not None:
@@ -81,7 +129,11 @@ class Noise(Section):
     @property
     def moves_gauges(self) -> bool:
         """Whether gauges may sit or point differently than stated."""
-        return self.gauge_position_mm > 0.0 or self.gauge_orientation_deg > 0.0
+        return max(self.gauge_position_mm, self.gauge_orientation_deg, self.layout_roll_deg) > 0.0
+
+    def without_hardware_errors(self) -> Noise:
+        """Return the same section with every error of the hardware set to 0."""
+        return self.model_copy(update=dict.fromkeys(HARDWARE_ERRORS, 0.0))
 
     @property
     def with_truncated_modes(self) -> bool:

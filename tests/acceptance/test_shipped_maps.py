@@ -20,7 +20,7 @@ from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.build import build_inverse_map, internal_pressure, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
@@ -130,7 +130,7 @@ def same_mesh(vehicle: Vehicle, structure: StructuralModel) -> tuple[np.ndarray,
     campaign = vehicle_campaign(vehicle, engine, [ConditionSet("held out", tuple(conditions))])
     solved = solve_flows(engine, map(engine.flow_key, conditions), Scheduling(workers=0))
     snapshots = snapshots_of_flows(campaign, {one.flow.key: one.flow for one in solved})
-    net = snapshots.pressure - internal_pressure(vehicle, snapshots)
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
     loads = load_operator(structure.surface, vehicle.reference.moment_station_m)
     strain = net @ structure.strain_operator(vehicle.gauges.layout).T
     return strain, snapshot_coefficients(vehicle, snapshots, loads)

@@ -14,6 +14,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from ensembles import listed_ensemble
 
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
@@ -114,8 +115,8 @@ def field(_: Path) -> dict[str, object]:
     shapes = [
         solve(
             Problem(
-                pressure=pressure,
-                internal_pressure=0.0,
+                ensemble=listed_ensemble(pressure),
+                errors=(),
                 strain_operator=operator,
                 load_operator=loads,
                 node_area=area,

@@ -24,7 +24,7 @@ OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
 
 CASE_1 = MapEntry(modes=4)
-CASE_2 = MapEntry(case=2, gamma=2.0)
+CASE_2 = MapEntry(case=2, gamma=2.0, form="absolute", symmetry="listed")
 
 
 @dataclass(frozen=True, eq=False)

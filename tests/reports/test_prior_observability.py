@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ensembles import listed_ensemble
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.aero.surface_mesh import mesh_of_grid
@@ -47,8 +48,8 @@ def constructed(correlated: bool, grid: SurfaceGrid = GRID) -> tuple[PriorObserv
     noise = (gauge_noise(np.diag(np.full(4, 1e-12) ** 2)),)
     entry = MapEntry(case=2, gamma=1.0)
     problem = Problem(
-        pressure=pressure,
-        internal_pressure=0.0,
+        ensemble=listed_ensemble(pressure),
+        errors=(),
         strain_operator=strain_operator,
         load_operator=np.ones((5, len(phi))),
         node_area=area,

@@ -14,7 +14,7 @@ from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import gauge_noise_covariance, internal_pressure
+from builder.inverse.build import gauge_noise_covariance
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
 from builder.pipeline.flight_tables import truth_engine, truth_keys
@@ -102,7 +102,7 @@ def case(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> 
         loads=load_operator(structure.surface, vehicle.reference.moment_station_m),
         modes=proper_orthogonal_decomposition(snapshots.pressure),
         noise_std=np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure))),
-        internal_pressure=internal_pressure(vehicle, snapshots),
+        internal_pressure=float(snapshots.internal_pressure[0]),
     )
 
 

@@ -1,0 +1,128 @@
+"""Errors of the vehicle and its gauges as built: as terms of the weights, and as functions of the current strain.
+
+Every error has an operator that gives its strain, per standard deviation, from the surface pressure: Z_p itself
+for gains and Young's modulus, its derivatives for the placement of gauges, the roll of the layout and the wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.inverse.ensemble import Ensemble
+from builder.inverse.gauge_derivatives import gauge_derivatives, wall_thickness_derivative
+from builder.inverse.noise_model import NoiseTerm, common_error, gauge_errors, nuisance_modes
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.mapped_structure import MappedStructure
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.proportional_errors import PAIRS, ErrorModel
+
+MICRO = 1e-6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HardwareError:
+    """One error in proportion to strain.
+
+    Attributes
+    ----------
+    name : for reports.
+    operator : (n_d, n_p) strain per pressure at one standard deviation [1/Pa].
+    common : whether all gauges have the same error, or each its own.
+    """
+
+    name: str
+    operator: FloatArray
+    common: bool
+
+
+def hardware_errors(
+    vehicle: Vehicle, structure: StructuralModel | MappedStructure, strain_operator: FloatArray
+) -> list[HardwareError]:
+    """Return the errors of the section [noise] that are in proportion to strain; those of size 0 are left out.
+
+    ``strain_operator`` is Z_p (n_d, n_p) [1/Pa] of the layout in use.
+
+    Raises
+    ------
+    InputError
+        A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
+    """
+    entry, layout = vehicle.noise, vehicle.gauges.layout
+    found = [
+        HardwareError(name="gauge gain", operator=0.01 * entry.gauge_gain_percent * strain_operator, common=False),
+        HardwareError(
+            name="common gain", operator=0.01 * entry.common_gain_percent * strain_operator, common=True
+        ),
+    ]
+    if entry.moves_gauges:
+        by = gauge_derivatives(vehicle, structure, layout)
+        position, angle = 1e-3 * entry.gauge_position_mm, np.deg2rad(entry.gauge_orientation_deg)
+        found += [
+            HardwareError(name="gauge position, axial", operator=position * by.axial, common=False),
+            HardwareError(
+                name="gauge position, circumferential", operator=position * by.circumferential, common=False
+            ),
+            HardwareError(name="gauge orientation", operator=angle * by.orientation, common=False),
+            HardwareError(
+                name="layout roll", operator=np.deg2rad(entry.layout_roll_deg) * by.layout_roll, common=True
+            ),
+        ]
+    if entry.wall_thickness_percent > 0.0:
+        by_thickness = wall_thickness_derivative(vehicle, structure, layout)
+        found.append(
+            HardwareError(
+                name="wall thickness", operator=0.01 * entry.wall_thickness_percent * by_thickness, common=True
+            )
+        )
+    return [error for error in found if np.any(error.operator)]
+
+
+def hardware_terms(
+    vehicle: Vehicle, errors: list[HardwareError], ensemble: Ensemble, strain_operator: FloatArray
+) -> list[NoiseTerm]:
+    """Return the noise terms of ``errors``, averaged over the ensemble, and of those that do not follow strain."""
+    entry, weight = vehicle.noise, ensemble.member_weight
+    terms = []
+    for error in errors:
+        sensitivity = ensemble.responses(error.operator)
+        term = common_error if error.common else gauge_errors
+        terms.append(term(error.name, sensitivity, 1.0, weight))
+    if entry.apparent_strain_um_per_m > 0.0:
+        column, std = np.ones((len(strain_operator), 1)), np.array([MICRO * entry.apparent_strain_um_per_m])
+        terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))
+    if entry.internal_pressure_percent > 0.0:
+        rms = np.sqrt(np.average(ensemble.ambient_pressure**2, weights=ensemble.weight))
+        column = strain_operator.sum(axis=1)[:, None]
+        std = np.array([0.01 * entry.internal_pressure_percent * rms])
+        terms.append(replace(nuisance_modes("internal pressure", column, std), hardware=True, scales=True))
+    return terms
+
+
+def error_model(errors: list[HardwareError], ensemble: Ensemble, coefficients: FloatArray) -> ErrorModel | None:
+    """Return how ``errors`` follow the coefficients (n, 5) of the ensemble's members; None without errors.
+
+    The strain of an error is regressed on [1, C] over the members. What the regression leaves stays in the
+    weights.
+    """
+    if not errors:
+        return None
+    weight = ensemble.member_weight
+    c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
+    root = np.sqrt(weight)[:, None]
+    n_d = len(errors[0].operator)
+    of_gauge, common = np.zeros((len(PAIRS), n_d)), []
+    for error in errors:
+        slope = np.linalg.lstsq(root * c, root * ensemble.responses(error.operator), rcond=1e-10)[0]
+        if error.common:
+            common.append(slope)
+            continue
+        for row, (a, b) in enumerate(PAIRS):
+            of_gauge[row] += (1.0 if a == b else 2.0) * slope[a] * slope[b]
+    return ErrorModel(
+        of_gauge=of_gauge,
+        common=np.array(common).reshape(-1, 6, n_d),
+        mean_product=np.array([weight @ (c[:, a] * c[:, b]) for a, b in PAIRS]),
+    )

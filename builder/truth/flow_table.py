@@ -1,0 +1,142 @@
+"""Surface pressure of the independent model as a table over Mach number and total incidence.
+
+The table holds circumferential harmonics of p / p_inf. Between the knots it is a tensor-product cubic spline. In
+total incidence the knots are mirrored to negative values, where the flow is the same rolled by half a turn:
+harmonic m of the pressure changes by (-1)^m. So the spline has the correct symmetry at a_T = 0 without a knot
+there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from builder.aero.engine import Flow, FlowKey
+from builder.aero.euler_engine import pieces
+from builder.aero.surface_pressure import pressure_at_stations
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.records import load_record, save_record
+
+SCHEMA = "strainfmu.flow_table"
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlowTable:
+    """Pressure harmonics at knots.
+
+    Attributes
+    ----------
+    vehicle : name.
+    mach_knots : (n_M,) increasing [1].
+    incidence_knots : (n_a,) total incidence, increasing, positive [rad].
+    harmonic : (n_M, n_a, n_x, n_m) amplitudes of cos(m phi) in p / p_inf, phi from the leeward meridian [1].
+    provenance : what it was made from.
+    """
+
+    vehicle: str
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    harmonic: FloatArray
+    provenance: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        n_mach, n_incidence = len(self.mach_knots), len(self.incidence_knots)
+        if self.harmonic.ndim != 4 or self.harmonic.shape[:2] != (n_mach, n_incidence):
+            expected = f"({n_mach}, {n_incidence}, stations, harmonics)"
+            raise InputError(f"harmonic: expected shape {expected}, got {self.harmonic.shape}")
+        if not np.all(np.isfinite(self.harmonic)):
+            raise InputError("harmonic: not all values are finite")
+
+
+def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
+    """Return the amplitudes (n_x, max_harmonic + 1) of cos(m phi) in p/p_inf, phi from the leeward meridian.
+
+    The discrete cosine transform over the solver's cells; harmonics that they cannot resolve are zero.
+    """
+    ratio = pressure_at_stations(pieces(flow), surface)
+    n_phi = ratio.shape[1]
+    m = np.arange(max_harmonic + 1)
+    weight = np.where(m == 0, 1.0, 2.0) * (m < n_phi)
+    return ratio @ np.cos(np.outer(flow.arrays["roll_angle"], m)) * weight / n_phi
+
+
+def flow_table(
+    vehicle: str,
+    mach: FloatArray,
+    incidence: FloatArray,
+    flows: Mapping[FlowKey, Flow],
+    surface: SurfaceGrid,
+    max_harmonic: int,
+    provenance: dict[str, Any],
+) -> FlowTable:
+    """Return the table of ``flows``, one for each pair of ``mach`` (n_M,) and positive ``incidence`` (n_a,)
+    [rad]."""
+    rows = [
+        [pressure_harmonics(flows[round(float(m), 9), float(a)], surface, max_harmonic) for a in incidence]
+        for m in mach
+    ]
+    return FlowTable(
+        vehicle=vehicle,
+        mach_knots=mach,
+        incidence_knots=incidence,
+        harmonic=np.array(rows),
+        provenance=provenance,
+    )
+
+
+def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> FloatArray:
+    """Return (k, n_x, n_m) harmonics of p / p_inf at ``mach`` (k,) and total ``incidence`` (k,) [rad].
+
+    Raises
+    ------
+    InputError
+        A condition is outside the knots.
+    """
+    for name, values, low, high in (
+        ("mach_number", mach, table.mach_knots[0], table.mach_knots[-1]),
+        ("total incidence [rad]", incidence, 0.0, table.incidence_knots[-1]),
+    ):
+        if not (np.all(values >= low - 1e-9) and np.all(values <= high + 1e-9)):
+            raise InputError(
+                f"{name}: {values.min():.6g} to {values.max():.6g} found, {low:.6g} to {high:.6g} known"
+            )
+    n_mach, n_incidence, n_x, n_m = table.harmonic.shape
+    flat = table.harmonic.reshape(n_mach, n_incidence, -1)
+    along_mach = CubicSpline(table.mach_knots, np.eye(n_mach), axis=0)(mach)
+    knots = np.concatenate([-table.incidence_knots[::-1], table.incidence_knots])
+    weight = CubicSpline(knots, np.eye(2 * n_incidence), axis=0)(incidence)
+    mirrored, direct = weight[:, :n_incidence][:, ::-1], weight[:, n_incidence:]
+    parity = np.where(np.arange(n_m) % 2, -1.0, 1.0)
+    out = np.zeros((len(mach), n_x, n_m))
+    # The spline is linear in its knots' values: even and odd harmonics add or subtract the mirrored weights.
+    for sign in (1.0, -1.0):
+        of_parity = parity == sign
+        both = along_mach[:, :, None] * (direct + sign * mirrored)[:, None, :]
+        values = both.reshape(len(mach), -1) @ flat.reshape(n_mach * n_incidence, -1)
+        out[:, :, of_parity] = values.reshape(len(mach), n_x, n_m)[:, :, of_parity]
+    return out
+
+
+def save_flow_table(table: FlowTable, path: Path) -> str:
+    """Write ``table`` to ``path`` atomically and return its content hash."""
+    units = {"incidence_knots": "rad"}
+    return save_record(table, path, SCHEMA, SCHEMA_VERSION, units)
+
+
+def load_flow_table(path: Path) -> FlowTable:
+    """Read and check a table.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    return load_record(FlowTable, path, SCHEMA, SCHEMA_VERSION)
