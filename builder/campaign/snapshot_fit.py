@@ -8,17 +8,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from builder.aero.engines import make_engine
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.failures import failed_conditions
+from builder.campaign.run import Campaign
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import BodyOfRevolution
 from builder.vehicle.profile_record import profile_misfits
 from builder.workspace import Misfit
+from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
 
 SAME_SURFACE = 1e-6  # of the length: nodes on the meridian
 SAME_LENGTH = 0.02  # of the length: surfaces of other programs may be cut at the tip
@@ -65,7 +70,7 @@ def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
     found = _differences({**wanted, "profile": None}, {**held, "profile": None}, f"{engine_name} engine")
     if options.get("set"):
         return found
-    conditions = snapshots.conditions()
+    conditions = _requested(snapshots)
     if len(conditions) != len(campaign.conditions):
         return [
             *found,
@@ -75,6 +80,14 @@ def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
         if one != other:
             return [*found, Misfit(entry=f"condition {number}", expected=str(other), found=str(one))]
     return found
+
+
+def _requested(snapshots: Snapshots) -> list[FlightCondition]:
+    """Return the conditions of the campaign in their order, those that could not be solved included."""
+    conditions = snapshots.conditions()
+    for one in sorted(failed_conditions(snapshots), key=lambda one: one.number):
+        conditions.insert(one.number, one.condition)
+    return conditions
 
 
 def flow_record(snapshots: Snapshots) -> dict[str, Any]:
@@ -89,6 +102,7 @@ def flow_record(snapshots: Snapshots) -> dict[str, Any]:
             "engine": snapshots.engine,
             **inputs,
             "sets": sets,
+            "conditions_not_solved": len(failed_conditions(snapshots)),
             "options": settings.get("options", {}),
             "strainfmu_version": settings.get("strainfmu_version", "unknown"),
         }
@@ -102,6 +116,20 @@ def flow_line(snapshots: Snapshots) -> str:
     cells = "" if grid is None else f" on {grid['n_radial']} x {grid['n_circumferential']} cells"
     sets = ", ".join(one["name"] for one in settings.get("sets", [])) or "unknown"
     return f"{snapshots.engine} engine{cells}, {len(snapshots.condition)} conditions, of {sets}"
+
+
+def replaced_line(path: Path, campaign: Campaign) -> str | None:
+    """Return in one line what ``campaign`` replaces at ``path``; None where what is there is part of it."""
+    if not path.is_file():
+        return None
+    try:
+        held = load_snapshots(path)
+    except InputError:
+        return None
+    same_source = held.settings.get("inputs") == _plain(campaign.engine.inputs())
+    if same_source and set(held.conditions()) <= set(campaign.conditions):
+        return None
+    return f"{path}: held {flow_line(held)}; written anew"
 
 
 def _differences(expected: Any, found: Any, where: str) -> list[Misfit]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from builder.campaign import snapshots as snapshots_file
+from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.snapshot_fit import body_misfits, flow_line, option_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.pipeline import FilesGiven, Pipeline
@@ -95,6 +96,9 @@ def _use_snapshots(pipeline: Pipeline, path: Path) -> int:
         refuse_misfits(path, option_misfits(snapshots, vehicle), REPLACE)
     pipeline.use(SNAPSHOTS, path, content_hash_of(path, snapshots_file.SCHEMA, snapshots_file.SCHEMA_VERSION))
     pipeline.reporter.note(f"{path if given else SNAPSHOTS}: used as it is: {flow_line(snapshots)}")
+    failed = failed_conditions(snapshots)
+    if failed:
+        pipeline.reporter.note(f"warning: {missing_line(failed, len(snapshots.condition))}")
     return len(snapshots.condition)
 
 

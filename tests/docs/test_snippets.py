@@ -20,6 +20,9 @@ from typing import Any
 import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
+from builder.aero.euler.marching_grid import GRID_LEVELS
+from strainfmu.estimator.inverse_map import load_inverse_map
+
 PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}
 RUNNING = {name: found for name, found in PAGES.items() if any(s.kind != "skip" for s in found)}
 HEAD_START = 3.0
@@ -94,6 +97,22 @@ def test_page(name: str, folder: Path) -> None:
 )
 def test_page_with_what_takes_long(name: str, folder: Path) -> None:
     run_page(name, folder, slow=True)
+
+
+@pytest.mark.slow
+def test_options_of_the_readmes_commands_reach_the_map(folder: Path) -> None:
+    """Snapshots, structure and map, each by its own command as written; what they were made with is in the map."""
+    (chain,) = [s for s in PAGES["README.md"] if "strainfmu structure" in s.text]
+    run_shell(chain, folder, environment())
+    found = load_inverse_map(folder / "results" / "map.h5").provenance
+    assert "--set P1 --grid coarse" in chain.text
+    assert found["snapshots"] == 90
+    assert found["flow"]["options"] == {"set": ["P1"], "grid": "coarse"}
+    assert found["flow"]["sets"] == ["P1 (90)"]
+    assert found["flow"]["marching_grid"]["n_radial"] == GRID_LEVELS["coarse"].n_radial
+    assert "--resolution coarse" in chain.text
+    assert found["structure"]["model"] == "swept_hexahedra"
+    assert found["structure"]["resolution"] == "coarse"
 
 
 @pytest.mark.slow

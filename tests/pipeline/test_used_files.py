@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from builder.campaign.snapshot_fit import option_misfits
+from builder.campaign.snapshots import load_snapshots, save_snapshots
+from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import FilesGiven
 from builder.pipeline.used_files import open_pipeline
 from builder.reporting import Silent
@@ -60,6 +65,12 @@ def provenance(folder: Path) -> dict[str, Any]:
     return load_inverse_map(folder / "map.h5").provenance
 
 
+def build_map(vehicle: Path, folder: Path, given: FilesGiven | None = None) -> None:
+    """Build without the report, which takes longer than the map."""
+    pipeline, _ = open_pipeline(load_vehicle(vehicle), folder, Silent(), given or FilesGiven())
+    make_map(pipeline)
+
+
 def test_options_of_both_commands_reach_the_map(run: Run, made: Path, tmp_path: Path) -> None:
     """Engine, set of conditions, three-dimensional model and its resolution; the files are left as they were."""
     folder = tmp_path / "results"
@@ -95,7 +106,7 @@ def test_grid_level_reaches_the_map(run: Run, tmp_path: Path, compiled_solver: N
     vehicle, folder = write_vehicle(tmp_path / "vehicle"), tmp_path / "results"
     code, _, _ = run("snapshots", vehicle, "-o", folder / "snapshots.h5", "--grid", "coarse", "--workers", "0")
     assert code == 0
-    assert run("build", vehicle, "-o", folder)[0] == 0
+    build_map(vehicle, folder)
     found = provenance(folder)
     grid = found["flow"]["marching_grid"]
     assert (found["flow"]["engine"], grid["n_radial"], grid["n_circumferential"]) == ("euler", 16, 24)
@@ -106,9 +117,7 @@ def test_grid_level_reaches_the_map(run: Run, tmp_path: Path, compiled_solver: N
 def test_files_from_anywhere(run: Run, made: Path, tmp_path: Path) -> None:
     """Given by option they are used where they lie; a build without them does not replace their map unasked."""
     vehicle, folder = made / "vehicle" / "vehicle.toml", tmp_path / "results"
-    files = ("--snapshots", made / "newtonian.h5", "--structure", made / "structure.h5")
-    code, _, message = run("build", vehicle, "-o", folder, *files)
-    assert (code, message) == (0, "")
+    build_map(vehicle, folder, FilesGiven(snapshots=made / "newtonian.h5", structure=made / "structure.h5"))
     assert not (folder / "snapshots.h5").exists()
     assert provenance(folder)["flow"]["engine"] == "newtonian"
     assert provenance(folder)["structure"]["model"] == "swept_hexahedra"
@@ -119,18 +128,19 @@ def test_files_from_anywhere(run: Run, made: Path, tmp_path: Path) -> None:
         assert message.count("\n") == 1
         assert f"map.h5: made with --snapshots {made / 'newtonian.h5'} --structure" in message
         assert (folder / "map.h5").read_bytes() == before
-    assert run("build", vehicle, "-o", folder, "--rebuild")[0] == 0
+    build_map(vehicle, folder, FilesGiven(rebuild=True))
     assert provenance(folder)["flow"]["engine"] == "euler"
     assert provenance(folder)["structure"]["model"] == "fourier"
 
 
-def test_rebuild_replaces_what_options_made(run: Run, made: Path, tmp_path: Path) -> None:
+def test_rebuild_replaces_what_options_made(made: Path, tmp_path: Path) -> None:
     folder = tmp_path / "results"
     folder.mkdir()
     shutil.copy(made / "newtonian.h5", folder / "snapshots.h5")
-    assert run("build", made / "vehicle" / "vehicle.toml", "-o", folder, "--rebuild")[0] == 0
+    build_map(made / "vehicle" / "vehicle.toml", folder, FilesGiven(rebuild=True))
     assert provenance(folder)["flow"]["engine"] == "euler"
-    assert run("build", made / "vehicle" / "vehicle.toml", "-o", folder)[0] == 0  # now its own
+    build_map(made / "vehicle" / "vehicle.toml", folder)  # now its own
+    assert provenance(folder)["flow"]["engine"] == "euler"
 
 
 @pytest.mark.parametrize(
@@ -205,7 +215,7 @@ def test_gauges_moved_since_are_named(made: Path, tmp_path: Path) -> None:
         open_pipeline(load_vehicle(vehicle), tmp_path / "results", Silent(), given)
 
 
-def test_given_snapshots_need_the_body_alone(made: Path, tmp_path: Path) -> None:
+def test_given_snapshots_need_the_body_alone(run: Run, made: Path, tmp_path: Path) -> None:
     """Other conditions, walls and internal pressures are no misfit of a file given by option."""
     vehicle = write_vehicle(
         tmp_path / "vehicle",
@@ -217,8 +227,10 @@ def test_given_snapshots_need_the_body_alone(made: Path, tmp_path: Path) -> None
     assert conditions == 18
     assert pipeline.path("snapshots.h5") == made / "newtonian.h5"
     other = write_vehicle(tmp_path / "other", ("end_x_m = 2.5", "end_x_m = 2.6"))
-    with pytest.raises(InputError, match=r"newtonian.h5: profile.2.end_x_m: expected 2.6, got 2.5$"):
-        open_pipeline(load_vehicle(other), tmp_path / "results", Silent(), given)
+    for command in (("build", other), ("demo", "--vehicle", other)):
+        code, _, message = run(*command, "-o", tmp_path / "results", "--snapshots", made / "newtonian.h5")
+        assert code == 2
+        assert message.endswith("newtonian.h5: profile.2.end_x_m: expected 2.6, got 2.5\n")
 
 
 def test_a_file_of_another_kind_is_not_written_over(made: Path, tmp_path: Path) -> None:
@@ -245,3 +257,61 @@ def test_a_damaged_file_of_the_build_is_made_again_and_a_users_is_not(made: Path
     (folder / "manifest.json").write_text('{"snapshots.h5": {"made_from": "", "sha256": ""}}')
     pipeline, _ = open_pipeline(vehicle, folder, Silent(), FilesGiven())
     assert pipeline.elsewhere == {}
+
+
+def test_conditions_out_of_reach_are_no_misfit(made: Path, tmp_path: Path) -> None:
+    """A campaign that went on without some of the vehicle file's conditions is used, with a warning."""
+    whole = load_snapshots(made / "newtonian.h5")
+    kept = np.arange(len(whole.condition)) != 4
+    values = {one.name: getattr(whole, one.name) for one in fields(whole)}
+    of_conditions = {
+        name: value[kept]
+        for name, value in values.items()
+        if isinstance(value, np.ndarray) and name != "point" and len(value) == len(kept)
+    }
+    entry = {"number": 4, "condition": whole.condition[4].tolist(), "cause": "no attached shock"}
+    part = replace(whole, **of_conditions, settings={**whole.settings, "failed": [entry]})
+    vehicle = load_vehicle(made / "vehicle" / "vehicle.toml")
+    assert option_misfits(part, vehicle) == []
+    assert [str(one) for one in option_misfits(replace(part, settings=whole.settings), vehicle)] == [
+        "conditions: expected 18, got 17"
+    ]
+    save_snapshots(part, tmp_path / "snapshots.h5")
+    notes: list[str] = []
+
+    class Listening(Silent):
+        def note(self, text: str) -> None:
+            notes.append(text)
+
+    _, conditions = open_pipeline(vehicle, tmp_path, Listening(), FilesGiven())
+    assert conditions == 17
+    assert any("1 of 18 conditions not solved; the first: no attached shock" in note for note in notes)
+
+
+def test_commands_say_what_they_replace(run: Run, made: Path, tmp_path: Path) -> None:
+    """A file made with other options is named before it is written anew; one that is extended is not."""
+    vehicle, output = made / "vehicle" / "vehicle.toml", tmp_path / "snapshots.h5"
+    shutil.copy(made / "set.h5", output)
+    code, printed, _ = run("snapshots", vehicle, "-o", output, "--engine", "newtonian")
+    assert code == 0
+    assert f"{output}: held newtonian engine, 7 conditions, of {made / 'set.csv'}; written anew" in printed
+    code, printed, _ = run("snapshots", vehicle, "-o", output, "--engine", "newtonian")
+    assert "held" not in printed
+
+
+@pytest.mark.slow
+def test_demo_flies_a_map_of_files_made_before(run: Run, made: Path, tmp_path: Path) -> None:
+    """Figures and FMUs are of the snapshots and the structure that were there; a second run reuses all."""
+    vehicle, folder = made / "vehicle" / "vehicle.toml", tmp_path / "demo"
+    folder.mkdir()
+    shutil.copy(made / "newtonian.h5", folder / "snapshots.h5")
+    shutil.copy(made / "structure.h5", folder / "structure.h5")
+    code, _, message = run("demo", "--vehicle", vehicle, "-o", folder)
+    assert (code, message) == (0, "")
+    found = provenance(folder)
+    assert (found["flow"]["engine"], found["structure"]["resolution"]) == ("newtonian", "coarse")
+    assert (folder / "snapshots.h5").read_bytes() == (made / "newtonian.h5").read_bytes()
+    code, printed, _ = run("demo", "--vehicle", vehicle, "-o", folder)
+    assert code == 0
+    for name in ("map.h5", "estimator.fmu", "flight.h5", "overview.png"):
+        assert f"{name}: up to date, reused" in printed

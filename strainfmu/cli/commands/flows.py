@@ -63,6 +63,7 @@ def snapshots(
     from builder.campaign.notes import campaign_notes
     from builder.campaign.run import run_campaign
     from builder.campaign.scheduling import Scheduling
+    from builder.campaign.snapshot_fit import replaced_line
     from builder.campaign.vehicle_campaign import vehicle_campaign
     from builder.vehicle.file import load_vehicle
     from builder.vehicle.flight_conditions import condition_set, count_repeated
@@ -79,6 +80,9 @@ def snapshots(
     repeated = count_repeated(campaign.conditions)
     if repeated:
         reporter.note(f"{repeated} conditions are in the sets more than once: kept in each, solved once")
+    replaced = replaced_line(output, campaign)
+    if replaced:
+        reporter.note(replaced)
     result = run_campaign(campaign, output, scheduling, reporter)
     for note in campaign_notes(result):
         reporter.note(note)
