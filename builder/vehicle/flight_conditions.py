@@ -9,7 +9,7 @@ from itertools import product
 from math import radians
 from pathlib import Path
 
-from builder.vehicle.limits import ALTITUDE_KM, MACH_NUMBER, STREAM_ANGLE_DEG
+from builder.vehicle.limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -53,8 +53,8 @@ def read_conditions(path: Path) -> list[FlightCondition]:
     Raises
     ------
     InputError
-        The file is missing or no text, or a row is wrong; the message names line and column, what was found
-        and what is allowed.
+        The file is missing or no text, or a row is wrong or repeats one before; the message names line and
+        column, what is allowed and what was found.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -69,12 +69,25 @@ def read_conditions(path: Path) -> list[FlightCondition]:
             raise InputError(
                 f"{path}: line 1: expected header '{','.join(CSV_COLUMNS)}', got '{','.join(header)}'"
             )
-        found = [_condition(path, reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+        found: dict[FlightCondition, int] = {}
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                _add_condition(path, reader.line_num, row, found)
     except csv.Error as error:
         raise InputError(f"{path}: line {reader.line_num}: no CSV: {error}") from error
     if not found:
         raise InputError(f"{path}: expected at least 1 condition, got none")
-    return found
+    return list(found)
+
+
+def _add_condition(path: Path, line: int, row: list[str], found: dict[FlightCondition, int]) -> None:
+    """Add the condition of one row, which stands in no line before; ``found`` holds the line of each."""
+    condition = _condition(path, line, row)
+    if condition in found:
+        raise InputError(f"{path}: line {line}: expected each condition once, got that of line {found[condition]}")
+    found[condition] = line
+    if len(found) > MAX_CONDITIONS:
+        raise InputError(f"{path}: expected at most {MAX_CONDITIONS} conditions, got more")
 
 
 def _condition(path: Path, line: int, row: list[str]) -> FlightCondition:

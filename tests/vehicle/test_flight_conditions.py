@@ -69,6 +69,10 @@ def test_csv_file(tmp_path: Path) -> None:
         (HEADER + "\n0.8,0,0,20\n", "line 2, column mach_number: expected 1.01 .. 30, got '0.8'"),
         (HEADER + "\ninf,0,0,20\n", "line 2, column mach_number: expected 1.01 .. 30, got 'inf'"),
         (HEADER + "\n5,0,0,20000\n", "line 2, column altitude_km: expected 0 .. 71, got '20000'"),
+        (
+            HEADER + "\n5,0,0,20\n6,0,0,20\n5.0,-0,0,20\n",
+            "line 4: expected each condition once, got that of line 2",
+        ),
         (HEADER + "\n5,0,0,\n", "line 2, column altitude_km: expected 0 .. 71, got ''"),
     ],
 )
@@ -82,6 +86,13 @@ def test_wrong_csv_file_is_one_line(text: str, message: str, tmp_path: Path, run
     assert code == 2
     assert printed.count("\n") == 1
     assert not (tmp_path / "snapshots.h5").exists()
+
+
+def test_too_many_conditions_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "set.csv"
+    path.write_text(HEADER + "".join(f"\n5,0,0,{i / 1000}" for i in range(20_001)), encoding="utf-8")
+    with pytest.raises(InputError, match="expected at most 20000 conditions, got more"):
+        read_conditions(path)
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", None])
