@@ -92,11 +92,6 @@ def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None,
     }
     if entries.surface is None:
         return NewtonianEngine(mesh_of_grid(own_surface(vehicle, resolution)), **options)
-    if entries.surface_length_unit not in METRES:
-        raise InputError(
-            f"aerodynamics.surface_length_unit: '{entries.surface_length_unit}' found, must be one of "
-            f"{', '.join(METRES)}"
-        )
     path = vehicle.beside(entries.surface)
     mesh = read_surface(path, METRES[entries.surface_length_unit])
     try:

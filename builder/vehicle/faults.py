@@ -105,7 +105,7 @@ def _expected(fault: ErrorDetails, model: type[BaseModel]) -> str:
     kind, context = fault["type"], fault.get("ctx", {})
     if kind in ("too_short", "string_too_short"):
         return f"at least {context['min_length']} {'value' if context['min_length'] == 1 else 'values'}"
-    if kind == "too_long":
+    if kind in ("too_long", "string_too_long"):
         return f"at most {context['max_length']} values"
     word, _, what = kind.partition("_")
     limits = _range_at(fault["loc"], model)

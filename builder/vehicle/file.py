@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_
 from builder.vehicle.faults import Faults, all_faults
 from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.limits import one_line
 from builder.vehicle.map_options import MapEntry, Noise
 from builder.vehicle.reference_quantities import ReferenceQuantities
 from builder.vehicle.sections import (
@@ -42,17 +43,10 @@ _MOST_FAULTS = 40
 """Lines of faults that are shown."""
 
 
-def one_line(text: str) -> str:
-    """Refuse text that a file name, a table or XML could not hold: control characters, line breaks."""
-    if not text.isprintable():
-        raise ValueError(f"expected printable text on one line, got {text!r}")
-    return text
-
-
 class Vehicle(Section):
     """A vehicle file, whole."""
 
-    name: Annotated[str, Field(min_length=1), AfterValidator(one_line)]
+    name: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
     description: str = ""
     profile: list[Annotated[Cone | Arc, Field(discriminator="kind")]] = Field(min_length=1)
     structure: Structure

@@ -9,10 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.vehicle.limits import MAX_GAUGES, Limits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 CSV_COLUMNS = ("name", "x_m", "y_m", "z_m", "direction_x", "direction_y", "direction_z")
+
+
+STATION = Limits(-1e3, 1e3)
+"""Of a coordinate [m]."""
+DIRECTION = Limits(-1e6, 1e6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,26 +55,32 @@ def read_layout(path: Path) -> GaugeLayout:
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {reason}") from error
     if not rows:
         raise InputError(f"{path}: holds no gauges")
+    if len(rows) > MAX_GAUGES:
+        raise InputError(f"{path}: expected at most {MAX_GAUGES} gauges, got {len(rows)}")
     values = np.empty((len(rows), 6))
     for i, row in enumerate(rows):
         if None in row:
             raise InputError(f"{path}, line {i + 2}: more than {len(CSV_COLUMNS)} values found")
         for k, column in enumerate(CSV_COLUMNS[1:]):
-            values[i, k] = _number(row[column], f"{path}, line {i + 2}, column {column}")
+            limits = STATION if k < 3 else DIRECTION
+            values[i, k] = _number(row[column], limits, f"{path}, line {i + 2}, column {column}")
     layout = GaugeLayout(tuple(row["name"] for row in rows), values[:, :3], values[:, 3:])
     return checked_layout(layout, str(path))
 
 
-def _number(text: str | None, where: str) -> float:
+def _number(text: str | None, limits: Limits, where: str) -> float:
     try:
         value = float(text or "")
     except ValueError as error:
         raise InputError(f"{where}: '{text}' found, must be a number") from error
     if not isfinite(value):
         raise InputError(f"{where}: '{text}' found, must be finite")
+    if not limits.holds(value):
+        raise InputError(f"{where}: expected {limits}, got '{text}'")
     return value
 
 

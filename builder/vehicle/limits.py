@@ -5,8 +5,8 @@ A value beyond them is a slip of unit or of a digit; it is refused before it cos
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
+from itertools import pairwise
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,14 @@ MAX_GAUGES = 2_000
 """Of one layout: the covariance of strain is a full matrix."""
 MAX_PRESSURES = 250_000_000
 """Values of one array: conditions or gauges, times surface nodes; 2 GB."""
+MIN_ELEMENTS = 10
+"""Along the meridian."""
 MAX_ELEMENTS = 200_000
 """Elements along the meridian times layers of the wall."""
+
+
+CLOSEST_VALUES = 1e-6
+"""Between two values of one list, in its unit: closer ones are one value that was rounded twice."""
 
 
 def once_each(values: list[float]) -> list[float]:
@@ -48,9 +54,26 @@ def once_each(values: list[float]) -> list[float]:
     Raises
     ------
     ValueError
-        A value is there more than once; every combination with it would count more than once.
+        A value is there more than once, as far as can be told: every combination with it would count again.
     """
-    repeated = next((value for value, number in Counter(values).items() if number > 1), None)
-    if repeated is not None:
-        raise ValueError(f"expected each value once, got {repeated:g} more than once")
+    for low, high in pairwise(sorted(values)):
+        if low == high:
+            raise ValueError(f"expected each value once, got {low:g} more than once")
+        if high - low < CLOSEST_VALUES:
+            raise ValueError(f"expected values at least {CLOSEST_VALUES:g} apart, got {low!r} and {high!r}")
     return values
+
+
+def one_line(text: str) -> str:
+    """Return text that a file name, a table or XML can hold.
+
+    Raises
+    ------
+    ValueError
+        It holds control characters or line breaks, or nothing but blanks.
+    """
+    if not text.isprintable():
+        raise ValueError(f"expected printable text on one line, got {text!r}")
+    if not text.strip():
+        raise ValueError(f"expected text, got {text!r}")
+    return text

@@ -13,14 +13,14 @@ def used_layouts(vehicle: Vehicle) -> list[str]:
 
 
 def check_map_size(vehicle: Vehicle, n_gauges: int, n_conditions: int | None = None) -> None:
-    """Refuse more modes than the gauges or the snapshots can carry.
+    """Refuse more modes, or modes of the prior, than the gauges or the snapshots can carry.
 
     ``n_conditions`` is the number of snapshots; by default that of the vehicle file's conditions.
 
     Raises
     ------
     InputError
-        ``map.modes`` is too large.
+        ``map.modes`` or ``map.prior_modes`` is too large.
     """
     conditions = len(vehicle.flight_conditions()) if n_conditions is None else n_conditions
     max_modes = min(n_gauges, conditions) - 1
@@ -28,4 +28,11 @@ def check_map_size(vehicle: Vehicle, n_gauges: int, n_conditions: int | None = N
         raise InputError(
             f"map.modes: {vehicle.map.modes} found, at most {max_modes} allowed with {n_gauges} gauges and "
             f"{conditions} conditions"
+        )
+    entry, prior_modes = vehicle.map, vehicle.map.prior_modes
+    # With full symmetry there are more snapshots than conditions.
+    listed = entry.case == 2 and entry.symmetry == "listed"
+    if listed and prior_modes is not None and prior_modes > conditions - 1:
+        raise InputError(
+            f"map.prior_modes: {prior_modes} found, at most {conditions - 1} with {conditions} snapshots"
         )

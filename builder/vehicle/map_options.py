@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.limits import GAMMA
-from builder.vehicle.sections import Altitude, Section
+from builder.vehicle.sections import Altitude, FileName, Section
 
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
@@ -35,6 +35,13 @@ class MapEntry(Section):
     prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
+
+    @field_validator("case", mode="before")
+    @classmethod
+    def _no_truth_value(cls, value: Any) -> Any:
+        if isinstance(value, bool):
+            raise ValueError(f"expected 1 or 2, got {value!r}")
+        return value
 
     @field_validator("gamma", mode="before")
     @classmethod
@@ -89,10 +96,10 @@ class Noise(Section):
     of_layout: str | None = None
     std_um_per_m: StrainStd | None = None
     std_of_gauges_um_per_m: list[StrainStd] | None = Field(default=None, min_length=1)
-    covariance_file: str | None = None
+    covariance_file: FileName | None = None
     model: Literal["default", "paper"] = "default"
     truncated_modes: bool = True
-    nuisance_file: str | None = None
+    nuisance_file: FileName | None = None
     gauge_gain_percent: float = Field(default=1.0, ge=0.0, le=100.0)
     common_gain_percent: float = Field(default=1.0, ge=0.0, le=100.0)
     gauge_position_mm: float = Field(default=1.0, ge=0.0, le=100.0)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from builder.vehicle.limits import (
     ALTITUDE_KM,
@@ -14,6 +15,7 @@ from builder.vehicle.limits import (
     STATION_M,
     STREAM_ANGLE_DEG,
     once_each,
+    one_line,
 )
 
 ENGINE_NAMES = ("euler", "newtonian", "table")
@@ -32,6 +34,8 @@ Altitude = Annotated[float, Field(ge=ALTITUDE_KM.low, le=ALTITUDE_KM.high)]
 HalfAngle = Annotated[float, Field(ge=HALF_ANGLE_DEG.low, le=HALF_ANGLE_DEG.high)]
 Station = Annotated[float, Field(ge=STATION_M.low, le=STATION_M.high)]
 GaugeLength = Annotated[float, Field(ge=0.0, le=100.0)]
+FileName = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(one_line)]
+"""Relative to the vehicle file."""
 FoundationStiffness = Annotated[float, Field(ge=1e3, le=1e18)]
 
 
@@ -111,7 +115,7 @@ class GaugeRow(Section):
     surface: Literal["inner", "outer"] = "inner"
     length_mm: GaugeLength = 0.0
     directions: list[Literal["axial", "hoop"]] = Field(min_length=1, max_length=2)
-    x_m: list[Station] | None = Field(default=None, min_length=1)
+    x_m: Annotated[list[Station], AfterValidator(once_each)] | None = Field(default=None, min_length=1)
     first_x_m: Station | None = None
     last_x_m: Station | None = None
     count: int | None = Field(default=None, ge=2, le=1000)
@@ -123,6 +127,8 @@ class GaugeRow(Section):
             self.x_m is not None and any(value is not None for value in spread)
         ):
             raise ValueError("stations must be given either as x_m or as first_x_m, last_x_m and count")
+        if self.first_x_m is not None and self.first_x_m == self.last_x_m:
+            raise ValueError(f"first_x_m, last_x_m: expected two stations, got {self.first_x_m:g} twice")
         return self
 
     @property
@@ -141,7 +147,7 @@ class GaugeLayoutEntry(Section):
     """One layout: rows, or a CSV file of positions and directions; surface and length are of all its gauges."""
 
     rows: list[GaugeRow] | None = Field(default=None, min_length=1)
-    file: str | None = None
+    file: FileName | None = None
     surface: Literal["inner", "outer"] | None = None
     length_mm: GaugeLength | None = None
 
@@ -151,6 +157,16 @@ class GaugeLayoutEntry(Section):
             raise ValueError("a layout needs either rows or file")
         if self.rows is not None and (self.surface is not None or self.length_mm is not None):
             raise ValueError("surface and length_mm belong in each row; beside rows they have no meaning")
+        known: dict[tuple[float, str, float, str], int] = {}
+        for number, row in enumerate(self.rows or (), start=1):
+            roll = round(row.roll_angle_deg % 360.0, 6) % 360.0
+            for kind, x in product(row.directions, row.stations):
+                first = known.setdefault((roll, row.surface, round(x, 6), kind), number)
+                if first != number or row.directions.count(kind) > 1:
+                    raise ValueError(
+                        f"rows.{number}: expected each gauge once, got the {kind} one at {x:g} m of rows.{first} "
+                        "again"
+                    )
         return self
 
 
@@ -206,11 +222,11 @@ class Aerodynamics(Section):
     """
 
     engine: str = "euler"
-    surface: str | None = None
-    surface_length_unit: str = "m"
-    stagnation: str | None = None
-    leeward: str | None = None
-    manifest: str | None = None
+    surface: FileName | None = None
+    surface_length_unit: Literal["m", "mm", "cm", "in", "ft"] = "m"
+    stagnation: Literal["rayleigh_pitot", "classical"] | None = None
+    leeward: Literal["ambient", "prandtl_meyer", "matched"] | None = None
+    manifest: FileName | None = None
 
     @field_validator("engine")
     @classmethod
@@ -246,7 +262,7 @@ class Truth(Section):
 
     mach_number: list[MachNumber] = Field(min_length=4)
     total_incidence_deg: list[Annotated[float, Field(ge=0.01, le=STREAM_ANGLE_DEG.high)]] = Field(min_length=4)
-    manoeuvre: str
+    manoeuvre: FileName
 
     @field_validator("mach_number", "total_incidence_deg")
     @classmethod

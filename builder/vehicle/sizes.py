@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import prod
 from typing import TYPE_CHECKING
 
-from builder.vehicle.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES
+from builder.vehicle.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES, MIN_ELEMENTS
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,10 +65,10 @@ def _element_faults(vehicle: Vehicle, length: float) -> Iterator[str]:
     for name in ("map", "truth"):
         resolution: Resolution = getattr(vehicle.resolution, name)
         element = 1e-3 * resolution.element_length_mm
-        if element > length:
+        if element > length / MIN_ELEMENTS:
             yield (
-                f"resolution.{name}.element_length_mm: expected at most the body's length, {1e3 * length:g}, "
-                f"got {resolution.element_length_mm:g}"
+                f"resolution.{name}.element_length_mm: expected at most {1e3 * length / MIN_ELEMENTS:g}, 1/"
+                f"{MIN_ELEMENTS} of the body's length, got {resolution.element_length_mm:g}"
             )
         count = round(length / element) * resolution.wall_layers
         if count > MAX_ELEMENTS:

@@ -13,8 +13,6 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
-from builder.aero.cfd.units import METRES
-from builder.aero.local_inclination import LEEWARD, STAGNATION
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.sections import ENGINE_NAMES
@@ -37,9 +35,6 @@ UNITS = {
 NAMED = {
     "engine": ENGINE_NAMES,
     "gamma": RULES,
-    "stagnation": STAGNATION,
-    "leeward": LEEWARD,
-    "surface_length_unit": tuple(METRES),
 }
 """Values that a check of the code allows, where the type is text."""
 

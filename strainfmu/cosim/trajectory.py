@@ -15,6 +15,8 @@ from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+# What cannot be meant; what a flight model holds is narrower.
+_RANGES = ((0.0, 1e8), (-100.0, 100.0), (-180.0, 180.0), (-180.0, 180.0), (-10.0, 1000.0))
 # From the user's units in the header to SI.
 _TO_SI = np.array([1.0, 1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
 
@@ -136,12 +138,14 @@ def _parse_row(path: Path, number: int, row: list[str]) -> list[float]:
     if len(row) != len(HEADER):
         raise InputError(f"{path}: row {number}: expected {len(HEADER)} values, got {len(row)}")
     values = []
-    for column, cell in zip(HEADER, row, strict=True):
+    for column, cell, (low, high) in zip(HEADER, row, _RANGES, strict=True):
         try:
             value = float(cell)
         except ValueError:
             value = float("nan")
         if not isfinite(value):
             raise InputError(f"{path}: row {number}, column {column}: expected a finite number, got '{cell}'")
+        if not low <= value <= high:
+            raise InputError(f"{path}: row {number}, column {column}: expected {low:g} .. {high:g}, got '{cell}'")
         values.append(value)
     return values

@@ -63,6 +63,7 @@ def test_a_byte_order_mark_and_blank_lines_do_no_harm(tmp_path: Path) -> None:
             "row 3, column mach_number: expected a finite number, got 'fast'",
         ),
         (f"{HEAD}\n0,5,0,0,20\n1,5,0,0,inf\n", "row 3, column altitude_km: expected a finite number, got 'inf'"),
+        (f"{HEAD}\n0,1e300,0,0,20\n2,5,0,0,20\n", "row 2, column mach_number: expected -100 .. 100, got '1e300'"),
         (f"{HEAD}\n1,5,0,0,20\n2,5,0,0,20\n", "row 2, column time_s: 1 found, must start at 0"),
         (f"{HEAD}\n0,5,0,0,20\n\n0,5,0,0,20\n", "row 4, column time_s: 0 found after 0, time must increase"),
     ],

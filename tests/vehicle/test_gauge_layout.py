@@ -103,6 +103,9 @@ def test_columns_may_be_in_any_order(tmp_path: Path) -> None:
         (HEADER, "holds no gauges"),
         (HEADER + "a,1,0,0.1,1,0,0\nb,one,0,0.1,1,0,0\n", r"line 3, column x_m: 'one' found, must be a number"),
         (HEADER + "a,1,0\n", r"line 2, column z_m: 'None' found, must be a number"),
+        (HEADER + "a,1e300,0,0.1,1,0,0\n", r"line 2, column x_m: expected -1000 .. 1000, got '1e300'"),
+        (HEADER + "a,1,0,0.1,1e300,0,0\n", r"line 2, column direction_x: expected -1e\+06 .. 1e\+06, got '1e300'"),
+        (HEADER + "a,1,0,0.1,1,0,0\n" * 2001, r"expected at most 2000 gauges, got 2001"),
         (HEADER + "a,1,0,nan,1,0,0\n", r"line 2, column z_m: 'nan' found, must be finite"),
         (HEADER + "a,1,0,0.1,1,0,0\na,2,0,0.1,1,0,0\n", "gauge name 'a' occurs twice"),
         (HEADER + ",1,0,0.1,1,0,0\n", "gauge name '' is empty"),
@@ -166,9 +169,19 @@ def test_station_without_a_hollow_is_refused(shipped: Vehicle) -> None:
 
 
 def test_row_given_twice_is_refused(shipped: Vehicle) -> None:
+    """Under another name of the same roll angle too; the other surface and another station are other gauges."""
     row = GaugeRow(roll_angle_deg=0.0, directions=["axial"], x_m=[1.0])
-    with pytest.raises(InputError, match="gauge name 'axial_0deg_1' occurs twice"):
-        check_gauges(with_layout(shipped, GaugeLayoutEntry(rows=[row, row])))
+    for again in (row, row.model_copy(update={"roll_angle_deg": 360.0})):
+        with pytest.raises(
+            ValueError, match=r"rows\.2: expected each gauge once, got the axial one at 1 m of rows\.1"
+        ):
+            GaugeLayoutEntry(rows=[row, again])
+    twice = row.model_copy(update={"directions": ["axial", "axial"]})
+    with pytest.raises(ValueError, match=r"rows\.1: expected each gauge once"):
+        GaugeLayoutEntry(rows=[twice])
+    others = [{"surface": "outer"}, {"x_m": [1.1]}, {"directions": ["hoop"]}, {"roll_angle_deg": 180.0}]
+    GaugeLayoutEntry(rows=[row, *(row.model_copy(update=other) for other in others)])
+    assert check_gauges(with_layout(shipped, GaugeLayoutEntry(rows=[row])))["here"] == 1
 
 
 def test_a_spreadsheets_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
