@@ -86,7 +86,9 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesG
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     make_map(pipeline)
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-    for warning in manoeuvre_warnings(load_trajectory(manoeuvre), snapshots.conditions()):
+    of_revolution = snapshots.grid is not None
+    flown = load_trajectory(manoeuvre)
+    for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), of_revolution):
         reporter.note(warning)
     _flight_model(pipeline)
     _fmus(pipeline)

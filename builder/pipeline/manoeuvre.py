@@ -1,35 +1,61 @@
-"""The manoeuvre of a demonstration against the conditions of the snapshots."""
+"""The manoeuvre of a demonstration against what its map covers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import degrees
 
-import numpy as np
-
+from builder.vehicle.file import Vehicle
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.flight_condition import FlightCondition
 
 ROUND_OFF = 1e-9
-"""By which a manoeuvre may exceed the range of the snapshots, in the unit of each quantity."""
+"""By which a manoeuvre may exceed a range, in the unit of each quantity."""
+
+Covered = tuple[str, str, list[float], list[float]]
+"""Quantity, unit, what is flown, what is covered."""
 
 
-def manoeuvre_warnings(trajectory: Trajectory, conditions: Sequence[FlightCondition]) -> list[str]:
-    """Return, a line each, where a manoeuvre leaves what the snapshots cover: there the sigmas may not hold."""
+def manoeuvre_warnings(
+    vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition], of_revolution: bool
+) -> list[str]:
+    """Return, a line each, where a manoeuvre leaves what the map covers: there the sigmas may not hold.
+
+    Parameters
+    ----------
+    conditions : those of the snapshots.
+    of_revolution : whether the snapshots are of a body of revolution, whose flows hold at every roll angle.
+    """
     flown = [FlightCondition(*row) for row in trajectory.conditions.tolist()]
-    found = []
-    for name, attribute, scale, unit in (
-        ("Mach number", "mach_number", 1.0, ""),
-        ("angle of attack", "angle_of_attack", np.rad2deg(1.0), " deg"),
-        ("sideslip angle", "sideslip_angle", np.rad2deg(1.0), " deg"),
-        ("total incidence", "total_incidence", np.rad2deg(1.0), " deg"),
-        ("altitude", "altitude", 1e-3, " km"),
-    ):
-        covered = scale * np.array([getattr(condition, attribute) for condition in conditions])
-        values = scale * np.array([getattr(condition, attribute) for condition in flown])
-        beyond_low = attribute != "total_incidence" and values.min() < covered.min() - ROUND_OFF
-        if beyond_low or values.max() > covered.max() + ROUND_OFF:
-            found.append(
-                f"warning: the manoeuvre flies {name} {values.min():.4g} to {values.max():.4g}{unit}, the "
-                f"snapshots cover {covered.min():.4g} to {covered.max():.4g}{unit}: outside, sigmas may not hold"
-            )
-    return found
+    return [
+        f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
+        f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
+        for name, unit, values, covered in _ranges(vehicle, flown, conditions, of_revolution)
+        if min(values) < min(covered) - ROUND_OFF or max(values) > max(covered) + ROUND_OFF
+    ]
+
+
+def _ranges(
+    vehicle: Vehicle, flown: Sequence[FlightCondition], held: Sequence[FlightCondition], of_revolution: bool
+) -> Iterator[Covered]:
+    """Yield the quantities that bound a map of this form and symmetry."""
+    yield "Mach number", "", [c.mach_number for c in flown], [c.mach_number for c in held]
+    if not (of_revolution and vehicle.map.symmetry == "full"):
+        yield (
+            "angle of attack",
+            " deg",
+            [degrees(c.angle_of_attack) for c in flown],
+            [degrees(c.angle_of_attack) for c in held],
+        )
+        yield (
+            "sideslip angle",
+            " deg",
+            [degrees(c.sideslip_angle) for c in flown],
+            [degrees(c.sideslip_angle) for c in held],
+        )
+    total = [degrees(c.total_incidence) for c in held]
+    yield "total incidence", " deg", [degrees(c.total_incidence) for c in flown], [0.0, *total]
+    heights = [1e-3 * c.altitude for c in held]
+    if vehicle.map.form == "dynamic_pressure":
+        heights = list(vehicle.map.valid_altitude_km)
+    yield "altitude", " km", [1e-3 * c.altitude for c in flown], heights

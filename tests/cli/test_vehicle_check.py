@@ -13,7 +13,7 @@ from builder.aero.engines import make_engine
 from builder.campaign.reach import extreme_conditions, flows_out_of_reach
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.reporting import Silent
-from builder.vehicle.file import load_vehicle
+from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.cosim.trajectory import load_trajectory
 
@@ -91,22 +91,42 @@ def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
 
 
 @pytest.mark.usefixtures("compiled_solver")
-def test_a_manoeuvre_beyond_the_snapshots_is_warned_of(vehicle: Path, run: Run) -> None:
-    """Inside the flight model, outside the snapshots: no fault, and a line per quantity."""
+def test_a_manoeuvre_beyond_the_map_is_warned_of(vehicle: Path, run: Run) -> None:
+    """Inside the flight model, outside the map: no fault, and a line per quantity."""
     spoil(vehicle, "angle_of_attack_deg = [0.0, 3.0, 6.0]", "angle_of_attack_deg = [0.0, 1.0, 2.0, 3.0]")
-    spoil(vehicle, "altitude_km = 22.0", "altitude_km = 21.0")
+    spoil(vehicle, "modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 20.0]")
     code, printed, message = run("check", vehicle)
     assert (code, message) == (0, "")
     warnings = [line for line in printed.splitlines() if line.startswith("warning: ")]
-    assert [line.partition(",")[0] for line in warnings] == [
-        "warning: the manoeuvre flies angle of attack 1 to 5 deg",
-        "warning: the manoeuvre flies total incidence 1 to 5.099 deg",
-        "warning: the manoeuvre flies altitude 22 to 22 km",
+    assert [line.partition(": outside")[0] for line in warnings] == [
+        "warning: the manoeuvre flies total incidence 1 to 5.099 deg, the map covers 0 to 4.242 deg",
+        "warning: the manoeuvre flies altitude 22 to 22 km, the map covers 5 to 20 km",
     ]
 
 
 @pytest.mark.fast
-def test_the_shipped_manoeuvres_stay_inside() -> None:
-    vehicle = load_vehicle(OGIVE / "ogive.toml")
+def test_what_a_map_covers_depends_on_its_form_and_symmetry(vehicle: Path) -> None:
+    """The disc of incidence where flows are rolled, the listed angles elsewhere; altitudes by the form."""
+
+    def quantities(of_revolution: bool) -> list[str]:
+        loaded = load_vehicle(vehicle)
+        trajectory = load_trajectory(loaded.beside(loaded.truth.manoeuvre))
+        found = manoeuvre_warnings(loaded, trajectory, loaded.flight_conditions(), of_revolution)
+        return [
+            name for line in found for name in ("angle of attack", "sideslip", "altitude") if f" {name} " in line
+        ]
+
+    assert quantities(of_revolution=True) == quantities(of_revolution=False) == []
+    text = (vehicle.parent / "manoeuvre.csv").read_text(encoding="utf-8")
+    (vehicle.parent / "manoeuvre.csv").write_text(text.replace("4.6,5,1,22", "4.6,-5,1,21"), encoding="utf-8")
+    assert quantities(of_revolution=True) == []
+    assert quantities(of_revolution=False) == ["angle of attack"]
+    spoil(vehicle, "modes = 4", 'modes = 4\nsymmetry = "listed"\nform = "absolute"')
+    assert quantities(of_revolution=True) == ["angle of attack", "altitude"]
+
+
+@pytest.mark.fast
+def test_the_shipped_manoeuvre_stays_inside() -> None:
+    vehicle = load_vehicle(IC3X)
     trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
-    assert manoeuvre_warnings(trajectory, vehicle.flight_conditions()) == []
+    assert manoeuvre_warnings(vehicle, trajectory, vehicle.flight_conditions(), of_revolution=False) == []

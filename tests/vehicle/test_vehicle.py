@@ -118,7 +118,7 @@ def test_arc_is_an_ogive(tmp_path: Path) -> None:
             r"aerodynamics.surfaces: unknown entry, did you mean surface\?",
         ),
         ("[map]", "[mapp]", r"mapp: unknown entry, did you mean map\?"),
-        ("modes = 5", "modes = 5\nzzz = 1", r"map.zzz: unknown entry; allowed: modes"),
+        ("modes = 5", "modes = 5\nzzz = 1", r"map.zzz: unknown entry; allowed: form, symmetry, "),
         (
             "wall_thickness_mm = 4.0",
             "wall_thickness_mm = -4.0",

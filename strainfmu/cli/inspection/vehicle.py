@@ -135,7 +135,8 @@ def _warnings(vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[Fli
     from builder.structure.fourier.model import refuse_beyond_fourier
 
     yield f"manoeuvre: {trajectory.stop_time:.4g} s"
-    yield from manoeuvre_warnings(trajectory, conditions)
+    of_revolution = vehicle.aerodynamics.surface is None and vehicle.aerodynamics.engine != "table"
+    yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
     try:
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     except InputError as error:
