@@ -176,9 +176,15 @@ def _coefficients(
 
 def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
     """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads."""
+    # Pressure from both sides acts on the same wall: harmonic 0 of the pressure inside is a constant.
+    states = (structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft)
+    of_unit = np.array([state[:, :, 0].sum(axis=2) for state in states])
+    ratio = flights.internal_pressure / flights.ambient_pressure + built.internal_pressure
+    net = flights.strain.copy()
+    net[..., 0] -= ratio[:, None] * of_unit[:, :, None, :]
     t = built.wall_thickness / WALL_STEP
     along = built.axial_shift / SHIFT
-    nominal, thin, thick, fore, aft = flights.strain
+    nominal, thin, thick, fore, aft = net
     parts = nominal + 0.5 * t * (thick - thin) + 0.5 * t * t * (thick - 2.0 * nominal + thin)
     parts = parts + (0.5 * along)[:, None] * (aft - fore)
     placed = structure.placed
@@ -190,9 +196,6 @@ def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) 
     even = (c * c)[:, None] * parts[0] + (s * s)[:, None] * parts[1]
     odd = (2.0 * c * s)[:, None] * parts[2]
     phase = (roll - wind[:, None])[:, :, None] * np.arange(even.shape[2])
-    of_flow = np.sum(even * np.cos(phase) + odd * np.sin(phase), axis=2)
-    inside = flights.internal_pressure + built.internal_pressure * flights.ambient_pressure
-    of_unit = c * c * structure.nominal[0, :, 0].sum(axis=1) + s * s * structure.nominal[1, :, 0].sum(axis=1)
-    strain = flights.ambient_pressure[:, None] * of_flow - inside[:, None] * of_unit
+    strain = flights.ambient_pressure[:, None] * np.sum(even * np.cos(phase) + odd * np.sin(phase), axis=2)
     gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
     return np.asarray(gain * strain + built.apparent_strain)

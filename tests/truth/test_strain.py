@@ -1,0 +1,224 @@
+"""Strain and coefficients of the independent model against its parts: the operators of a structure solved for
+each error, applied to the pressure field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import asin, atan2, cos, radians, sin
+from typing import Any
+
+import numpy as np
+import pytest
+
+from builder.aero.loads import coefficients_of, load_operator
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
+from builder.structure.wall import wall_of
+from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.flow_table import FlowTable, harmonics_at
+from builder.truth.strain import SHIFT, WALL_STEP, TrueFlights, TrueStructure, true_flights, true_strain
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import Noise
+from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
+
+N_GAUGES = 54
+
+
+def condition_at(incidence_deg: float, roll: float, mach: float = 6.2, altitude: float = 18e3) -> FlightCondition:
+    """Return the condition of a total incidence [deg] with the leeward meridian at ``roll`` [rad]."""
+    total = radians(incidence_deg)
+    return FlightCondition(
+        mach_number=mach,
+        angle_of_attack=atan2(sin(total) * cos(roll), cos(total)),
+        sideslip_angle=-asin(sin(total) * sin(roll)),
+        altitude=altitude,
+    )
+
+
+CONDITIONS = [
+    condition_at(0.0, 0.0),
+    condition_at(6.5, 0.4),
+    condition_at(11.0, -2.2, 5.4, 24e3),
+    condition_at(8.0, 1.9, 6.7, 14e3),
+]
+
+
+@pytest.fixture(scope="module")
+def flights(vehicle: Vehicle, true_model: TrueStructure, table: FlowTable) -> TrueFlights:
+    return true_flights(vehicle, true_model, table, CONDITIONS)
+
+
+@pytest.fixture(scope="module")
+def pressure(true_model: TrueStructure, table: FlowTable) -> FloatArray:
+    """(k, n_p) absolute pressure of the flights at the nodes [Pa]."""
+    mach = np.array([one.mach_number for one in CONDITIONS])
+    incidence = np.array([one.total_incidence for one in CONDITIONS])
+    harmonic = harmonics_at(table, mach, incidence)
+    roll = true_model.surface.roll_angle
+    fields = []
+    for one, of_flow in zip(CONDITIONS, harmonic, strict=True):
+        phase = np.outer(np.arange(harmonic.shape[2]), roll - one.leeward_roll_angle)
+        fields.append(one.ambient_pressure * (of_flow @ np.cos(phase)).ravel())
+    return np.array(fields)
+
+
+def built(**errors: Any) -> AsBuilt:
+    return replace(exactly_built(N_GAUGES), **errors)
+
+
+def close(found: FloatArray, expected: FloatArray, tolerance: float = 1e-10) -> None:
+    """Assert that strains agree to ``tolerance`` of the largest."""
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
+
+
+def test_coefficients_are_the_loads_of_the_pressure(
+    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
+) -> None:
+    """C of the same pressure by the load operator, ambient pressure inside: 1e-10 of the largest."""
+    reference = vehicle.reference_quantities()
+    loads = load_operator(true_model.surface, reference.moment_station)
+    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
+    expected = coefficients_of(pressure - inside, loads, CONDITIONS, reference)
+    for found, wanted in zip(flights.coefficients.T, expected.T, strict=True):
+        close(found, wanted)
+
+
+def test_coefficients_hold_a_stated_internal_pressure(
+    vehicle: Vehicle, true_model: TrueStructure, table: FlowTable, pressure: FloatArray
+) -> None:
+    structure = vehicle.structure.model_copy(update={"internal_pressure_Pa": 2e4})
+    closed = vehicle.model_copy(update={"structure": structure})
+    reference = vehicle.reference_quantities()
+    loads = load_operator(true_model.surface, reference.moment_station)
+    expected = coefficients_of(pressure - 2e4, loads, CONDITIONS, reference)
+    found = true_flights(closed, true_model, table, CONDITIONS)
+    close(found.coefficients[:, 0], expected[:, 0])
+    z_p = structural_model(vehicle, vehicle.resolution.truth, [vehicle.gauges.layout])
+    strain = (pressure - 2e4) @ z_p.strain_operator(vehicle.gauges.layout).T
+    close(true_strain(true_model, found, exactly_built(N_GAUGES)), strain)
+
+
+def test_exactly_built_reads_the_strain_operator_times_the_pressure(
+    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
+) -> None:
+    layout = vehicle.gauges.layout
+    z_p = structural_model(vehicle, vehicle.resolution.truth, [layout]).strain_operator(layout)
+    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
+    close(true_strain(true_model, flights, exactly_built(N_GAUGES)), (pressure - inside) @ z_p.T)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_another_wall_is_the_structure_solved_with_it(
+    sign: float, vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
+) -> None:
+    """4 % thinner and thicker, pressure from both sides on the same wall: 1e-10."""
+    layout, factor = vehicle.gauges.layout, 1.0 + sign * WALL_STEP
+    thickness = factor * vehicle.structure.wall_thickness_mm
+    structure = vehicle.structure.model_copy(update={"wall_thickness_mm": thickness})
+    other = vehicle.model_copy(update={"structure": structure})
+    model = structural_model(other, vehicle.resolution.truth, [layout])
+    # The gauges' directions are those of the wall of the file: its inner surface has the same slopes.
+    z_p = strain_operator(model.response, true_model.placed, model.surface)
+    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
+    found = true_strain(true_model, flights, built(wall_thickness=sign * WALL_STEP))
+    close(found, (pressure - inside) @ z_p.T)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_shifted_gauges_are_those_of_the_structure_solved_there(
+    sign: float, vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
+) -> None:
+    """1 mm along the meridian, by a line through both sides, and round the body: 1e-10 of the largest strain.
+
+    Along the meridian 1e-3 at gauges beside the edge of an element, where strain has a kink that the line does not
+    follow, and 2e-5 in nine of ten.
+    """
+    resolution, placed = vehicle.resolution.truth, true_model.placed
+    wall = wall_of(vehicle)
+    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
+    along = sign * SHIFT * inner_surface_points(mesh, placed.x).tangent[:, 0]
+    for shift, moved, tolerance in (
+        ("axial_shift", replace(placed, x=placed.x + along), 1e-3),
+        (
+            "circumferential_shift",
+            replace(placed, roll_angle=placed.roll_angle + sign * SHIFT / true_model.radius),
+            1e-10,
+        ),
+    ):
+        response = harmonic_response(mesh, wall.material, moved.x, true_model.surface.x, resolution.harmonics)
+        z_p = strain_operator(response, moved, true_model.surface)
+        found = true_strain(true_model, flights, built(**{shift: np.full(N_GAUGES, sign * SHIFT)}))
+        expected = (pressure - inside) @ z_p.T
+        close(found, expected, tolerance)
+        assert np.quantile(np.abs(found - expected), 0.9) < 2e-5 * np.abs(expected).max()
+
+
+def test_a_turned_layout_sees_the_wind_from_the_other_side(
+    vehicle: Vehicle, true_model: TrueStructure, table: FlowTable
+) -> None:
+    """Gauges turned by 20 deg read what they read with the wind turned back: 1e-10."""
+    turn = radians(20.0)
+    ahead, behind = (
+        true_flights(vehicle, true_model, table, [condition_at(9.0, roll)]) for roll in (0.5, 0.5 - turn)
+    )
+    found = true_strain(true_model, ahead, built(layout_roll=turn))
+    close(found, true_strain(true_model, behind, exactly_built(N_GAUGES)))
+
+
+def test_gauges_turned_by_a_right_angle_read_the_other_direction(
+    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights
+) -> None:
+    """Axial gauges become the hoop gauges at the same place, and those the axial ones."""
+    layout = vehicle.gauges.layout
+    names = structural_model(vehicle, vehicle.resolution.truth, [layout]).layouts[layout].names
+    axial = [names.index(f"axial_180deg_{i}") for i in range(1, 10)]
+    hoop = [names.index(f"hoop_180deg_{i}") for i in range(1, 10)]
+    straight = true_strain(true_model, flights, exactly_built(N_GAUGES))
+    turned = true_strain(true_model, flights, built(orientation=np.full(N_GAUGES, np.pi / 2.0)))
+    close(turned[:, axial], straight[:, hoop])
+    close(turned[:, hoop], straight[:, axial])
+
+
+def test_gains_apparent_strain_and_internal_pressure_by_the_book(
+    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights
+) -> None:
+    layout = vehicle.gauges.layout
+    z_p = structural_model(vehicle, vehicle.resolution.truth, [layout]).strain_operator(layout)
+    straight = true_strain(true_model, flights, exactly_built(N_GAUGES))
+    gain = 0.01 * np.random.default_rng(1).standard_normal(N_GAUGES)
+    found = true_strain(true_model, flights, built(gauge_gain=gain, common_gain=0.02))
+    close(found, straight * (1.0 + gain) * 1.02, 1e-14)
+    apparent = np.full(N_GAUGES, 5e-6)
+    close(true_strain(true_model, flights, built(apparent_strain=apparent)), straight + apparent, 1e-14)
+    found = true_strain(true_model, flights, built(internal_pressure=0.05))
+    close(found, straight - 0.05 * np.outer(flights.ambient_pressure, z_p.sum(axis=1)))
+
+
+@pytest.mark.fast
+def test_a_vehicle_is_drawn_at_the_stated_sizes() -> None:
+    """Root mean square over 400 vehicles of 50 gauges: within 12 % (3 sigma of 400 draws), scale included."""
+    entry, random = Noise(std_um_per_m=0.4, internal_pressure_percent=7.0), np.random.default_rng(5)
+    vehicles = [drawn(entry, 50, random, scale=2.0) for _ in range(400)]
+    for name, size in (
+        ("gauge_gain", 0.01),
+        ("common_gain", 0.01),
+        ("axial_shift", 1e-3),
+        ("circumferential_shift", 1e-3),
+        ("orientation", radians(1.0)),
+        ("layout_roll", radians(0.5)),
+        ("wall_thickness", 0.01),
+        ("apparent_strain", 5e-6),
+        ("internal_pressure", 0.07),
+        ("dynamic_pressure", 0.01),
+    ):
+        values = np.array([getattr(one, name) for one in vehicles])
+        assert np.sqrt(np.mean(values**2)) == pytest.approx(2.0 * size, rel=0.12), name
+    one = vehicles[0]
+    assert np.ptp(one.apparent_strain) == 0.0
+    assert np.ptp(one.gauge_gain) > 0.0
+    none = drawn(entry.without_hardware_errors(), 50, random)
+    assert not any(np.any(getattr(none, name)) for name in vars(none))
