@@ -53,7 +53,7 @@ def unrolled_pressure(
     ----------
     surface : the pressure nodes.
     removed : (n_p,) fraction of the variance that the data remove [1]; NaN where there is none.
-    mean, std : (n_p,) mean and standard deviation of the snapshots' pressure [Pa].
+    mean, std : (n_p,) mean and standard deviation of the pressure that the map models [Pa].
     inverse_map : its gauges are drawn.
     """
     x, roll, node = _closest_nodes(surface)

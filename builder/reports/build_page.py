@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+
 from builder.reports import build_sections as sections
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import report_tables
 from builder.reports.first_screen import WELL, first_screen
 from builder.reports.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
 from builder.reports.tables import Table, tables_json, write_csv
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 
 CSV_FOLDER = "report_tables"
@@ -97,10 +100,26 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
             )
         ),
         Paragraph(
-            f"Each sigma holds {', '.join(report.coefficients.names)}. It does not hold the "
+            f"Each sigma holds {'; '.join(report.coefficients.names)}. It does not hold the "
             f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is that of the snapshots.'
         ),
+        *_without_hardware(report),
     )
+
+
+def _without_hardware(report: BuildReport) -> list[Block]:
+    """Return the sigmas without hardware errors, where the map holds any."""
+    found = report.coefficients
+    if not found.hardware:
+        return []
+    ratio = found.std_without(found.hardware) / found.std
+    parts = [
+        f"{name} {100.0 * share:.3g} %"
+        for name, share in zip(COEFFICIENT_NAMES, found.std_of_range * ratio, strict=True)
+        if np.isfinite(share)
+    ]
+    text = f"{len(found.hardware)} of these are hardware errors. Without them the sigmas over the range would be "
+    return [Paragraph(f"{text}{', '.join(parts)}.")]
 
 
 def _files(tables: dict[str, Table]) -> tuple[tuple[str, str], ...]:

@@ -24,6 +24,14 @@ def blind_line(report: BuildReport) -> str:
     return f"Layout {report.layout} is blind to {'; '.join(parts)}."
 
 
+def _modelled(report: BuildReport) -> str:
+    """Return which pressure the fields of the map are."""
+    if report.inverse_map.form == "absolute":
+        return "of the pressure of the snapshots"
+    pressure = 1e-3 * report.inverse_map.nominal_dynamic_pressure
+    return f"at q_inf = {pressure:.4g} kPa, of the pressure that strain is in proportion to, over every flow"
+
+
 def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "What this layout observes",
@@ -37,7 +45,8 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
             picture(
                 draw.known_pressure(report.surface, report.observability.node_removed, report.inverse_map),
                 "Fraction of the pressure's variance that the data remove, on the unrolled body. Circles are "
-                "axial gauges, squares hoop gauges, diamonds inclined ones, drawn slightly apart.",
+                "axial gauges, squares hoop gauges, diamonds inclined ones, drawn slightly apart. Mean and "
+                f"standard deviation, under the pointer: {_modelled(report)}.",
                 "Map of the unrolled body: fraction of the pressure's variance that the data remove.",
                 hover=hover.unrolled_pressure(
                     report.surface,

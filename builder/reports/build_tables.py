@@ -19,6 +19,7 @@ from strainfmu.estimator.validity import valid_ranges
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
 MAX_PAIRS = 200
+ALL_HARDWARE = "all hardware errors"
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 
 
@@ -196,10 +197,13 @@ def source_sigmas(report: BuildReport) -> Table:
 
 
 def sigmas_without(report: BuildReport) -> Table:
-    """One row per source that is left out; what groups of sources cost takes a row of the same kind."""
-    found, caption = report.coefficients, "Sigma of each coefficient without one source, with the same gain."
-    sigma = np.array([found.std_without([name]) for name in found.names])
-    return _by_coefficient("sigmas_without", caption, "without", found.names, sigma, Column("", "1", ".3g"))
+    """One row per source that is left out, and one without all hardware errors."""
+    found, caption = report.coefficients, "Sigma of each coefficient without some sources, with the same gain."
+    left_out: dict[str, tuple[str, ...]] = {name: (name,) for name in found.names}
+    if found.hardware:
+        left_out[ALL_HARDWARE] = found.hardware
+    sigma = np.array([found.std_without(names) for names in left_out.values()])
+    return _by_coefficient("sigmas_without", caption, "without", tuple(left_out), sigma, Column("", "1", ".3g"))
 
 
 def _by_coefficient(

@@ -29,6 +29,7 @@ class CoefficientSources:
     correlation : (5, 5) of the errors [1].
     names : n sources, independent of each other.
     variance : (n, 5) contribution of each source to the variance of each coefficient [1]; columns add up to std^2.
+    hardware : the names that are errors of the vehicle and its gauges as built.
     """
 
     std: FloatArray
@@ -36,6 +37,7 @@ class CoefficientSources:
     correlation: FloatArray
     names: tuple[str, ...]
     variance: FloatArray
+    hardware: tuple[str, ...]
 
     @property
     def std_of_range(self) -> FloatArray:
@@ -80,5 +82,6 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
         range=inverse_map.coefficient_range,
         correlation=covariance / np.outer(std, std),
         names=tuple(parts),
+        hardware=tuple(term.name for term in solution.noise.terms if term.hardware),
         variance=np.stack([scale**2 * np.sum(part**2, axis=1) for part in parts.values()]),
     )

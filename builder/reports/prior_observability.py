@@ -48,7 +48,7 @@ class PriorObservability:
     class_strain : (4,) rms over the gauges of the strain of each class's pressure [m/m].
     class_removed, class_removed_at_best : (4,) [1]; NaN where the class holds no variance.
     removed, removed_at_best : fraction of the whole variance [1].
-    node_mean, node_std : (n_p,) mean and standard deviation of the snapshots' pressure at each node [Pa].
+    node_mean, node_std : (n_p,) mean and standard deviation at each node [Pa] of the ensemble's pressure.
     node_removed : (n_p,) by this map, at each node [1]; NaN where the snapshots do not vary.
     n_kept : number of modes that are states.
     """

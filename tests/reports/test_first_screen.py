@@ -118,7 +118,14 @@ def test_page_and_numbers_hold_the_same_sentences(report: BuildReport, html: str
     opening = html[: html.index("<nav")].replace("&#x27;", "'")
     for lines in summary.values():
         assert all(line in opening for line in lines)
-    assert all(f"{name}," in opening or name in opening for name in report.coefficients.names)
+    assert all(name in opening for name in report.coefficients.names)
+    hardware = re.search(r"(\d+) of these are hardware errors. Without them .* C_N ([\d.]+) %", opening)
+    assert (hardware is not None) == bool(report.coefficients.hardware)
+    if hardware:
+        found = report.coefficients
+        assert int(hardware[1]) == len(found.hardware)
+        without = found.std_without(found.hardware)[1] / (found.range[1, 1] - found.range[1, 0])
+        assert float(hardware[2]) == pytest.approx(100.0 * without, rel=0.01)
 
 
 @pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
