@@ -30,4 +30,6 @@ def read_fmu(path: Path) -> tuple[Any, dict[str, Any], dict[str, int]]:
             contents = json.loads(archive.read(CONTENTS)) if CONTENTS in files else {}
     except Exception as error:  # fmpy and zipfile raise whatever their readers do
         raise InputError(f"{path}: damaged, or not an FMU") from error
+    if not isinstance(contents, dict) or not isinstance(contents.get("validity", {}), dict):
+        raise InputError(f"{path}: {CONTENTS}: damaged, expected the entries of an FMU of this program")
     return description, contents, files

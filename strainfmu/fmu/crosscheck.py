@@ -75,13 +75,13 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
         raise InputError(f"{fmu}: holds no reference run, {missing[0]} is missing")
     with zipfile.ZipFile(fmu) as archive:
         inputs, reference = (archive.read(name) for name in names)
-    model = description.modelName.replace(" ", "_")
+    reference_run = _reference_run(fmu, reference)
+    model = re.sub(r"[^\w.-]", "_", description.modelName).lstrip(".")  # never another folder's file
     experiment = description.defaultExperiment
     write_bytes_atomically(folder / f"{model}.fmu", fmu.read_bytes())
     write_bytes_atomically(folder / f"{model}_in.csv", inputs)
     write_bytes_atomically(folder / f"{model}_ref.csv", reference)
-    table = read_table(folder / f"{model}_ref.csv")
-    time = [row[0] for row in table["time"]]
+    time = [row[0] for row in reference_run["time"]]
     options = {"StartTime": time[0], "StopTime": time[-1], "StepSize": time[1] - time[0]}
     lines = [*(f"{name},{value:g}" for name, value in options.items()), f"RelTol,{RELATIVE_TOLERANCE:g}"]
     write_bytes_atomically(folder / f"{model}_ref.opt", ("\n".join(lines) + "\n").encode())
@@ -91,7 +91,7 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
             fmi_version=description.fmiVersion,
             fmu=folder / f"{model}.fmu",
             inputs=folder / f"{model}_in.csv",
-            reference=table,
+            reference=reference_run,
         )
         for name in IMPORTERS
     ]
@@ -100,6 +100,21 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
     readme = _readme(model=model, description=description, results=results, tolerance=tolerance, source=source)
     write_bytes_atomically(folder / "Readme.txt", readme.encode())
     return results
+
+
+def _reference_run(fmu: Path, content: bytes) -> Table:
+    """Return the table of a reference run: "time" of two points or more, and signals."""
+    with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder:
+        path = Path(folder) / "reference.csv"
+        path.write_bytes(content)
+        try:
+            table = read_table(path)
+            points = len(table["time"])
+        except (KeyError, ValueError, IndexError) as error:
+            raise InputError(f"{fmu}: damaged, its reference run is not a table with a column 'time'") from error
+    if points < 2:
+        raise InputError(f"{fmu}: reference run: expected at least 2 points in time, got {points}")
+    return table
 
 
 def check_results(results: Sequence[ImporterResult]) -> None:

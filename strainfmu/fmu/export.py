@@ -39,6 +39,7 @@ _COMMON_SOURCES = (
     "__init__.py",
     "version.py",
     "arrays.py",
+    "atmosphere.py",
     "errors.py",
     "files.py",
     "records.py",
@@ -50,7 +51,6 @@ _ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "interface/")
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,
     "interface/",
-    "atmosphere.py",
     "flight_condition.py",
     "cosim/__init__.py",
     "cosim/flight_model.py",

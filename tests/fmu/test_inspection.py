@@ -196,3 +196,47 @@ def test_an_fmu_without_a_reference_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no reference run"):
         write_crosscheck(path, tmp_path / "none")
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize("contents", ["[1, 2]", '{"validity": 3}', "null"])
+def test_entries_of_another_make_are_refused_in_one_line(tmp_path: Path, contents: str) -> None:
+    path = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", FOREIGN)
+        archive.writestr("extra/strainfmu/contents.json", contents)
+    done = run("inspect", path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "extra/strainfmu/contents.json: damaged" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("reference", "words"),
+    [
+        ("", "not a table with a column 'time'"),
+        ('"a"\n1\n', "not a table with a column 'time'"),
+        ('"time"\nx\n', "not a table with a column 'time'"),
+        ('"time","a"\n0,1\n', "expected at least 2 points in time, got 1"),
+    ],
+)
+def test_a_reference_run_that_is_none_is_refused(tmp_path: Path, reference: str, words: str) -> None:
+    path = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", FOREIGN)
+        archive.writestr("extra/org.fmi-standard.fmi-ls-ref/reference_in.csv", '"time"\n0\n1\n')
+        archive.writestr("extra/org.fmi-standard.fmi-ls-ref/reference_out.csv", reference)
+    with pytest.raises(InputError, match=words):
+        write_crosscheck(path, tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_name_of_a_model_is_no_path(tmp_path: Path) -> None:
+    """Whatever an FMU calls itself, its files stay in the folder."""
+    path = tmp_path / "foreign.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", FOREIGN.replace("Foreign [x]", "../../evil"))
+        for which in ("in", "out"):
+            name = f"extra/org.fmi-standard.fmi-ls-ref/reference_{which}.csv"
+            archive.writestr(name, '"time","a[1]"\n0,1\n1,1\n')
+    write_crosscheck(path, tmp_path / "a" / "b")
+    assert not list(tmp_path.glob("evil*"))
+    assert (tmp_path / "a" / "b" / "_.._evil.fmu").is_file()

@@ -185,7 +185,13 @@ def bench(
         return
     if structure is not None:
         from builder.structure.solid.growth import SIZES, growth_rows, growth_table
+        from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
+        from builder.vehicle.file import load_vehicle
 
+        load_vehicle(structure)  # refused here, not in the process of each size
+        for name in solver or ():
+            if name != CYCLIC:
+                named_back_end(name)
         sizes = [size for size in SIZES if size <= largest]
         rows_of_sizes = []
         for row in growth_rows(structure, solver or ["cyclic"], sizes):
