@@ -22,16 +22,21 @@ from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
-from strainfmu.interface.estimator_variables import PARAMETERS, estimator_interface, output_values
+from strainfmu.interface.estimator_variables import (
+    PARAMETERS,
+    estimator_interface,
+    known_flow,
+    output_values,
+)
 from strainfmu.interface.fmi_variables import Variable, value_references
 
 
 class EstimatorSlave(Fmi2Slave):
     """One instance of the estimator; its only state is its inputs and parameters.
 
-    Values lie in one array in the order of their value references: outputs, strains, ``valid``, dynamic pressure
-    and its deviation, parameters. Outputs are computed when they are read, so they are right after
-    initialization and after any set, without a step (FMI 2.0, section 4.2.4).
+    Values lie in one array in the order of their value references: outputs, strains, ``valid``, flow and
+    navigation, parameters. Outputs are computed when they are read, so they are right after initialization and
+    after any set, without a step (FMI 2.0, section 4.2.4).
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -138,11 +143,15 @@ class EstimatorSlave(Fmi2Slave):
         """Compute the outputs if an input was set since."""
         if not self._outdated:
             return
+        flow = self._values[self._pressure : self._parameters].tolist()
+        q, q_std, mach_number, altitude = known_flow(flow)
         estimate = self._estimator.step(
             self._values[self._first_input : self._valid],
-            float(self._values[self._pressure]),
+            q,
             self._values[self._valid : self._pressure] != 0.0,
-            float(self._values[self._pressure + 1]),
+            q_std,
+            mach_number=mach_number,
+            altitude=altitude,
         )
         self._values[: self._first_input] = output_values(estimate)
         self._outdated = False

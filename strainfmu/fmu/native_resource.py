@@ -2,8 +2,9 @@
 
 Little endian. A header of 128 bytes: magic, format version, byte order mark, length of the file, CRC-32 of all
 that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
-is known; the guid, ended by a zero. Then float64 values: ten scalars, and the arrays in the order of
-:func:`_arrays`.
+is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
+Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
+:func:`_scaled`. A bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -15,28 +16,43 @@ triangle takes half the time and half the room.
 from __future__ import annotations
 
 import struct
+import sys
 import zlib
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.errors import InputError
+from strainfmu.estimator.decomposition import Decomposition, decompose
+from strainfmu.estimator.envelope import (
+    ALTITUDE_STEP,
+    MACH_TOLERANCE,
+    PRESSURE_TOLERANCE,
+    ambient_pressure_table,
+    flight_ranges,
+    half_spaces,
+)
 from strainfmu.estimator.fixed_order import householder
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
+from strainfmu.estimator.loads_from_strain import MIN_EXPECTED_RATIO, error_model
 from strainfmu.estimator.map_parts import MapParts, map_parts
 from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
-from strainfmu.estimator.step import MIN_DYNAMIC_PRESSURE
+from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
+from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 CHECKED_FROM = 32
 """Position of the first byte that the checksum covers."""
 
 _BYTE_ORDER_MARK = 0x01020304
 _GUID_SIZE = 80
+_FORM, _N_FREE, _N_HALF_SPACES, _N_ALTITUDES, _HAS_ERRORS, _N_TERMS = range(6)
+"""Places of the form, 0 or 1, and of the sizes; the last two are zero."""
 
 
 def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
@@ -60,7 +76,18 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
         inverse_map.case == 2,
         text,
     )
-    checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *_arrays(inverse_map)))
+    numbers = (*_arrays(inverse_map), *_envelope(inverse_map))
+    sizes = [0] * 8
+    sizes[_N_HALF_SPACES] = _rows(inverse_map.envelope_limit)
+    sizes[_N_ALTITUDES] = len(ambient_pressure_table())
+    if inverse_map.form == "dynamic_pressure":
+        parts = decompose(inverse_map)
+        numbers += _scaled(inverse_map, parts)
+        sizes[_FORM], sizes[_N_FREE] = 1, parts.n_free
+        sizes[_HAS_ERRORS] = inverse_map.common_error is not None
+        sizes[_N_TERMS] = _rows(inverse_map.common_error)
+    checked += struct.pack("<8I", *sizes)
+    checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *numbers))
     header = MAGIC + struct.pack(
         "<2IQ2I", FORMAT_VERSION, _BYTE_ORDER_MARK, CHECKED_FROM + len(checked), zlib.crc32(checked), 0
     )
@@ -69,7 +96,9 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
 
 def _scalars(inverse_map: InverseMap) -> FloatArray:
     """Return start values, and the constants that Python alone states."""
-    settings = default_settings(inverse_map)
+    settings, ranges = default_settings(inverse_map), flight_ranges(inverse_map)
+    mach_number = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
+    bounds = np.concatenate([ranges.dynamic_pressure, mach_number, ranges.altitude])
     return np.array(
         [
             settings.reference_area,
@@ -82,6 +111,17 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
             MIN_DYNAMIC_PRESSURE,
             LARGEST_SENSOR_RANGE,
             LARGEST_SETTING,
+            MAX_DYNAMIC_PRESSURE,
+            inverse_map.dynamic_pressure_error,
+            inverse_map.chi_square_scale,
+            inverse_map.outlier_scale,
+            inverse_map.envelope_score_limit,
+            *np.clip(bounds, -sys.float_info.max, sys.float_info.max),
+            0.5 * HEAT_CAPACITY_RATIO,
+            PRESSURE_TOLERANCE,
+            ALTITUDE_STEP,
+            MIN_EXPECTED_RATIO,
+            NOT_KNOWN,
         ]
     )
 
@@ -107,6 +147,35 @@ def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
         np.array([chi_square_limit(freedom) for freedom in counts]),
         np.array([outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts]),
     )
+
+
+def _envelope(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
+    """Return limits and directions of the half-spaces, and p(h)."""
+    envelope, pressure = half_spaces(inverse_map), ambient_pressure_table()
+    return (pressure,) if envelope is None else (pressure, envelope.limit, envelope.direction.T)
+
+
+def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, ...]:
+    """Return what form "dynamic_pressure" needs besides, whose weights follow q_inf."""
+    fixed_strain = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
+    fixed_load = np.zeros(5) if inverse_map.fixed_load is None else inverse_map.fixed_load
+    errors = error_model(inverse_map)
+    return (
+        parts.whitening,
+        parts.singular_values,
+        parts.load_per_direction.T,
+        parts.unseen,
+        fixed_strain,
+        inverse_map.mean_strain - fixed_strain,
+        fixed_load,
+        inverse_map.load_of_mean - fixed_load,
+        MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0]),
+        *(() if errors is None else (errors.of_gauge, errors.mean_product, errors.common)),
+    )
+
+
+def _rows(array: FloatArray | None) -> int:
+    return 0 if array is None else len(array)
 
 
 def _min_precision(parts: MapParts) -> FloatArray:

@@ -26,8 +26,8 @@ KINDS = {
     "python FMI 2.0": ExportOptions(kind="python"),
 }
 
-_FIRST_STRAIN = 26
-_FIRST_ARRAY = 12
+_FIRST_STRAIN = 27
+_FIRST_ARRAY = 13
 """Value references of the strains in FMI 2.0 and 3.0."""
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import atan2, degrees
+from math import atan2, degrees, nan
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.health import HealthState
@@ -37,7 +37,7 @@ HEALTH_ITEMS = (
     ),
     (
         HealthState.NO_COEFFICIENTS,
-        "Dynamic pressure is below 1e-6 Pa or not finite, or its deviation impossible: no coefficients",
+        "Dynamic pressure is not 1e-6 to 1e7 Pa, or its deviation impossible: no coefficients",
     ),
     (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
     (HealthState.DEGRADED, "Gauges are missing, the others identify the state: sigma has grown accordingly"),
@@ -46,7 +46,20 @@ HEALTH_ITEMS = (
         "Gauges are missing, the others do not identify the state: nothing is computed",
     ),
     (HealthState.SUSPECT, "The chi-square is in order, but one gauge does not fit the others"),
+    (
+        HealthState.OUTSIDE,
+        "Dynamic pressure, navigation or the coefficients leave what the map covers: sigma need not hold",
+    ),
 )
+
+FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
+"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.step.Estimator.step`."""
+
+NOT_KNOWN = -1e9
+"""Start value of :data:`FLOW_INPUTS` that need not be known, in the unit of each; NaN means the same.
+
+NaN alone would do, were there no importers that take it for an error (OMSimulator).
+"""
 
 PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
 """Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
@@ -55,6 +68,11 @@ PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length
 def valid_names(n_gauges: int) -> tuple[str, ...]:
     """Return ``valid[1]`` .. ``valid[n]``."""
     return tuple(f"valid[{i}]" for i in range(1, n_gauges + 1))
+
+
+def known_flow(values: Sequence[float]) -> tuple[float, ...]:
+    """Return ``values`` of :data:`FLOW_INPUTS`, NaN for those that are not known."""
+    return tuple(nan if value == NOT_KNOWN else value for value in values)
 
 
 def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
@@ -87,6 +105,7 @@ def output_values(estimate: LoadEstimate) -> list[float]:
         float(estimate.valid.sum()),
         float(estimate.suspects[0] + 1) if estimate.suspects else 0.0,
         float(len(estimate.suspects)),
+        estimate.envelope_score,
     ]
 
 
@@ -155,12 +174,13 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
 
 
 def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return dynamic pressure and its uncertainty."""
+    """Return dynamic pressure and its uncertainty, Mach number and altitude."""
     nominal = inverse_map.nominal_dynamic_pressure
+    fraction = inverse_map.dynamic_pressure_error
     return [
         Variable(
             name="dynamic_pressure",
-            description="Free-stream dynamic pressure; turns loads into coefficients",
+            description=_PRESSURE_TEXT[inverse_map.form],
             causality="input",
             unit="Pa",
             display_unit="kPa",
@@ -170,15 +190,45 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
         ),
         Variable(
             name="dynamic_pressure_std",
-            description="Standard deviation of the error of dynamic_pressure; widens sigma of the coefficients",
+            description="Standard deviation of the error of dynamic_pressure, widens sigma; "
+            f"{NOT_KNOWN:g} or NaN takes {fraction:g} of dynamic_pressure",
             causality="input",
             unit="Pa",
             display_unit="kPa",
             nominal=nominal,
-            minimum=0.0,
-            start=0.0,
+            start=NOT_KNOWN,
+        ),
+        Variable(
+            name="mach_number",
+            description=f"Mach number by navigation, for health alone; {NOT_KNOWN:g} or NaN where not known",
+            causality="input",
+            unit="1",
+            start=NOT_KNOWN,
+        ),
+        Variable(
+            name="altitude",
+            description="Geopotential altitude by navigation, for health alone; "
+            f"{NOT_KNOWN:g} or NaN where not known",
+            causality="input",
+            unit="m",
+            display_unit="km",
+            start=NOT_KNOWN,
         ),
     ]
+
+
+_PRESSURE_TEXT = {
+    "absolute": "Free-stream dynamic pressure, at most 1e7 Pa; turns loads into coefficients",
+    "dynamic_pressure": "Free-stream dynamic pressure, at most 1e7 Pa; weights of the strains follow it",
+}
+
+
+def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
+    """Return the inputs besides gauges that loads depend on: none in form "absolute".
+
+    In form "dynamic_pressure" there are no loads where the deviation is impossible.
+    """
+    return () if inverse_map.form == "absolute" else FLOW_INPUTS[:2]
 
 
 def _parameters(inverse_map: InverseMap) -> list[Variable]:
@@ -244,6 +294,7 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
     """Return the five forces and moments and their standard deviations."""
     area, length = inverse_map.reference_area, inverse_map.reference_length
     scale = inverse_map.nominal_dynamic_pressure * area
+    flow = _pressure_of_loads(inverse_map)
     values = [
         Variable(
             name=name,
@@ -252,7 +303,7 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
             unit=unit,
             display_unit=f"k{unit}",
             nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
-            depends_on=gauges,
+            depends_on=(*gauges, *flow),
             initially_depends_on=("sensor_range", "moment_station") if unit == "N.m" else ("sensor_range",),
             array=name.partition(".")[0],
         )
@@ -276,6 +327,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the outputs that state the health of the estimate."""
     freedom, n = inverse_map.residual_degrees_of_freedom, inverse_map.n_gauges
     alarms = ("sensor_range", "alarm_scale")
+    flow = _pressure_of_loads(inverse_map)
     state = Variable(
         name="health.state",
         description="State of the estimate",
@@ -283,7 +335,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
         variability="discrete",
         fmi_type="Enumeration",
         declared_type=HEALTH_TYPE,
-        depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+        depends_on=(*gauges, *FLOW_INPUTS),
         initially_depends_on=alarms,
     )
     chi_square = Variable(
@@ -293,7 +345,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
         unit="1",
         nominal=_nominal(freedom),
         minimum=0.0,
-        depends_on=gauges,
+        depends_on=(*gauges, *flow),
         initially_depends_on=("sensor_range",),
     )
     limit = replace(
@@ -311,20 +363,34 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
             fmi_type="Integer",
             minimum=0,
             maximum=n,
-            depends_on=gauges,
+            depends_on=(*gauges, *pressures),
             initially_depends_on=parameters,
         )
-        for name, text, parameters in (
-            ("valid_gauges", "Number of gauges in use", ("sensor_range",)),
+        for name, text, pressures, parameters in (
+            ("valid_gauges", "Number of gauges in use", (), ("sensor_range",)),
             (
                 "suspect_gauge",
                 "Number, from 1, of the first gauge that does not fit; 0 for none",
+                flow,
                 alarms,
             ),
-            ("suspects", "Number of gauges under that suspicion, because they cannot be distinguished", alarms),
+            (
+                "suspects",
+                "Number of gauges under that suspicion, because they cannot be distinguished",
+                flow,
+                alarms,
+            ),
         )
     ]
-    return [state, chi_square, limit, *counts]
+    score = replace(
+        chi_square,
+        name="health.envelope_score",
+        description="Deviations by which the coefficients leave what the map covers, 0 inside; OUTSIDE above "
+        f"{inverse_map.envelope_score_limit:g}",
+        nominal=None,
+        depends_on=(*gauges, *FLOW_INPUTS[:2]),
+    )
+    return [state, chi_square, limit, *counts, score]
 
 
 def _nominal(*candidates: float) -> float | None:

@@ -21,12 +21,19 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator
-from strainfmu.interface.estimator_variables import PARAMETERS, output_values
+from strainfmu.interface.estimator_variables import (
+    FLOW_INPUTS,
+    NOT_KNOWN,
+    PARAMETERS,
+    known_flow,
+    output_values,
+)
 
 pytestmark = pytest.mark.fast
 
 REALS = slice(0, 20)
 CHI_SQUARE, LIMIT = 21, 22
+FLOW = list(FLOW_INPUTS)
 INTEGERS = ("health.state", "health.valid_gauges", "health.suspect_gauge", "health.suspects")
 
 
@@ -51,9 +58,9 @@ def hosts(
 
 
 def outputs_of(host: Host) -> np.ndarray:
-    """(26,) outputs in the order of value references."""
-    names = list(host.references)[:26]
-    values = np.empty(26)
+    """(27,) outputs in the order of value references."""
+    names = list(host.references)[:27]
+    values = np.empty(27)
     is_integer = np.isin(names, INTEGERS)
     values[~is_integer] = host.get([name for name in names if name not in INTEGERS])
     values[is_integer] = host.integers(INTEGERS)
@@ -66,8 +73,12 @@ strain_values = st.one_of(
 STEPS = st.tuples(
     st.lists(strain_values, min_size=N_GAUGES, max_size=N_GAUGES),
     st.lists(st.sampled_from([True, True, True, False]), min_size=N_GAUGES, max_size=N_GAUGES),
-    st.sampled_from([9e4, 1e3, 0.0, -1.0, np.nan, np.inf]),
-    st.sampled_from([0.0, 0.0, 1e3, -1.0, np.nan]),
+    st.tuples(
+        st.sampled_from([9e4, 1e3, 1e7, 1.1e7, 0.0, -1.0, np.nan, np.inf]),
+        st.sampled_from([0.0, 0.0, 1e3, -1.0, np.nan, NOT_KNOWN]),
+        st.sampled_from([np.nan, NOT_KNOWN, 6.0, 4.0, -1.0]),
+        st.sampled_from([np.nan, NOT_KNOWN, 2e4, 1e5, -1.0]),
+    ),
     st.tuples(
         st.sampled_from([0.05, 1e-4]),
         st.sampled_from([1.0, 4.0, 1e3]),
@@ -82,14 +93,17 @@ STEPS = st.tuples(
 @given(step=STEPS)
 def test_native_and_python_kind_equal_the_estimator(hosts: Hosts, step: tuple) -> None:
     """1e-12 of each output, or of what it is the difference of; the Python kind runs the same code: equal bits."""
-    strain, valid, q, q_std, values = step
+    strain, valid, flow, values = step
+    q, q_std, mach_number, altitude = known_flow(flow)
     inverse_map = hosts.estimator.inverse_map
     chosen = replace(default_settings(inverse_map), **dict(zip(PARAMETERS, values, strict=True)))
-    reference = hosts.estimator.with_settings(chosen).estimate(strain, q, np.array(valid), q_std)
+    reference = hosts.estimator.with_settings(chosen).step(
+        strain, q, np.array(valid), q_std, mach_number=mach_number, altitude=altitude
+    )
     expected = np.array(output_values(reference))
     for host in (hosts.native, hosts.python):
         host.set(PARAMETERS, values)
-        host.set([*STRAINS, "dynamic_pressure", "dynamic_pressure_std"], [*strain, q, q_std])
+        host.set([*STRAINS, *FLOW], [*strain, *flow])
         host.set_booleans(VALID, valid)
     np.testing.assert_array_equal(outputs_of(hosts.python), expected)
     found = outputs_of(hosts.native)
@@ -97,7 +111,7 @@ def test_native_and_python_kind_equal_the_estimator(hosts: Hosts, step: tuple) -
     finite = np.isfinite(expected)
     # Round-off of chi-square is that of its root, relative to the whitened strain before its projection.
     found[CHI_SQUARE], expected[CHI_SQUARE] = np.sqrt(found[CHI_SQUARE]), np.sqrt(expected[CHI_SQUARE])
-    error = np.abs(np.subtract(found, expected, where=finite, out=np.zeros(26)))
+    error = np.abs(np.subtract(found, expected, where=finite, out=np.zeros(27)))
     assert np.all(error <= 1e-12 * sizes(inverse_map, expected, strain, reference.valid, q, chosen) + 1e-300)
 
 
@@ -109,7 +123,7 @@ def sizes(
     q: float,
     chosen: EstimatorSettings,
 ) -> np.ndarray:
-    """(26,) what the round-off of each output is relative to: loads are differences of larger terms."""
+    """(27,) what the round-off of each output is relative to: loads are differences of larger terms."""
     size = np.where(np.isfinite(expected), np.abs(expected), 0.0)
     residual = np.where(valid, np.array(strain) - inverse_map.mean_strain, 0.0)
     terms = np.abs(inverse_map.load_gain) @ np.abs(residual) + np.abs(inverse_map.load_of_mean)
@@ -164,7 +178,7 @@ def test_arrays_equal_the_scalars(hosts: Hosts, fmus: dict[str, Path], tmp_path:
             valid[lost] = False
         fmu.setFloat64([references["strain"], references["dynamic_pressure"]], [*strain, 9e4])
         fmu.setBoolean([references["valid"]], valid)
-        hosts.native.set([*STRAINS, "dynamic_pressure", "dynamic_pressure_std"], [*strain, 9e4, 0.0])
+        hosts.native.set([*STRAINS, *FLOW], [*strain, 9e4, np.nan, np.nan, np.nan])
         hosts.native.set_booleans(VALID, valid)
         names = ("coefficients", "sigma.coefficients", "force", "moment", "sigma.force", "sigma.moment")
         sizes = (5, 5, 3, 2, 3, 2)
@@ -175,11 +189,11 @@ def test_arrays_equal_the_scalars(hosts: Hosts, fmus: dict[str, Path], tmp_path:
         ]
         expected = outputs_of(hosts.native)
         np.testing.assert_array_equal(found, expected[REALS])
-        reals = ("health.chi_square", "health.chi_square_limit")
-        assert fmu.getFloat64([references[name] for name in reals]) == list(expected[[CHI_SQUARE, LIMIT]])
+        reals = ("health.chi_square", "health.chi_square_limit", "health.envelope_score")
+        assert fmu.getFloat64([references[name] for name in reals]) == list(expected[[CHI_SQUARE, LIMIT, 26]])
         assert fmu.getInt64([references["health.state"]]) == [expected[20]]
         counts = [references[f"health.{name}"] for name in ("valid_gauges", "suspect_gauge", "suspects")]
-        assert fmu.getInt32(counts) == list(expected[23:])
+        assert fmu.getInt32(counts) == list(expected[23:26])
     fmu.terminate()
     fmu.freeInstance()
 

@@ -17,7 +17,13 @@ from strainfmu.fmu.description import FmuDescription, generation_time, model_ide
 from strainfmu.fmu.model_description import model_description
 from strainfmu.fmu.model_description_3 import model_description_3
 from strainfmu.fmu.reference_run import array_elements
-from strainfmu.interface.estimator_variables import HEALTH_ITEMS, PARAMETERS, estimator_arrays, estimator_interface
+from strainfmu.interface.estimator_variables import (
+    FLOW_INPUTS,
+    HEALTH_ITEMS,
+    PARAMETERS,
+    estimator_arrays,
+    estimator_interface,
+)
 from strainfmu.interface.fmi_variables import UNITS, Variable
 from strainfmu.interface.plant_variables import plant_interface
 
@@ -32,7 +38,7 @@ def variables(path: Path) -> dict[str, Any]:
 def test_coefficients_come_first_and_all_is_there(synthetic: SyntheticFiles) -> None:
     estimator, plant = variables(synthetic.estimator_1), variables(synthetic.plant)
     assert list(estimator)[:5] == list(plant)[:5] == ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
-    assert len(estimator) == 26 + 2 * N_GAUGES + 2 + 5
+    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5
     assert estimator["valid[1]"].type == "Boolean"
     assert estimator["valid[1]"].start == "true"
     for name in PARAMETERS:
@@ -69,7 +75,8 @@ def test_dependencies_state_what_feeds_what(synthetic: SyntheticFiles) -> None:
     flow = {"dynamic_pressure", "dynamic_pressure_std"}
     assert known["C_A"] == (gauges | flow, ["dependent"] * (2 * N_GAUGES + 2))
     assert known["force.side"] == (gauges, ["dependent"] * 2 * N_GAUGES)
-    assert known["sigma.C_N"][0] == known["health.state"][0] == gauges | flow
+    assert known["sigma.C_N"][0] == known["health.envelope_score"][0] == gauges | flow
+    assert known["health.state"][0] == gauges | {*FLOW_INPUTS}
     assert known["sigma.force.axial"][0] == known["health.valid_gauges"][0] == gauges
     first = {u.variable.name: {v.name for v in u.dependencies} for u in description.initialUnknowns}
     assert first["moment.yaw"] - gauges == {"sensor_range", "moment_station"}
@@ -102,7 +109,7 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         *((name, None) for name in scalars if name.startswith("health.")),
         ("strain", N_GAUGES),
         ("valid", N_GAUGES),
-        *((name, None) for name in ("dynamic_pressure", "dynamic_pressure_std", *PARAMETERS, "time")),
+        *((name, None) for name in (*FLOW_INPUTS, *PARAMETERS, "time")),
     ]
     found = [(name, int(v.dimensions[0].start) if v.dimensions else None) for name, v in arrays.items()]
     assert found == expected

@@ -20,11 +20,11 @@ from strainfmu.interface.estimator_variables import output_values
 
 GUID = "{8c4e810f-3df3-4a00-8276-176fa3c9f000}"
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3
-N_OUTPUTS = 26
-REAL_OUTPUTS = [*range(20), 21, 22]
+N_OUTPUTS = 27
+REAL_OUTPUTS = [*range(20), 21, 22, 26]
 WHOLE_OUTPUTS = [20, 23, 24, 25]
-N_SCALARS = 7
-"""dynamic_pressure, dynamic_pressure_std, then the settings."""
+N_SCALARS, SETTINGS = 9, 4
+"""Flow and navigation, then the settings, of which the first has that number."""
 
 GROUPS = {
     "force coefficients": slice(0, 3),
@@ -37,6 +37,7 @@ GROUPS = {
     "sigma of moments": slice(18, 20),
     "chi-square": slice(21, 22),
     "chi-square limit": slice(22, 23),
+    "envelope score": slice(26, 27),
 }
 """Outputs of one unit, compared relative to the largest: a small one among them is a difference of large terms."""
 
@@ -65,7 +66,7 @@ def write_resource(inverse_map: InverseMap, folder: Path, guid: str = GUID) -> P
 
 
 def outputs_of(estimate: LoadEstimate) -> np.ndarray:
-    """(26,) outputs of the numpy estimator by value reference."""
+    """(27,) outputs of the numpy estimator by value reference."""
     return np.array(output_values(estimate))
 
 
@@ -177,7 +178,7 @@ class Fmu2:
         return self.set_reals(range(start, start + len(values)), values)
 
     def outputs(self) -> np.ndarray:
-        """(26,) all outputs by value reference."""
+        """(27,) all outputs by value reference."""
         values = np.empty(N_OUTPUTS)
         values[REAL_OUTPUTS] = self.get_reals(REAL_OUTPUTS)
         values[WHOLE_OUTPUTS] = self.get_integers(WHOLE_OUTPUTS)
@@ -219,10 +220,11 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 21 as docs/explanation/native.md lists them."""
+    """One instance of FMI 3.0, with arrays; value references 0 .. 24 as docs/explanation/native.md lists them."""
 
-    FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1}
-    STRAIN, VALID, FIRST_SCALAR, TIME = 12, 13, 14, 21
+    FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1, 12: 1}
+    STRAIN, VALID, FIRST_SCALAR, TIME = 13, 14, 15, 24
+    SCALARS: ClassVar = range(15, 24)
 
     def __init__(
         self,
@@ -275,10 +277,10 @@ class Fmu3:
         return self.call(f"Set{kind}", listed, c_size_t(len(references)), content, c_size_t(len(values)))
 
     def outputs(self) -> np.ndarray:
-        """(26,) all outputs in the order of FMI 2.0's value references."""
+        """(27,) all outputs in the order of FMI 2.0's value references."""
         values = np.empty(N_OUTPUTS)
         statuses = []
-        status, values[REAL_OUTPUTS] = self.get("Float64", c_double, list(self.FLOATS), 22)
+        status, values[REAL_OUTPUTS] = self.get("Float64", c_double, list(self.FLOATS), 23)
         statuses.append(status)
         status, values[20:21] = self.get("Int64", ctypes.c_int64, [6], 1)
         statuses.append(status)

@@ -5,16 +5,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "absolute_form.h"
 #include "panels.h"
-#include "suspects.h"
-#include "triangles.h"
+#include "step_parts.h"
 
 /* Bytes that vector loads like to start at a multiple of. */
 #define ALIGNMENT 64
 
 static const char *const SETTING_NAMES[] = {
-    "dynamic_pressure", "dynamic_pressure_std", "sensor_range",    "alarm_scale",
-    "reference_area",   "reference_length",     "moment_station",
+    "dynamic_pressure", "dynamic_pressure_std", "mach_number",      "altitude",       "sensor_range",
+    "alarm_scale",      "reference_area",       "reference_length", "moment_station",
 };
 
 /* One block for all arrays: doubles, then indices, floats and bytes. */
@@ -87,7 +87,7 @@ void estimator_reset(Estimator *e) {
     memset(e->input, 0, n * sizeof *e->input);
     memset(e->valid, 1, n);
     scalar[DYNAMIC_PRESSURE] = e->map.dynamic_pressure;
-    scalar[DYNAMIC_PRESSURE_STD] = 0.0;
+    scalar[DYNAMIC_PRESSURE_STD] = scalar[MACH_NUMBER] = scalar[ALTITUDE] = e->map.not_known;
     scalar[SENSOR_RANGE] = e->map.sensor_range;
     scalar[ALARM_SCALE] = 1.0;
     scalar[REFERENCE_AREA] = e->map.reference_area;
@@ -168,130 +168,39 @@ static MaskedMap *masked_map(Estimator *e) {
     return &e->cache[oldest];
 }
 
-/* Factors of coefficients: 1 / (q S) for the three forces, 1 / (q S L) for the two moments. */
-static void coefficient_scales(const double *scalar, double *scale) {
-    const double area = scalar[REFERENCE_AREA];
-    scale[0] = scale[1] = scale[2] = 1.0 / (scalar[DYNAMIC_PRESSURE] * area);
-    scale[3] = scale[4] = 1.0 / (scalar[DYNAMIC_PRESSURE] * (area * scalar[REFERENCE_LENGTH]));
-}
-
-/* No number, for outputs from `first` up to, not including, `end`. */
-static void set_unknown(double *output, int first, int end) {
-    for (int i = first; i < end; i++) {
-        output[i] = NAN;
-    }
-}
-
-/* Sum of the gains of the gauges in use, weighted with x: loads that strains x stand for. */
-static void gain_times(const MaskedMap *m, const double *restrict x, double *restrict loads) {
-    double even[LOAD_STRIDE] = {0.0}, odd[LOAD_STRIDE] = {0.0};
-    size_t k = 0;
-    for (; k + 2 <= m->n_used; k += 2) {
-        const double *restrict gain = m->load_gain + LOAD_STRIDE * k;
-        for (size_t i = 0; i < LOAD_STRIDE; i++) {
-            even[i] += gain[i] * x[k];
-            odd[i] += gain[i + LOAD_STRIDE] * x[k + 1];
-        }
-    }
-    if (k < m->n_used) {
-        for (size_t i = 0; i < LOAD_STRIDE; i++) {
-            even[i] += m->load_gain[LOAD_STRIDE * k + i] * x[k];
-        }
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        loads[i] = even[i] + odd[i];
-    }
-}
-
-/* M_P' = M_P + shift F_N and M_Y' = M_Y + shift F_Y about a point further aft. */
-static void move_moments(double shift, double *loads) {
-    loads[3] += shift * loads[1];
-    loads[4] += shift * loads[2];
-}
-
-static double moment_shift(const Estimator *e) {
-    return e->input[e->map.n_gauges + MOMENT_STATION] - e->map.moment_station;
-}
-
-/* Variance of moment `load` about the shifted point, and in *with_force its covariance with the force that comes in:
-   of B C B' the entries that are needed. */
-static double moved_variance(const double *covariance, size_t load, double shift, double *with_force) {
-    const size_t force = load - 2;
-    const double cross = covariance[load * N_LOADS + force], of_force = covariance[force * N_LOADS + force];
-    *with_force = cross + shift * of_force;
-    return (covariance[load * N_LOADS + load] + shift * cross) + shift * *with_force;
-}
-
-/* Deviations of the loads, which change only with the gauges in use and the moment point. */
-static void set_load_std(MaskedMap *m, double shift) {
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double with_force;
-        const double variance =
-            i < 3 ? m->load_covariance[i * N_LOADS + i] : moved_variance(m->load_covariance, i, shift, &with_force);
-        m->load_std[i] = sqrt(variance);
-    }
-    m->load_std_shift = shift;
-}
-
-static void set_loads(const Estimator *e, double *output) {
-    MaskedMap *m = e->masked;
-    const double shift = moment_shift(e);
-    if (shift != m->load_std_shift) {
-        set_load_std(m, shift);
-    }
-    gain_times(m, e->residual, output + LOADS);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        output[LOADS + i] += e->map.load_of_mean[i];
-    }
-    move_moments(shift, output + LOADS);
-    memcpy(output + LOADS_STD, m->load_std, sizeof m->load_std);
-}
-
-/* Whether the dynamic pressure gives coefficients; if so, set them. */
-static int set_coefficients(const Estimator *e, double *output) {
+/* Flow and navigation of the inputs. */
+static Flow flow_of(const Estimator *e) {
     const double *scalar = e->input + e->map.n_gauges;
-    const double pressure = scalar[DYNAMIC_PRESSURE], deviation = scalar[DYNAMIC_PRESSURE_STD];
-    const int usable = pressure >= e->map.min_dynamic_pressure && pressure < INFINITY && deviation >= 0.0
-                    && deviation < INFINITY;
-    if (!usable) {
-        set_unknown(output, COEFFICIENTS, LOADS);
-        return 0;
+    const double pressure = scalar[DYNAMIC_PRESSURE];
+    Flow flow = {0, pressure, 0.0, known_input(e, MACH_NUMBER), known_input(e, ALTITUDE)};
+    if (!(pressure >= e->map.min_dynamic_pressure && pressure <= e->map.max_dynamic_pressure)) {
+        return flow;
     }
-    const double fraction = deviation / pressure;
-    double scale[N_LOADS];
-    coefficient_scales(scalar, scale);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const double coefficient = scale[i] * output[LOADS + i], of_loads = scale[i] * output[LOADS_STD + i];
-        const double of_pressure = coefficient * fraction;
-        output[COEFFICIENTS + i] = coefficient;
-        output[COEFFICIENTS_STD + i] =
-            deviation > 0.0 ? sqrt(of_loads * of_loads + of_pressure * of_pressure) : of_loads;
-    }
-    return 1;
+    const double given = known_input(e, DYNAMIC_PRESSURE_STD);
+    const double deviation = isnan(given) ? e->map.dynamic_pressure_error * pressure : given;
+    flow.known = deviation >= 0.0 && deviation < INFINITY;
+    flow.deviation = flow.known ? deviation : 0.0;
+    return flow;
 }
 
-static int health_state(const Estimator *e, const double *output) {
+static int health_state(const Estimator *e) {
+    const double *output = e->output;
+    if (!e->flow.known) {
+        return NO_COEFFICIENTS;
+    }
+    if (outside_by_navigation(&e->map.envelope, &e->flow)) {
+        return OUTSIDE;
+    }
     if (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT]) {
         return INCONSISTENT;
     }
     if (output[SUSPECTS] > 0.0) {
         return SUSPECT;
     }
+    if (output[ENVELOPE_SCORE] > e->map.envelope.score_limit) {
+        return OUTSIDE;
+    }
     return e->masked->n_used == e->map.n_gauges ? OK : DEGRADED;
-}
-
-/* What the strains in use differ by from those of the mean state. */
-static void set_residual(Estimator *e) {
-    const MaskedMap *m = e->masked;
-    if (m->n_used == e->map.n_gauges) {
-        for (size_t k = 0; k < m->n_used; k++) {
-            e->residual[k] = e->input[k] - m->mean_strain[k];
-        }
-        return;
-    }
-    for (size_t k = 0; k < m->n_used; k++) {
-        e->residual[k] = e->input[m->used[k]] - m->mean_strain[k];
-    }
 }
 
 static void update(Estimator *e) {
@@ -300,19 +209,13 @@ static void update(Estimator *e) {
     output[VALID_GAUGES] = (double)m->n_used;
     output[SUSPECT_GAUGE] = output[SUSPECTS] = 0.0;
     if (!m->identified) {
-        set_unknown(output, COEFFICIENTS, HEALTH_STATE);
-        set_unknown(output, CHI_SQUARE, VALID_GAUGES);
+        set_unknown(output);
         output[HEALTH_STATE] = m->n_used > 0 ? UNIDENTIFIED : INVALID;
         return;
     }
-    set_residual(e);
-    const double alarm_scale = e->input[e->map.n_gauges + ALARM_SCALE];
-    panels_times(e->wide, m->n_used, m->row_panels, e->residual, e->whitened);
-    output[CHI_SQUARE] = dot(m->n_used, e->whitened, e->whitened);
-    output[CHI_SQUARE_LIMIT] = alarm_scale * m->chi_square_limit;
-    set_suspects(e, alarm_scale);
-    set_loads(e, output);
-    output[HEALTH_STATE] = set_coefficients(e, output) ? health_state(e, output) : NO_COEFFICIENTS;
+    e->flow = flow_of(e);
+    absolute_update(e);
+    output[HEALTH_STATE] = health_state(e);
 }
 
 const double *estimator_outputs(Estimator *e) {
@@ -323,64 +226,12 @@ const double *estimator_outputs(Estimator *e) {
     return e->output;
 }
 
-/* Derivatives of loads, their deviations and chi-square; d_residual is that of the strains in use. */
-static void derive_loads(Estimator *e, const double *d_residual, double d_shift, double *d_output) {
-    const MaskedMap *m = e->masked;
-    const double shift = moment_shift(e);
-    gain_times(m, d_residual, d_output + LOADS);
-    move_moments(shift, d_output + LOADS);
-    for (size_t i = 3; i < N_LOADS; i++) {
-        double with_force;
-        const double variance = moved_variance(m->load_covariance, i, shift, &with_force);
-        d_output[LOADS + i] += d_shift * e->output[LOADS + i - 2];
-        d_output[LOADS_STD + i] = with_force * d_shift / sqrt(variance);
-    }
-    /* d|W r|^2 = 2 (W r)' W dr. */
-    panels_times(e->wide, m->n_used, m->row_panels, d_residual, e->d_whitened);
-    d_output[CHI_SQUARE] = 2.0 * dot(m->n_used, e->whitened, e->d_whitened);
-}
-
-static void derive_coefficients(const Estimator *e, const double *d_scalar, double *d_output) {
-    const double *scalar = e->input + e->map.n_gauges, *output = e->output;
-    const double pressure = scalar[DYNAMIC_PRESSURE];
-    const double fraction = scalar[DYNAMIC_PRESSURE_STD] / pressure;
-    const double d_fraction = (d_scalar[DYNAMIC_PRESSURE_STD] - fraction * d_scalar[DYNAMIC_PRESSURE]) / pressure;
-    double scales[N_LOADS];
-    coefficient_scales(scalar, scales);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const double scale = scales[i];
-        double growth = d_scalar[DYNAMIC_PRESSURE] / pressure + d_scalar[REFERENCE_AREA] / scalar[REFERENCE_AREA];
-        growth += i < 3 ? 0.0 : d_scalar[REFERENCE_LENGTH] / scalar[REFERENCE_LENGTH];
-        const double coefficient = output[COEFFICIENTS + i];
-        const double derivative = scale * d_output[LOADS + i] - coefficient * growth;
-        const double of_loads = scale * output[LOADS_STD + i], of_pressure = coefficient * fraction;
-        const double d_of_loads = scale * d_output[LOADS_STD + i] - of_loads * growth;
-        const double d_of_pressure = derivative * fraction + coefficient * d_fraction;
-        d_output[COEFFICIENTS + i] = derivative;
-        d_output[COEFFICIENTS_STD + i] =
-            (of_loads * d_of_loads + of_pressure * d_of_pressure) / output[COEFFICIENTS_STD + i];
-    }
-}
-
 void estimator_derivative(Estimator *e, const double *d_input, double d_output[N_OUTPUTS]) {
-    const double *output = estimator_outputs(e), *d_scalar = d_input + e->map.n_gauges;
-    const MaskedMap *m = e->masked;
+    estimator_outputs(e);
     memset(d_output, 0, N_OUTPUTS * sizeof *d_output);
-    if (!m->identified) {
-        set_unknown(d_output, COEFFICIENTS, HEALTH_STATE);
-        set_unknown(d_output, CHI_SQUARE, VALID_GAUGES);
+    if (!e->masked->identified) {
+        set_unknown(d_output);
         return;
     }
-    for (size_t k = 0; k < m->n_used; k++) {
-        e->residual[k] = d_input[m->used[k]];
-    }
-    derive_loads(e, e->residual, d_scalar[MOMENT_STATION], d_output);
-    if (d_scalar[ALARM_SCALE] != 0.0) { /* the limit may be infinite */
-        d_output[CHI_SQUARE_LIMIT] = d_scalar[ALARM_SCALE] * m->chi_square_limit;
-    }
-    if (isnan(output[COEFFICIENTS])) {
-        set_unknown(d_output, COEFFICIENTS, LOADS);
-    } else {
-        derive_coefficients(e, d_scalar, d_output);
-    }
+    absolute_derivative(e, d_input, d_output);
 }

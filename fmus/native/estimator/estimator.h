@@ -6,6 +6,7 @@
 #ifndef ESTIMATOR_H
 #define ESTIMATOR_H
 
+#include "envelope.h"
 #include "masked_map.h"
 
 /* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
@@ -24,16 +25,19 @@ enum {
     VALID_GAUGES = 23,     /* number of gauges in use */
     SUSPECT_GAUGE = 24,    /* the first suspect, from 1; 0 for none */
     SUSPECTS = 25,         /* gauges that share the suspicion */
-    N_OUTPUTS = 26
+    ENVELOPE_SCORE = 26,   /* [1] */
+    N_OUTPUTS = 27
 };
 
 /* States of health: strainfmu/estimator/health.py. */
-enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT };
+enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
 /* Indices of the real inputs after the strains; the last five are settings. */
 enum {
     DYNAMIC_PRESSURE,     /* [Pa] */
-    DYNAMIC_PRESSURE_STD, /* [Pa] */
+    DYNAMIC_PRESSURE_STD, /* [Pa]; this and the next two may be NaN or the map's not_known */
+    MACH_NUMBER,          /* [1] */
+    ALTITUDE,             /* [m] */
     SENSOR_RANGE,         /* largest |strain| of a working gauge [1] */
     ALARM_SCALE,          /* factor on the limit of chi-square and on the square of that of z [1] */
     REFERENCE_AREA,       /* [m2] */
@@ -50,6 +54,8 @@ typedef struct {
     double *input;        /* (n_gauges + N_SCALAR_INPUTS) strains [1], then the scalars */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
+    Flow flow;            /* of the inputs since output was computed */
+    size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
     MaskedMap *masked;

@@ -8,7 +8,7 @@
 #include "../core/model.h"
 #include "estimator.h"
 
-#define TIME_REFERENCE 21u /* of the independent variable in FMI 3.0 */
+#define TIME_REFERENCE 24u /* of the independent variable in FMI 3.0 */
 
 static Estimator *estimator_of(const Model *model) {
     return (Estimator *)(uintptr_t)model; /* its first member */
@@ -59,7 +59,7 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
 /* A change of health. */
 int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
     static const char *const STATES[] = {
-        "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT",
+        "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",
     };
     Estimator *e = estimator_of(model);
     const double *output = estimator_outputs(e);
@@ -77,7 +77,8 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
 /* Variables. */
 
 static int is_real_output(size_t variable) {
-    return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT;
+    return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT
+        || variable == ENVELOPE_SCORE;
 }
 
 /* Index of a real input or setting in estimator->input; SIZE_MAX for any other variable. */
@@ -106,7 +107,7 @@ Selection model_array(const Model *model, unsigned reference) {
     static const unsigned char FIRST[] = {
         0,  5,                      /* coefficients, sigma_coefficients */
         10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
-        20, 21, 22, 23, 24, 25,     /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
+        20, 21, 22, 23, 24, 25, 26, /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
         N_OUTPUTS,                  /* strain; valid, then scalar inputs and settings */
     };
     const size_t n = estimator_of(model)->map.n_gauges, strain = sizeof FIRST - 1;
@@ -152,7 +153,7 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
 int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k);
-        if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable < N_OUTPUTS)) {
+        if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable <= SUSPECTS)) {
             return wrong_type(variable, text);
         }
         value[k] = (int)estimator_outputs(estimator_of(model))[variable];

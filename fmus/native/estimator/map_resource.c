@@ -1,21 +1,52 @@
 #include "map_resource.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#define N_SCALARS 10
+#define N_SCALARS 26
 #define MAX_COUNT 4096
+#define MAX_HALF_SPACES 65536
+#define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
+
+/* Places of the form, 0 or 1, and of the sizes that follow the header. */
+enum { FORM, N_FREE, N_HALF_SPACES, N_ALTITUDES, HAS_ERRORS, N_TERMS };
 
 static const char MAGIC[8] = "SFMUMAP";
 
-static size_t number_of_doubles(size_t n, size_t states) {
-    const size_t loads = N_LOADS, triangle = n * (n + 1) / 2;
-    return N_SCALARS + n + loads + loads * n + loads * loads + 4 * triangle + loads * n + loads * loads + states * n
-         + states * loads + 3 * n;
+static uint32_t size_at(const unsigned char *bytes, int place) {
+    return u32_at(bytes, HEADER_SIZE + 4 * (size_t)place);
+}
+
+static size_t number_of_doubles(const unsigned char *bytes) {
+    const size_t n = u32_at(bytes, 32), states = u32_at(bytes, 36), loads = N_LOADS, triangle = n * (n + 1) / 2;
+    size_t count = N_SCALARS + n + loads + loads * n + loads * loads + 4 * triangle + loads * n + loads * loads
+                 + states * n + states * loads + 3 * n + size_at(bytes, N_ALTITUDES)
+                 + (1 + loads) * size_at(bytes, N_HALF_SPACES);
+    if (size_at(bytes, FORM)) {
+        count += n * n + n + loads * n + loads * loads + 2 * n + 2 * loads + n;
+        count += size_at(bytes, HAS_ERRORS) ? N_PAIRS * n + N_PAIRS + 6 * size_at(bytes, N_TERMS) * n : 0;
+    }
+    return count;
+}
+
+/* Whether what follows the header is what a map of the form can have. */
+static int sensible_sizes(const unsigned char *bytes) {
+    const uint32_t n = u32_at(bytes, 32), freedom = u32_at(bytes, 40), known_prior = u32_at(bytes, 44);
+    const uint32_t scaled = size_at(bytes, FORM), errors = size_at(bytes, HAS_ERRORS), terms = size_at(bytes, N_TERMS);
+    const uint32_t n_free = size_at(bytes, N_FREE);
+    return scaled <= 1 && errors <= scaled && terms <= (errors ? MAX_COUNT : 0) && size_at(bytes, 6) == 0
+        && size_at(bytes, 7) == 0 && n_free == (scaled && !known_prior ? n - freedom : 0)
+        && size_at(bytes, N_HALF_SPACES) <= MAX_HALF_SPACES && size_at(bytes, N_ALTITUDES) >= 2
+        && size_at(bytes, N_ALTITUDES) <= MAX_COUNT;
 }
 
 static int check_sizes(const unsigned char *bytes, size_t length, char *text) {
+    if (length < VALUES_AT) {
+        snprintf(text, MODEL_TEXT_SIZE, "has %lu bytes, which is too few for a map", (unsigned long)length);
+        return 0;
+    }
     const uint32_t n = u32_at(bytes, 32), states = u32_at(bytes, 36);
     const uint32_t freedom = u32_at(bytes, 40), known_prior = u32_at(bytes, 44);
     if (n < 1 || n > MAX_COUNT || states > MAX_COUNT || freedom < 1 || freedom > n || known_prior > 1) {
@@ -23,7 +54,14 @@ static int check_sizes(const unsigned char *bytes, size_t length, char *text) {
                  (unsigned long)n, (unsigned long)states, (unsigned long)freedom);
         return 0;
     }
-    if (length != HEADER_SIZE + 8 * number_of_doubles(n, states)) {
+    if (!sensible_sizes(bytes)) {
+        snprintf(text, MODEL_TEXT_SIZE, "is of form %lu with %lu free states, %lu half-spaces, %lu altitudes, %lu error "
+                 "terms, which cannot be", (unsigned long)size_at(bytes, FORM), (unsigned long)size_at(bytes, N_FREE),
+                 (unsigned long)size_at(bytes, N_HALF_SPACES), (unsigned long)size_at(bytes, N_ALTITUDES),
+                 (unsigned long)size_at(bytes, N_TERMS));
+        return 0;
+    }
+    if (length != VALUES_AT + 8 * number_of_doubles(bytes)) {
         snprintf(text, MODEL_TEXT_SIZE, "has %lu bytes, which is wrong for %lu gauges and %lu states",
                  (unsigned long)length, (unsigned long)n, (unsigned long)states);
         return 0;
@@ -49,11 +87,56 @@ static int check_values(const Map *map, const double *values, size_t count, char
         }
     }
     const int positive = map->reference_area > 0.0 && map->reference_length > 0.0 && map->sensor_range > 0.0
-                      && map->dynamic_pressure > 0.0 && map->min_dynamic_pressure > 0.0;
+                      && map->dynamic_pressure > 0.0 && map->min_dynamic_pressure > 0.0
+                      && map->chi_square_scale > 0.0 && map->outlier_scale > 0.0 && map->envelope.altitude_step > 0.0;
     if (!positive) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a reference quantity that is not positive");
     }
     return positive;
+}
+
+/* A bound; those that a map does not state are the largest numbers of the file, which holds finite ones alone. */
+static double bound(double value) {
+    return fabs(value) < DBL_MAX ? value : copysign(INFINITY, value);
+}
+
+/* From the eleventh scalar on. */
+static void take_limits(Map *map, const double *scalars) {
+    Envelope *envelope = &map->envelope;
+    map->max_dynamic_pressure = scalars[0];
+    map->dynamic_pressure_error = scalars[1];
+    map->chi_square_scale = scalars[2];
+    map->outlier_scale = scalars[3];
+    envelope->score_limit = scalars[4];
+    for (int i = 0; i < 2; i++) {
+        envelope->dynamic_pressure[i] = bound(scalars[5 + i]);
+        envelope->mach_number[i] = bound(scalars[7 + i]);
+        envelope->altitude[i] = bound(scalars[9 + i]);
+    }
+    envelope->half_gamma = scalars[11];
+    envelope->pressure_tolerance = scalars[12];
+    envelope->altitude_step = scalars[13];
+    map->form.min_expected_ratio = scalars[14];
+    map->not_known = scalars[15];
+}
+
+static void take_form(Map *map, const double **next) {
+    const size_t n = map->n_gauges;
+    ScaledForm *form = &map->form;
+    form->whitening = take(next, n * n);
+    form->singular = take(next, n);
+    form->load = take(next, N_LOADS * n);
+    form->unseen = take(next, N_LOADS * N_LOADS);
+    form->fixed_strain = take(next, n);
+    form->mean_strain = take(next, n);
+    form->fixed_load = take(next, N_LOADS);
+    form->load_of_mean = take(next, N_LOADS);
+    form->min_precision = take(next, n);
+    if (form->has_errors) {
+        form->of_gauge = take(next, N_PAIRS * n);
+        form->mean_product = take(next, N_PAIRS);
+        form->common = take(next, 6 * form->n_terms * n);
+    }
 }
 
 static void take_arrays(Map *map, const double *next) {
@@ -84,6 +167,13 @@ static void take_arrays(Map *map, const double *next) {
     map->min_precision = take(&next, n);
     map->chi_square_limit = take(&next, n);
     map->outlier_threshold = take(&next, n);
+    take_limits(map, scalars + 10);
+    map->envelope.ambient_pressure = take(&next, map->envelope.n_altitudes);
+    map->envelope.limit = take(&next, map->envelope.n_half_spaces);
+    map->envelope.direction = take(&next, N_LOADS * map->envelope.n_half_spaces);
+    if (map->scaled) {
+        take_form(map, &next);
+    }
 }
 
 int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MODEL_TEXT_SIZE]) {
@@ -96,7 +186,13 @@ int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MOD
     map->known_prior = (int)u32_at(bytes, 44);
     map->checksum = u32_at(bytes, CHECKSUM_AT);
     map->guid = (const char *)bytes + 48;
-    const double *values = (const double *)(const void *)(bytes + HEADER_SIZE);
+    map->scaled = (int)size_at(bytes, FORM);
+    map->form.n_free = size_at(bytes, N_FREE);
+    map->form.has_errors = (int)size_at(bytes, HAS_ERRORS);
+    map->form.n_terms = size_at(bytes, N_TERMS);
+    map->envelope.n_half_spaces = size_at(bytes, N_HALF_SPACES);
+    map->envelope.n_altitudes = size_at(bytes, N_ALTITUDES);
+    const double *values = (const double *)(const void *)(bytes + VALUES_AT);
     take_arrays(map, values);
-    return check_values(map, values, number_of_doubles(map->n_gauges, map->n_states), text);
+    return check_values(map, values, number_of_doubles(bytes), text);
 }

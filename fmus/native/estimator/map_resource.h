@@ -1,7 +1,7 @@
 /* The inverse map of an FMU: resources/map.bin, read and checked.
 
-   The file is little endian: a header of HEADER_SIZE bytes, then float64 arrays in the order of Map, each row by row
-   unless they are described otherwise. strainfmu/fmu/native_resource.py writes it, docs/explanation/native.md describes
+   The file is little endian: a header of HEADER_SIZE bytes, N_SIZES 32-bit integers, then float64 arrays in the order
+   of Map, each row by row unless they are described otherwise. strainfmu/fmu/native_resource.py writes it, docs/explanation/native.md describes
    it. */
 
 #ifndef MAP_RESOURCE_H
@@ -9,8 +9,43 @@
 
 #include "../core/resource.h"
 
-#define MAP_FORMAT_VERSION 1
+#define MAP_FORMAT_VERSION 2
+#define N_SIZES 8
 #define N_LOADS 5
+#define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
+
+/* Half-spaces of the coefficients n'C <= limit, and ranges of the flight state: strainfmu/estimator/envelope.py. */
+typedef struct {
+    size_t n_half_spaces, n_altitudes;
+    double score_limit; /* deviations beyond a half-space that count as outside */
+    double dynamic_pressure[2], mach_number[2], altitude[2]; /* least and largest [Pa], [1], [m]; may be infinite */
+    double half_gamma;         /* q = half_gamma M^2 p(h) */
+    double pressure_tolerance; /* relative difference of the two that is no contradiction */
+    double altitude_step;      /* [m] of ambient_pressure */
+    const double *ambient_pressure; /* (n_altitudes) p(h) [Pa] from h = 0 on */
+    const double *limit;            /* (n_half_spaces) */
+    const double *direction;        /* (5, n_half_spaces) */
+} Envelope;
+
+/* What form "dynamic_pressure" needs besides: strainfmu/estimator/decomposition.py and proportional_errors.py. */
+typedef struct {
+    size_t n_free;              /* free states, which are the first directions */
+    size_t n_terms;             /* errors that all gauges have in common */
+    int has_errors;             /* whether errors follow the current strain */
+    double min_expected_ratio;  /* least expected chi-square over its degrees of freedom */
+    const double *whitening;    /* (n_gauges, n_gauges) V */
+    const double *singular;     /* (n_gauges) S */
+    const double *load;         /* (n_gauges, 5) loads of each direction */
+    const double *unseen;       /* (5, 5) R */
+    const double *fixed_strain; /* (n_gauges) d_0 */
+    const double *mean_strain;  /* (n_gauges) m - d_0, at the nominal dynamic pressure */
+    const double *fixed_load;   /* (5) f_0 */
+    const double *load_of_mean; /* (5) f_mean - f_0 */
+    const double *min_precision; /* (n_gauges) P_ii that is round-off */
+    const double *of_gauge;      /* (21, n_gauges) sums of D_a D_b; this and the rest only with has_errors */
+    const double *mean_product;  /* (21) of c_a c_b */
+    const double *common;        /* (n_terms, 6, n_gauges) E */
+} ScaledForm;
 
 /* An inverse map for n_gauges gauges and n_states pressure states; arrays point into the file's bytes.
    Triangles are packed as triangles.h describes; each stands for the matrix of which it is the R of a QR
@@ -25,8 +60,11 @@ typedef struct {
     double sensor_range, dynamic_pressure;                   /* start values [1], [Pa] */
     double min_information;                                /* below which gauges do not identify the state */
     double ambiguous_correlation;                            /* above which gauges cannot be distinguished */
-    double min_dynamic_pressure;                           /* [Pa], below which there are no coefficients */
+    double min_dynamic_pressure, max_dynamic_pressure;       /* [Pa], beyond which there are no coefficients */
+    double dynamic_pressure_error;                           /* relative, where no deviation is given [1] */
+    double chi_square_scale, outlier_scale;                  /* factors on the limits of chi-square and of z^2 */
     double largest_sensor_range, largest_setting;            /* bounds on what may be set */
+    double not_known; /* start value of flow and navigation that need not be known, which means what NaN does */
     const double *mean_strain;       /* (n_gauges) m */
     const double *load_of_mean;      /* (5) [N, N m] */
     const double *load_gain;         /* (n_gauges, 5) G' of all gauges */
@@ -42,6 +80,9 @@ typedef struct {
     const double *min_precision;   /* (n_gauges) P_ii that is round-off */
     const double *chi_square_limit;  /* (n_gauges) by degrees of freedom 1 .. n_gauges */
     const double *outlier_threshold; /* (n_gauges) by number of gauges 1 .. n_gauges */
+    Envelope envelope;
+    int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
+    ScaledForm form;
 } Map;
 
 /* Read the header and arrays of bytes [length], which must be aligned as double and outlive map. Return 1, or 0 with

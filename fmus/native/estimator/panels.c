@@ -4,18 +4,11 @@
 #include <string.h>
 
 #include "triangles.h"
-
-#if defined(__x86_64__) && defined(__GNUC__)
-#define HAS_AVX2 1
-#define AVX2 __attribute__((target("avx2")))
-#define EVERYWHERE static inline __attribute__((always_inline))
-#include <cpuid.h>
-#else
-#define HAS_AVX2 0
-#define EVERYWHERE static inline
-#endif
+#include "wide.h"
 
 #if HAS_AVX2
+#include <cpuid.h>
+
 /* Intel, Software Developer's Manual, volume 1, section 14.7: AVX2, and an operating system that saves ymm. */
 int panels_wide(void) {
     unsigned a, b, c, d, saved, high;
@@ -131,10 +124,6 @@ AVX2 static void columns_times_avx2(size_t n, const double *panels, const double
 AVX2 static int columns_exceed_avx2(size_t n, const float *panels, const float *x, float limit) {
     return columns_exceed(n, panels, x, limit);
 }
-
-#define CHOSEN(wide, name) ((wide) ? name##_avx2 : (name))
-#else
-#define CHOSEN(wide, name) ((void)(wide), (name))
 #endif
 
 void panels_times(int wide, size_t n, const double *panels, const double *x, double *y) {

@@ -42,10 +42,9 @@ static int may_exceed(Estimator *e, double threshold) {
     return panels_exceed(e->wide, m->n_used, m->screen, e->narrow, (float)limit);
 }
 
-void set_suspects(Estimator *e, double alarm_scale) {
+void set_suspects(Estimator *e, double threshold) {
     const MaskedMap *m = e->masked;
     double *output = e->output;
-    const double threshold = sqrt(alarm_scale) * m->outlier_threshold;
     if (!may_exceed(e, threshold)) {
         return;
     }

@@ -6,9 +6,9 @@
 
 #include "estimator.h"
 
-/* If some |z| is above the threshold for alarm_scale, set the outputs SUSPECT_GAUGE and SUSPECTS: the gauge of the
+/* If some |z| is above the threshold, set the outputs SUSPECT_GAUGE and SUSPECTS: the gauge of the
    largest |z|, and the number of those from which it cannot be distinguished. whitened, CHI_SQUARE and its limit must
    be set. */
-void set_suspects(Estimator *e, double alarm_scale);
+void set_suspects(Estimator *e, double threshold);
 
 #endif

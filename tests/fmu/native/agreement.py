@@ -26,6 +26,13 @@ class Sample:
     valid: np.ndarray
     dynamic_pressure: float
     dynamic_pressure_std: float
+    mach_number: float = np.nan
+    altitude: float = np.nan
+
+    @property
+    def flow(self) -> tuple[float, float, float, float]:
+        """In the order of the FMU's variables."""
+        return self.dynamic_pressure, self.dynamic_pressure_std, self.mach_number, self.altitude
 
 
 def random_samples(inverse_map: InverseMap, n: int, seed: int) -> Iterator[Sample]:
@@ -64,10 +71,15 @@ class Reference:
         self.estimator = self.estimator.with_settings(settings)
 
     def outputs(self, sample: Sample) -> np.ndarray:
-        """(26,) outputs by value reference."""
+        """(27,) outputs by value reference."""
         return outputs_of(
-            self.estimator.estimate(
-                sample.strain, sample.dynamic_pressure, sample.valid, sample.dynamic_pressure_std
+            self.estimator.step(
+                sample.strain,
+                sample.dynamic_pressure,
+                sample.valid,
+                sample.dynamic_pressure_std,
+                mach_number=sample.mach_number,
+                altitude=sample.altitude,
             )
         )
 
@@ -95,7 +107,7 @@ class Reference:
         return 1.0 + 1e-2 * 2.0 * np.sqrt(chi_square) * float(np.linalg.norm(sigmas[used]))
 
     def check(self, sample: Sample, native: np.ndarray) -> None:
-        """Assert that ``native`` (26,) is what numpy gives: whole numbers and states of health exactly.
+        """Assert that ``native`` (27,) is what numpy gives: whole numbers and states of health exactly.
 
         The tolerance rises only where the gauges left hold less than 1e-4 of the information on a state.
         """

@@ -1,7 +1,7 @@
 /* A small importer in C: drives the native FMU of FMI 2.0 and writes what it returns, or measures what it costs.
 
      host GUID LOCATION GAUGES run STEPS SEED      outputs of STEPS random steps, raw float64, to standard output
-     host GUID LOCATION GAUGES replay STEPS FILE   the same of STEPS inputs in a file: strains, valid and two pressures
+     host GUID LOCATION GAUGES replay STEPS FILE   the same of STEPS inputs in a file: strains, valid and flow
      host GUID LOCATION GAUGES time STEPS          nanoseconds per step, and per instantiation
      host GUID LOCATION GAUGES many STEPS          200 instances, interleaved, states, freed out of order
      host GUID LOCATION GAUGES foreign 0 OTHER     states of the map in LOCATION and of that in OTHER, with one GUID
@@ -35,7 +35,8 @@
 #include <io.h>
 #endif
 
-#define N_OUTPUTS 26
+#define N_OUTPUTS 27
+#define N_FLOW 4 /* dynamic pressure, its deviation, Mach number, altitude */
 #define MOST_GAUGES 512
 
 typedef struct {
@@ -83,9 +84,9 @@ static double uniform(uint64_t *state) {
     return (double)((z ^ (z >> 31)) >> 11) / 9007199254740992.0;
 }
 
-/* Strains, validity and the two pressures. */
+/* Strains, validity, flow and navigation. */
 static void set_inputs(fmi2Component c, unsigned n, const double *strain, const fmi2Boolean *valid,
-                       const double *pressures) {
+                       const double *flow) {
     fmi2ValueReference reference[MOST_GAUGES];
     for (unsigned i = 0; i < n; i++) {
         reference[i] = N_OUTPUTS + i;
@@ -95,8 +96,10 @@ static void set_inputs(fmi2Component c, unsigned n, const double *strain, const 
         reference[i] += n;
     }
     check(fmi2SetBoolean(c, reference, n, valid) == fmi2OK, "fmi2SetBoolean");
-    const fmi2ValueReference pressure[2] = {N_OUTPUTS + 2 * n, N_OUTPUTS + 2 * n + 1};
-    check(fmi2SetReal(c, pressure, 2, pressures) == fmi2OK, "fmi2SetReal of pressure");
+    for (unsigned i = 0; i < N_FLOW; i++) {
+        reference[i] = N_OUTPUTS + 2 * n + i;
+    }
+    check(fmi2SetReal(c, reference, N_FLOW, flow) == fmi2OK, "fmi2SetReal of flow");
 }
 
 /* Strains of some micrometres per metre, now and then a broken one, and a few gauges switched off. */
@@ -114,14 +117,16 @@ static void set_random(fmi2Component c, unsigned n, uint64_t *random, long step)
         valid[(unsigned)(uniform(random) * n)] = 0;
     }
     const double pressure = 1e4 + 1e5 * uniform(random);
-    const double pressures[2] = {pressure, 1e3 * uniform(random)};
-    set_inputs(c, n, strain, valid, pressures);
+    const double deviation = step % 2 ? NAN : 1e3 * uniform(random);
+    const double altitude = 1e4 + 2e4 * uniform(random);
+    const double flow[N_FLOW] = {pressure, deviation, step % 3 ? NAN : 4.0 + 4.0 * uniform(random), altitude};
+    set_inputs(c, n, strain, valid, flow);
 }
 
 static void get_outputs(fmi2Component c, double value[N_OUTPUTS]) {
     for (fmi2ValueReference v = 0; v < N_OUTPUTS; v++) {
         fmi2Integer whole = 0;
-        if (v == 20 || v > 22) {
+        if (v == 20 || (v > 22 && v < 26)) {
             check(fmi2GetInteger(c, &v, 1, &whole) == fmi2OK, "fmi2GetInteger");
             value[v] = whole;
         } else {
@@ -146,16 +151,16 @@ static void run(const Setup *setup, long steps, uint64_t seed) {
     fmi2FreeInstance(c);
 }
 
-/* Each step of the file: float64 strains, as many float64 that are 0 or 1, dynamic pressure and its deviation. */
+/* Each step of the file: float64 strains, as many float64 that are 0 or 1, flow and navigation. */
 static void replay(const Setup *setup, long steps, const char *path) {
     const unsigned n = setup->gauges;
-    double inputs[2 * MOST_GAUGES + 2];
+    double inputs[2 * MOST_GAUGES + N_FLOW];
     fmi2Boolean valid[MOST_GAUGES];
     fmi2Component c = started(setup);
     FILE *file = fopen(path, "rb");
     check(file != NULL, "fopen");
     for (long k = 0; k < steps; k++) {
-        check(fread(inputs, sizeof *inputs, 2 * n + 2, file) == 2 * n + 2, "fread");
+        check(fread(inputs, sizeof *inputs, 2 * n + N_FLOW, file) == 2 * n + N_FLOW, "fread");
         for (unsigned i = 0; i < n; i++) {
             valid[i] = inputs[n + i] > 0.0;
         }
@@ -185,7 +190,7 @@ static void measure(const Setup *setup, long steps) {
     }
     fmi2Component c = started(setup);
     /* The host knows no strains that fit the map: alarm levels so high that health is OK, as it is in most steps. */
-    const fmi2ValueReference alarm_scale = N_OUTPUTS + 2 * n + 3;
+    const fmi2ValueReference alarm_scale = N_OUTPUTS + 2 * n + N_FLOW + 1;
     const double high = 1e9;
     check(fmi2SetReal(c, &alarm_scale, 1, &high) == fmi2OK, "fmi2SetReal of alarm_scale");
     for (int round = 0; round < 20; round++) {

@@ -13,7 +13,7 @@ from agreement import Reference, Sample, random_samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from native_case import NativeCase
-from raw_fmu import OK, Fmu2, Fmu3, write_resource
+from raw_fmu import OK, SETTINGS, Fmu2, Fmu3, write_resource
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import load_inverse_map
@@ -23,7 +23,7 @@ def apply(fmu: Fmu2, sample: Sample) -> None:
     """Set all inputs."""
     fmu.set_strain(sample.strain)
     fmu.set_valid(sample.valid)
-    assert fmu.set_scalars(0, sample.dynamic_pressure, sample.dynamic_pressure_std) == OK
+    assert fmu.set_scalars(0, *sample.flow) == OK
 
 
 def test_ten_thousand_inputs(case: NativeCase) -> None:
@@ -118,7 +118,7 @@ def test_settings_and_faults(cases: dict[str, NativeCase], name: str, data: st.D
     )
     reference, fmu = Reference(inverse_map), Fmu2(case.uri, case.n).start()
     reference.set(replace(reference.settings, **drawn["settings"]))
-    assert fmu.set_scalars(2, *drawn["settings"].values()) == OK
+    assert fmu.set_scalars(SETTINGS, *drawn["settings"].values()) == OK
     apply(fmu, sample)
     reference.check(sample, fmu.outputs())
     fmu.free()
@@ -129,9 +129,8 @@ def test_fmi_3_is_the_same_to_the_bit(case: NativeCase) -> None:
     second, third = Fmu2(case.uri, case.n).start(), Fmu3(str(case.resources), case.n).start()
     for sample in random_samples(case.inverse_map, 200, seed=2):
         apply(second, sample)
-        pressures = [sample.dynamic_pressure, sample.dynamic_pressure_std]
-        values = [*sample.strain, *pressures]
-        assert third.set("Float64", ctypes.c_double, [third.STRAIN, 14, 15], values) == OK
+        references = [third.STRAIN, *third.SCALARS[:4]]
+        assert third.set("Float64", ctypes.c_double, references, [*sample.strain, *sample.flow]) == OK
         assert third.set("Boolean", ctypes.c_bool, [third.VALID], sample.valid.tolist()) == OK
         assert third.outputs().tobytes() == second.outputs().tobytes()
     second.free()

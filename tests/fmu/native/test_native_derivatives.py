@@ -7,13 +7,13 @@ import ctypes
 import numpy as np
 import pytest
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, OK, REAL_OUTPUTS, Fmu2, Fmu3
+from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu2, Fmu3
 
 pytestmark = pytest.mark.fast
 
 
 def scalars(case: NativeCase) -> range:
-    return range(N_OUTPUTS + 2 * case.n, N_OUTPUTS + 2 * case.n + 7)
+    return range(N_OUTPUTS + 2 * case.n, N_OUTPUTS + 2 * case.n + N_SCALARS)
 
 
 def knowns(case: NativeCase) -> list[int]:
@@ -30,7 +30,7 @@ def prepare(case: NativeCase, mask: bool, deviation: float) -> Fmu2:
         valid[1], strain[3] = False, np.nan
     fmu.set_strain(strain)
     fmu.set_valid(valid)
-    assert fmu.set_scalars(0, 1.1e5, deviation, 0.05, 1.3, 0.25, 0.6, 0.4) == OK
+    assert fmu.set_scalars(0, 1.1e5, deviation, 6.0, 2e4, 0.05, 1.3, 0.25, 0.6, 0.4) == OK
     return fmu
 
 
@@ -40,7 +40,7 @@ def test_against_central_differences(case: NativeCase, mask: bool, deviation: fl
     fmu, random, unknown = prepare(case, mask, deviation), np.random.default_rng(6), REAL_OUTPUTS
     references = knowns(case)
     centre = fmu.get_reals(references)
-    size = np.concatenate([case.inverse_map.noise_std, [1e4, deviation, 0.0, 1.0, 0.2, 0.5, 1.0]])
+    size = np.concatenate([case.inverse_map.noise_std, [1e4, deviation, 1.0, 1e3, 0.0, 1.0, 0.2, 0.5, 1.0]])
     for _ in range(4):
         direction = size * random.normal(size=len(size))
         exact = fmu.derivative(unknown, references, direction)
@@ -52,14 +52,22 @@ def test_against_central_differences(case: NativeCase, mask: bool, deviation: fl
         difference = (sides[0] - sides[1]) / 2e-5
         # Truncation is 1e-10 of the third derivative; round-off 1e-15 / 1e-5 of the terms.
         scale = np.abs(sides[0]) + np.abs(difference)
-        for group in (slice(0, 5), slice(5, 10), slice(10, 13), slice(13, 15), slice(15, 20), slice(20, 22)):
+        for group in (
+            slice(0, 5),
+            slice(5, 10),
+            slice(10, 13),
+            slice(13, 15),
+            slice(15, 20),
+            slice(20, 22),
+            slice(22, 23),
+        ):
             assert np.all(np.abs(exact - difference)[group] <= 1e-7 * np.linalg.norm(scale[group])), group
     fmu.free()
 
 
 def test_gain_is_that_of_numpy(case: NativeCase) -> None:
     fmu = prepare(case, mask=False, deviation=0.0)
-    fmu.set_scalars(6, case.inverse_map.provenance.get("moment_station_m", 0.0))
+    fmu.set_scalars(SETTINGS + 4, case.inverse_map.provenance.get("moment_station_m", 0.0))
     for gauge in range(case.n):
         column = fmu.derivative(range(10, 15), [N_OUTPUTS + gauge], [1.0])
         expected = case.inverse_map.load_gain[:, gauge]
@@ -72,7 +80,7 @@ def test_where_there_is_no_estimate(small: NativeCase) -> None:
     fmu.set_scalars(0, 0.0)
     derivative = fmu.derivative(REAL_OUTPUTS, [N_OUTPUTS], [1.0])
     assert np.isnan(derivative[:10]).all()
-    assert np.isfinite(derivative[10:]).all()
+    assert np.isfinite(derivative[10:22]).all()
     fmu.set_valid(np.zeros(small.n, dtype=bool))
     assert np.isnan(fmu.derivative(REAL_OUTPUTS, [N_OUTPUTS], [1.0])).all()
     fmu.free()
@@ -93,22 +101,22 @@ def test_fmi_3_directional_and_adjoint(case: NativeCase) -> None:
     values = second.get_reals(knowns(case))
     valid = [True] * case.n
     valid[1] = False
-    references = [12, *range(14, 21)]
+    references = [third.STRAIN, *third.SCALARS]
     assert third.set("Float64", ctypes.c_double, references, values) == OK
-    assert third.set("Boolean", ctypes.c_bool, [13], valid) == OK
+    assert third.set("Boolean", ctypes.c_bool, [third.VALID], valid) == OK
     floats, random = list(third.FLOATS), np.random.default_rng(7)
-    direction, weight = random.normal(size=len(values)), random.normal(size=22)
-    status, forward = third.differentiate("Directional", floats, references, direction, 22)
+    direction, weight = random.normal(size=len(values)), random.normal(size=23)
+    status, forward = third.differentiate("Directional", floats, references, direction, 23)
     assert status == OK
     assert forward.tobytes() == second.derivative(REAL_OUTPUTS, knowns(case), direction).tobytes()
     status, backward = third.differentiate("Adjoint", floats, references, weight, len(values))
     assert status == OK
-    # <weight, J direction> = <J' weight, direction>; sums of 60 x 22 terms.
+    # <weight, J direction> = <J' weight, direction>; sums of 60 x 23 terms.
     terms = np.abs(backward * direction).sum()
     assert abs(weight @ forward - backward @ direction) <= 1e-12 * terms
-    for wrong in (([6], references), ([12], references), (floats, [13]), (floats, [0]), (floats, [21])):
-        assert third.differentiate("Directional", *wrong, direction, 22)[0] == ERROR
+    for wrong in (([6], references), ([13], references), (floats, [14]), (floats, [0]), (floats, [24])):
+        assert third.differentiate("Directional", *wrong, direction, 23)[0] == ERROR
         assert third.differentiate("Adjoint", *wrong, weight, len(values))[0] == ERROR
-    assert third.differentiate("Directional", floats, references, direction[:-1], 22)[0] == ERROR
+    assert third.differentiate("Directional", floats, references, direction[:-1], 23)[0] == ERROR
     second.free()
     third.free()

@@ -44,8 +44,7 @@ def test_fmi_2(case: NativeCase, tmp_path: Path, folder: str) -> None:
     for k, sample in enumerate(random_samples(case.inverse_map, 50, seed=5)):
         fmu.setReal(list(range(N_OUTPUTS, N_OUTPUTS + n)), sample.strain.tolist())
         fmu.setBoolean(list(range(N_OUTPUTS + n, N_OUTPUTS + 2 * n)), sample.valid.tolist())
-        pressures = [sample.dynamic_pressure, sample.dynamic_pressure_std]
-        fmu.setReal([N_OUTPUTS + 2 * n, N_OUTPUTS + 2 * n + 1], pressures)
+        fmu.setReal([N_OUTPUTS + 2 * n + k for k in range(4)], list(sample.flow))
         fmu.doStep(currentCommunicationPoint=0.01 * k, communicationStepSize=0.01)
         outputs = np.empty(N_OUTPUTS)
         outputs[REAL_OUTPUTS] = fmu.getReal(REAL_OUTPUTS)
@@ -69,11 +68,11 @@ def test_fmi_3(case: NativeCase, tmp_path: Path) -> None:
     fmu.exitInitializationMode()
     reference = Reference(case.inverse_map)
     for k, sample in enumerate(random_samples(case.inverse_map, 50, seed=6)):
-        fmu.setFloat64([12, 14, 15], [*sample.strain, sample.dynamic_pressure, sample.dynamic_pressure_std])
-        fmu.setBoolean([13], sample.valid.tolist())
+        fmu.setFloat64([13, 15, 16, 17, 18], [*sample.strain, *sample.flow])
+        fmu.setBoolean([14], sample.valid.tolist())
         fmu.doStep(currentCommunicationPoint=0.01 * k, communicationStepSize=0.01)
         outputs = np.empty(N_OUTPUTS)
-        outputs[REAL_OUTPUTS] = fmu.getFloat64([0, 1, 2, 3, 4, 5, 7, 8], nValues=22)
+        outputs[REAL_OUTPUTS] = fmu.getFloat64([0, 1, 2, 3, 4, 5, 7, 8, 12], nValues=23)
         outputs[20:21] = fmu.getInt64([6])
         outputs[23:26] = fmu.getInt32([9, 10, 11])
         reference.check(sample, outputs)

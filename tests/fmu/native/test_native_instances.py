@@ -19,7 +19,7 @@ def run(fmu: Fmu2, case: NativeCase, seed: int, steps: int = 30) -> list[bytes]:
     for k, sample in enumerate(random_samples(case.inverse_map, steps, seed)):
         fmu.set_strain(sample.strain)
         fmu.set_valid(sample.valid)
-        fmu.set_scalars(0, sample.dynamic_pressure, sample.dynamic_pressure_std)
+        fmu.set_scalars(0, *sample.flow)
         assert fmu.step(0.1 * k, 0.1) == OK
         seen.append(fmu.outputs().tobytes())
     return seen
@@ -36,7 +36,7 @@ def test_two_hundred_instances_interleaved(cases: dict[str, NativeCase]) -> None
             sample = samples[k % 2][step]
             fmu.set_strain(sample.strain)
             fmu.set_valid(sample.valid)
-            fmu.set_scalars(0, sample.dynamic_pressure, sample.dynamic_pressure_std)
+            fmu.set_scalars(0, *sample.flow)
         for k, (_, fmu) in enumerate(instances):
             assert fmu.step(0.1 * step, 0.1) == OK
             outputs[k % 2].add(fmu.outputs().tobytes())
@@ -70,7 +70,7 @@ def test_masks_in_any_order_give_the_same(case: NativeCase) -> None:
         for k in order:
             fmu.set_strain(samples[k].strain)
             fmu.set_valid(samples[k].valid)
-            fmu.set_scalars(0, samples[k].dynamic_pressure, samples[k].dynamic_pressure_std)
+            fmu.set_scalars(0, *samples[k].flow)
             seen[int(k)] = fmu.outputs().tobytes()
         outputs.append(seen)
         fmu.free()

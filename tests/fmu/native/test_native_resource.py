@@ -19,6 +19,7 @@ from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 pytestmark = pytest.mark.fast
 
 HEADER_SIZE = 128
+VALUES_AT = HEADER_SIZE + 32
 
 
 def messages_for(resources: Path, n: int, guid: str | None = None) -> list[tuple[int, str, str]]:
@@ -53,7 +54,7 @@ def test_whole_map_is_taken(small: NativeCase) -> None:
 
 def test_every_region_of_the_file_is_checked(small: NativeCase, tmp_path: Path) -> None:
     content = (small.resources / "map.bin").read_bytes()
-    positions = [*range(HEADER_SIZE), *range(HEADER_SIZE, len(content), 97), len(content) - 1]
+    positions = [*range(VALUES_AT), *range(VALUES_AT, len(content), 97), len(content) - 1]
     for position in positions:
         altered = bytearray(content)
         altered[position] ^= 0x10
@@ -71,7 +72,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("position", "value", "text"),
     [
-        (8, 2, "has format version 2, must be 1: export the FMU again"),
+        (8, 1, "has format version 1, must be 2: export the FMU again"),
         (12, 0x04030201, "has another byte order than this machine"),
         (32, 0, "is for 0 gauges"),
         (32, 9, "which is wrong for 9 gauges and 3 states"),
@@ -81,6 +82,15 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (40, 0, "0 degrees of freedom, which cannot be"),
         (40, 9, "9 degrees of freedom, which cannot be"),
         (44, 2, "which cannot be"),
+        (128, 2, "is of form 2 with 0 free states"),
+        (132, 1, "is of form 0 with 1 free states"),
+        (136, 70_000, "70000 half-spaces"),
+        (136, 1, "which is wrong for 8 gauges"),
+        (140, 1, "1 altitudes"),
+        (144, 1, "which cannot be"),
+        (148, 1, "1 error terms"),
+        (152, 1, "which cannot be"),
+        (156, 1, "which cannot be"),
     ],
 )
 def test_header_that_cannot_be(small: NativeCase, tmp_path: Path, position: int, value: int, text: str) -> None:
@@ -92,15 +102,15 @@ def test_header_that_cannot_be(small: NativeCase, tmp_path: Path, position: int,
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_value_that_is_not_finite(small: NativeCase, tmp_path: Path, value: float) -> None:
     content = bytearray((small.resources / "map.bin").read_bytes())
-    for position in range(HEADER_SIZE, len(content), 8 * 37):
+    for position in range(VALUES_AT, len(content), 8 * 37):
         altered = content[:position] + struct.pack("<d", value) + content[position + 8 :]
         text = refused(tmp_path, sealed(bytes(altered)), small.n)
-        assert text.endswith(f"holds a value that is not finite (number {(position - HEADER_SIZE) // 8})")
+        assert text.endswith(f"holds a value that is not finite (number {(position - VALUES_AT) // 8})")
 
 
 def test_reference_that_is_not_positive(small: NativeCase, tmp_path: Path) -> None:
     content = bytearray((small.resources / "map.bin").read_bytes())
-    struct.pack_into("<d", content, HEADER_SIZE, 0.0)
+    struct.pack_into("<d", content, VALUES_AT, 0.0)
     assert "not positive" in refused(tmp_path, sealed(bytes(content)), small.n)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from agreement import random_samples
 from native_case import NativeCase
-from raw_fmu import ERROR, OK, Fmu2, Fmu3
+from raw_fmu import ERROR, OK, SETTINGS, Fmu2, Fmu3
 
 pytestmark = pytest.mark.fast
 
@@ -20,7 +20,7 @@ def run(fmu: Fmu2, case: NativeCase, seed: int) -> list[bytes]:
     for k, sample in enumerate(random_samples(case.inverse_map, 20, seed)):
         fmu.set_strain(sample.strain)
         fmu.set_valid(sample.valid)
-        fmu.set_scalars(0, sample.dynamic_pressure, sample.dynamic_pressure_std)
+        fmu.set_scalars(0, *sample.flow)
         fmu.step(0.1 * k, 0.1)
         seen.append(fmu.outputs().tobytes())
     return seen
@@ -29,7 +29,7 @@ def run(fmu: Fmu2, case: NativeCase, seed: int) -> list[bytes]:
 def test_return_to_a_state(case: NativeCase) -> None:
     fmu = Fmu2(case.uri, case.n).start()
     run(fmu, case, seed=1)
-    fmu.set_scalars(2, 1e-4, 2.0, 0.3, 0.7, 1.0)
+    fmu.set_scalars(SETTINGS, 1e-4, 2.0, 0.3, 0.7, 1.0)
     state, outputs = fmu.get_state(), fmu.outputs()
     after = run(fmu, case, seed=2)
     assert fmu.call("SetFMUstate", state) == OK

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from agreement import Reference, Sample
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3
+from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, Fmu2, Fmu3
 
 from strainfmu.estimator.health import HealthState
+from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 pytestmark = pytest.mark.fast
 
@@ -65,7 +66,7 @@ def test_lists_in_any_order_and_in_parts(small: NativeCase) -> None:
         part = range(first, min(first + 3, small.n))
         assert fmu.set_reals([N_OUTPUTS + k for k in part], strain[part.start : part.stop]) == OK
     assert fmu.outputs().tobytes() == expected.tobytes()
-    outputs = [4, 3, 2, 1, 0, 19, 18, 22, 21]
+    outputs = [4, 3, 2, 1, 0, 19, 18, 22, 21, 26]
     assert np.array_equal(fmu.get_reals(outputs), expected[outputs])
     fmu.free()
 
@@ -90,7 +91,7 @@ def test_moment_point_there_and_back(case: NativeCase) -> None:
     without[1] = False
     for station in (0.3, -2.0, 0.3):
         reference.set(replace(reference.settings, moment_station=station))
-        assert fmu.set_scalars(6, station) == OK
+        assert fmu.set_scalars(SETTINGS + 4, station) == OK
         for valid in (sample.valid, without, sample.valid):
             fmu.set_valid(valid)
             reference.check(replace(sample, valid=valid), fmu.outputs())
@@ -106,10 +107,20 @@ def test_start_values(small: NativeCase) -> None:
         dynamic_pressure_std=0.0,
     )
     Reference(inverse_map).check(sample, fmu.outputs())
-    scalars = range(N_OUTPUTS + 2 * small.n, N_OUTPUTS + 2 * small.n + 7)
+    scalars = range(N_OUTPUTS + 2 * small.n, N_OUTPUTS + 2 * small.n + N_SCALARS)
     station = inverse_map.provenance.get("moment_station_m", 0.0)
-    expected = [1.2e5, 0.0, 0.05, 1.0, inverse_map.reference_area, inverse_map.reference_length, station]
-    assert fmu.get_reals(scalars).tolist() == expected
+    expected = [
+        1.2e5,
+        NOT_KNOWN,
+        NOT_KNOWN,
+        NOT_KNOWN,
+        0.05,
+        1.0,
+        inverse_map.reference_area,
+        inverse_map.reference_length,
+        station,
+    ]
+    np.testing.assert_array_equal(fmu.get_reals(scalars), expected)
     fmu.free()
 
 
@@ -118,7 +129,7 @@ def test_reset_returns_to_the_start(small: NativeCase) -> None:
     before = fmu.outputs()
     fmu.set_strain(np.full(small.n, 1e-4))
     fmu.set_valid(np.zeros(small.n, dtype=bool))
-    fmu.set_scalars(0, 5.0, 1.0, 0.01, 2.0, 3.0, 4.0, 5.0)
+    fmu.set_scalars(0, 5.0, 1.0, 6.0, 2e4, 0.01, 2.0, 3.0, 4.0, 5.0)
     assert fmu.get_integers([20])[0] == HealthState.INVALID
     assert fmu.call("Reset") == OK
     assert fmu.start().outputs().tobytes() == before.tobytes()
@@ -128,30 +139,30 @@ def test_reset_returns_to_the_start(small: NativeCase) -> None:
 @pytest.mark.parametrize(
     ("setting", "value", "text"),
     [
-        (2, 0.0, "sensor_range: 0 found, must be positive and at most 1e+100"),
-        (2, 2e100, "sensor_range: 2e+100 found"),
-        (3, float("nan"), "alarm_scale: nan found, must be positive"),
-        (4, -1.0, "reference_area: -1 found, must be positive"),
-        (5, float("inf"), "reference_length: inf found"),
-        (6, float("inf"), "moment_station: inf found, must be between -1e+100 and 1e+100"),
+        (0, 0.0, "sensor_range: 0 found, must be positive and at most 1e+100"),
+        (0, 2e100, "sensor_range: 2e+100 found"),
+        (1, float("nan"), "alarm_scale: nan found, must be positive"),
+        (2, -1.0, "reference_area: -1 found, must be positive"),
+        (3, float("inf"), "reference_length: inf found"),
+        (4, float("inf"), "moment_station: inf found, must be between -1e+100 and 1e+100"),
     ],
 )
 def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, text: str) -> None:
     fmu = Fmu2(small.uri, small.n).start()
     before = fmu.outputs()
-    assert fmu.set_scalars(setting, value) == ERROR
+    assert fmu.set_scalars(SETTINGS + setting, value) == ERROR
     assert text in fmu.messages[-1][2]
     assert fmu.outputs().tobytes() == before.tobytes()
     fmu.free()
 
 
 def test_wrong_value_references(small: NativeCase) -> None:
-    fmu, end = Fmu2(small.uri, small.n).start(), N_OUTPUTS + 2 * small.n + 7
+    fmu, end = Fmu2(small.uri, small.n).start(), N_OUTPUTS + 2 * small.n + N_SCALARS
     value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
     for name, wrong, memory in (
         ("GetReal", [20, 23, N_OUTPUTS + small.n, end, 2**32 - 1], value),
-        ("SetReal", [0, 20, N_OUTPUTS + small.n, end, 2**32 - 1], value),
-        ("GetInteger", [0, 21, N_OUTPUTS, end], whole),
+        ("SetReal", [0, 20, 26, N_OUTPUTS + small.n, end, 2**32 - 1], value),
+        ("GetInteger", [0, 21, 26, N_OUTPUTS, end], whole),
         ("SetInteger", [20, 23, N_OUTPUTS], whole),
         ("GetBoolean", [0, N_OUTPUTS, end, 2**32 - 1], whole),
         ("SetBoolean", [0, N_OUTPUTS, end, 2**32 - 1], whole),
@@ -243,15 +254,15 @@ def test_health_is_logged_when_it_changes(small: NativeCase) -> None:
 
 def test_wrong_arrays_of_fmi_3(small: NativeCase) -> None:
     fmu = Fmu3(str(small.resources), small.n).start()
-    for references, size in (([0], 4), ([0], 6), ([6], 1), ([9], 1), ([13], small.n), ([22], 1), ([2**32 - 1], 1)):
+    for references, size in (([0], 4), ([0], 6), ([6], 1), ([9], 1), ([14], small.n), ([25], 1), ([2**32 - 1], 1)):
         assert fmu.get("Float64", c_double, references, size)[0] == ERROR
     assert fmu.get("Int32", ctypes.c_int32, [6], 1)[0] == ERROR
     assert fmu.get("Int64", ctypes.c_int64, [9], 1)[0] == ERROR
-    assert fmu.get("Boolean", ctypes.c_bool, [12], small.n)[0] == ERROR
+    assert fmu.get("Boolean", ctypes.c_bool, [13], small.n)[0] == ERROR
     assert fmu.set("Float64", c_double, [fmu.STRAIN], np.zeros(small.n - 1)) == ERROR
     assert fmu.set("Float64", c_double, [fmu.TIME], [0.0]) == ERROR
     assert fmu.set("Float64", c_double, [0], np.zeros(5)) == ERROR
-    assert fmu.set("Boolean", ctypes.c_bool, [14], [True]) == ERROR
+    assert fmu.set("Boolean", ctypes.c_bool, [15], [True]) == ERROR
     assert fmu.get("UInt8", ctypes.c_uint8, [0], 1)[0] == ERROR
     assert all(category == "logStatusError" for _, category, _ in fmu.messages)
     fmu.free()
