@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from builder.structure.solid.case import solid_case
+from builder.structure.solid.displaced_gauges import is_displaced
 from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.model import SolidCase, support_entries
 from builder.structure.structure_file import Structure
@@ -103,17 +104,18 @@ def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]
 
 
 def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
-    """Return layouts that are missing, and the first gauge of each layout that is another."""
-    found = []
+    """Return the first layout that is missing, or has another gauge.
+
+    Others may follow from it: the gauges displaced of [noise] are layouts, too.
+    """
     for layout, wanted in case.layouts.items():
         if layout not in structure.layouts:
-            held = ", ".join(structure.layouts)
-            found.append(Misfit(entry="gauges", expected=f"layout '{layout}'", found=f"the layouts {held}"))
-            continue
+            held = ", ".join(name for name in structure.layouts if not is_displaced(name))
+            return [Misfit(entry="gauges", expected=f"layout '{layout}'", found=f"the layouts {held}")]
         misfit = _gauge_misfit(structure, layout, wanted)
         if misfit is not None:
-            found.append(misfit)
-    return found
+            return [misfit]
+    return []
 
 
 def _gauge_misfit(structure: Structure, layout: str, wanted: Gauges) -> Misfit | None:

@@ -25,6 +25,11 @@ def displaced_name(layout: str, how: str) -> str:
     return f"{layout} ({how})"
 
 
+def is_displaced(name: str) -> bool:
+    """Return whether a layout's name is one of :func:`displaced_name`."""
+    return any(name.endswith(f" ({how})") for how in (AFT, FORE, AROUND, BACK, TURNED_AROUND, TURNED_BACK))
+
+
 def displaced_gauges(layout: str, gauges: Gauges, body: BodyOfRevolution) -> dict[str, Gauges]:
     """Return ``gauges`` of ``layout``, by name, moved by 1 mm four ways and turned by 45 degrees two ways.
 
