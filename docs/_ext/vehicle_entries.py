@@ -99,6 +99,8 @@ def _kind(annotation: Any) -> str:
         return " or ".join(dict.fromkeys(map(_kind, inner)))
     if origin is list:
         return f"list of: {_kind(inner[0])}"
+    if origin is tuple:
+        return f"list of {len(inner)}: {_kind(inner[0])}"
     return KINDS.get(annotation, str(annotation))
 
 
