@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from builder.aero.engines import make_engine
+from builder.aero.engines import own_surface
+from builder.aero.euler.marching_grid import GRID_LEVELS
+from builder.aero.euler_engine import EulerEngine
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.failures import refuse_missing
 from builder.campaign.run import run_campaign
@@ -133,7 +135,11 @@ def run_reproduction(folder: Path, quick: bool, reporter: Reporter) -> Reproduct
 
 def _flows(stages: _Stages, name: str, sets: list[ConditionSet], level: str) -> Snapshots:
     vehicle = stages.vehicle
-    engine = make_engine(vehicle, "euler", vehicle.resolution.map, level)
+    engine = EulerEngine(
+        body=vehicle.body(),
+        marching_grid=replace(GRID_LEVELS[level], corner="marched"),  # as the numbers in print were made
+        grid=own_surface(vehicle, vehicle.resolution.map),
+    )
     campaign = vehicle_campaign(vehicle, engine, sets)
     inputs = {
         "schema_version": SNAPSHOTS_VERSION,

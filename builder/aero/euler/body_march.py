@@ -5,17 +5,18 @@ ever larger cones until nothing changes, which after the relaxation is seldom mo
 begins with the free stream. That must turn at once by the whole angle of the tip, as at a wedge, whose shock
 detaches at a higher Mach number than the cone's: where it does, the cone is opened step by step from a slender
 one. A body that begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that
-slope breaks are met exactly.
+slope breaks are met exactly. Round a convex one the flow is led by :mod:`~builder.aero.euler.corner`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import atan, log
 
 import numpy as np
 
-from builder.aero.euler import march
+from builder.aero.euler import corner, march
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.marching_grid import MarchingGrid
@@ -92,10 +93,15 @@ def march_body(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingG
     """
     start = _end_of_cone(pieces[0][0])
     plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
-    solved = []
+    solved: list[tuple[FloatArray, FloatArray]] = []
     for number, piece in enumerate(pieces):
         stations = [np.array([0.0, start])] if number == 0 else []
         pressures = [np.stack([cone_pressure, cone_pressure])] if number == 0 else []
+        if number > 0:
+            at_corner = _pressure_at_end(*solved[-1], plane.x) / GAMMA
+            x, pressure = _round_corner(plane, pieces[number - 1][-1], piece[0], at_corner, flow, grid)
+            stations.append(x)
+            pressures.append(pressure)
         for wall in piece:
             if wall.x[-1] > plane.x:
                 x, pressure = advance(plane, wall, float(wall.x[-1]), flow, grid)
@@ -112,6 +118,60 @@ def march_body(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingG
         n_steps=plane.n_steps,
         n_repairs=int(plane.repairs[0]),
     )
+
+
+def _round_corner(
+    plane: Plane, before: Wall, after: Wall, pressure: FloatArray, flow: Flow, grid: MarchingGrid
+) -> tuple[FloatArray, FloatArray]:
+    """March round a corner at which the wall turns away from the flow (:mod:`~builder.aero.euler.corner`).
+
+    ``pressure`` (n_phi,) is p on the wall up to it. Returns stations and p/p_inf (n, n_phi) behind it; none where
+    the march itself does: in a concave or slight corner, or where the wall's cells are as thick as all others.
+    """
+    n_phi, n_r = plane.conserved.shape[1:]
+    cell, wave = np.empty((5, n_phi, n_r)), np.empty((4, n_phi + 2, n_r))
+    turn = corner.turn_of(before, after)
+    if (
+        grid.corner == "marched"
+        or not grid.clustering
+        or turn < corner.LEAST_TURN
+        or not march.decode(plane.conserved, plane.rays, flow.stream, cell, wave)
+    ):
+        return np.empty(0), np.empty((0, n_phi))
+    x_corner, angle = float(plane.x), float(np.arctan(before.slope[-1, 0]))
+    stream = corner.wall_stream(plane, cell, pressure, angle, flow.stream.enthalpy)
+    if corner.is_vacuum(corner.pressure_ratio_behind(stream, turn)):
+        raise flow.refusal(f"the flow expands to near vacuum at x = {x_corner:.4g} m")
+    levels = [corner.refined_at_wall(grid, level) for level in range(corner.LEVELS + 1)]
+    finest, radius = levels[-1], before.radius[-1]
+    thickness = float(np.min(plane.outer - radius)) * finest.spacing(finest.n_radial)[1]
+    widening = float(np.max(np.tan(stream.head_angle)) - np.tan(angle - turn))
+    length = float(after.x[-1]) - x_corner
+    distance = min(corner.FAN_CELLS * thickness / widening, 0.5 * length)
+    corner.regrid(plane, radius, grid, finest)
+    force = plane.force.copy()
+    advance(plane, corner.straight_on(before, x_corner + distance), x_corner + distance, flow, finest)
+    plane.force = force
+    behind = corner.let_fan_in(plane, before, after, stream, finest)
+    stations, pressures = [np.array([x_corner + 0.5 * distance])], [GAMMA * behind[None]]
+    at, unused = np.empty((2, radius.size))
+    for own, coarser in pairwise(reversed(levels)):
+        distance = min(2.0 * distance, length)
+        if x_corner + distance > plane.x:
+            x, ratio = advance(plane, after, x_corner + distance, flow, own)
+            stations.append(x)
+            pressures.append(ratio)
+        find_wall(plane.x, after, at, unused)
+        corner.regrid(plane, at, own, coarser)
+    return np.concatenate(stations), np.concatenate(pressures)
+
+
+def _pressure_at_end(stations: FloatArray, pressure: FloatArray, x: float) -> FloatArray:
+    """Return p/p_inf (n_phi,) at ``x``, just past the last of ``stations``, on the line through the last two."""
+    if len(stations) < 2:
+        return pressure[-1]
+    ahead = (x - stations[-1]) / (stations[-1] - stations[-2])
+    return pressure[-1] + ahead * (pressure[-1] - pressure[-2])
 
 
 def _end_of_cone(wall: Wall) -> float:
