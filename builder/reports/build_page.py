@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.reports import build_sections as sections
 from builder.reports.build_report import BuildReport
-from builder.reports.build_tables import report_tables
+from builder.reports.build_tables import first_rows, report_tables
 from builder.reports.first_screen import WELL, first_screen
 from builder.reports.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
 from builder.reports.tables import Table, tables_json, write_csv
@@ -19,6 +19,8 @@ from strainfmu.files import write_bytes_atomically
 CSV_FOLDER = "report_tables"
 JSON_NAME = "report.json"
 PAGE_NAME = "report.html"
+ROWS_ON_PAGE = 200
+"""Rows of a table that the page holds, folded; the files hold all of them."""
 
 SCHEMA_VERSION = 2
 """Version of report.json; raised when names or meanings change."""
@@ -63,7 +65,7 @@ def write_report_page(report: BuildReport, path: Path) -> None:
 
 def report_page(report: BuildReport) -> Page:
     """Return the page."""
-    tables = report_tables(report)
+    tables = {name: first_rows(table, ROWS_ON_PAGE) for name, table in report_tables(report).items()}
     of_page = (
         sections.observability(report, tables),
         sections.blindness(report),

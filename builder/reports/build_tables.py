@@ -45,6 +45,14 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
     return by_name(tables)
 
 
+def first_rows(table: Table, count: int) -> Table:
+    """Return a table's first rows; where some are left out, the caption states it."""
+    if len(table.rows) <= count:
+        return table
+    caption = f"{table.caption} The first {count} of {len(table.rows)}; {table.name}.csv holds all."
+    return replace(table, caption=caption, rows=table.rows[:count])
+
+
 def validity(report: BuildReport) -> Table:
     columns = (
         ("quantity", Column("quantity")),

@@ -10,6 +10,8 @@ from chromium import PROGRAM, Browser
 from clipping import DRAWN, WIDTHS, clipped, show
 from synthetic_vehicle import SyntheticFiles
 
+from builder.reports.build_page import ROWS_ON_PAGE
+from builder.reports.build_tables import first_rows
 from builder.reports.hover_scripts import available
 from builder.reports.html import Files, Items, Page, Paragraph, Preformatted, Section, page_html, write_page
 from builder.reports.tables import Column, Table, make_table
@@ -48,6 +50,15 @@ def test_tables_of_more_than_twelve_rows_fold() -> None:
     assert 'id="table-folded"' in folded
     assert 'id="table-open"' not in folded
     assert "<caption>Wide &amp; long.</caption>" in html[: html.index("<details")]
+
+
+@pytest.mark.fast
+def test_a_page_holds_the_first_rows_of_a_long_table() -> None:
+    """The caption says so, and names the file that holds all."""
+    cut = first_rows(wide_table(300), ROWS_ON_PAGE)
+    assert len(cut.rows) == ROWS_ON_PAGE
+    assert cut.caption == "Wide & long. The first 200 of 300; wide.csv holds all."
+    assert first_rows(cut, ROWS_ON_PAGE) is cut
 
 
 @pytest.mark.fast
