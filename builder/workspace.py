@@ -30,8 +30,8 @@ class Misfit:
         return f"{self.entry}: expected {self.expected}, got {self.found}"
 
 
-def refuse_misfits(path: Path, misfits: Sequence[Misfit], remedy: str = "") -> None:
-    """Refuse a file that does not fit, in one line; ``remedy`` ends it.
+def refuse_misfits(path: Path | str, misfits: Sequence[Misfit], remedy: str = "") -> None:
+    """Refuse a file, or what is named so, that does not fit, in one line; ``remedy`` ends it.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
-from builder.campaign.snapshot_fit import flow_record
+from builder.campaign.snapshot_fit import body_misfits, flow_record
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
@@ -30,9 +30,10 @@ from builder.structure.solid.case import solid_case
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import Structure
-from builder.structure.structure_fit import structure_record
+from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts
+from builder.workspace import refuse_misfits
 from strainfmu.estimator.inverse_map import InverseMap
 
 AnyProgress = bool | Reporter | None
@@ -129,10 +130,16 @@ def build_map(
     Raises
     ------
     InputError
-        The vehicle file, or a file it names, is wrong; every condition is outside the solver's reach; or the
-        gauges, or the conditions that are left, cannot carry the map.
+        The vehicle file, or a file it names, is wrong; snapshots or structure are of another body, wall or gauges;
+        every condition is outside the solver's reach; or the gauges, or the conditions that are left, cannot carry
+        the map.
     """
     vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    if snapshots is not None:
+        refuse_misfits("snapshots", body_misfits(snapshots, vehicle.body()))
+    if isinstance(structure, Structure):
+        vehicle = on_solid_model(vehicle)
+        refuse_misfits("structure", structure_misfits(structure, vehicle))
     check_before_long_work(vehicle, None if snapshots is None else len(snapshots.condition))
     if snapshots is None:
         snapshots = take_snapshots(vehicle, progress=reporter)

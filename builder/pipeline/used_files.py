@@ -16,7 +16,7 @@ from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.reporting import Reporter
 from builder.structure import structure_file
 from builder.structure.structure_file import load_structure
-from builder.structure.structure_fit import structure_line, structure_misfits
+from builder.structure.structure_fit import on_solid_model, structure_line, structure_misfits
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace, refuse_misfits
 from strainfmu.errors import InputError
@@ -106,8 +106,7 @@ def _use_structure(pipeline: Pipeline, path: Path) -> None:
     """Use a file of a structure if it fits; the vehicle's model is the three-dimensional one from now on."""
     vehicle, given = pipeline.vehicle, pipeline.given.structure is not None
     structure = load_structure(path)
-    entry = vehicle.structure.model_copy(update={"model": "solid"})
-    solid = vehicle.model_copy(update={"structure": entry})
+    solid = on_solid_model(vehicle)
     refuse_misfits(path, structure_misfits(structure, solid), "" if given else REPLACE)
     pipeline.vehicle = solid
     pipeline.use(STRUCTURE, path, content_hash_of(path, structure_file.SCHEMA, structure_file.SCHEMA_VERSION))

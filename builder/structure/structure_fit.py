@@ -42,6 +42,11 @@ def structure_misfits(structure: Structure, vehicle: Vehicle) -> list[Misfit]:
     ]
 
 
+def on_solid_model(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with the three-dimensional model as that of its map, whatever its file says."""
+    return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update={"model": "solid"})})
+
+
 def structure_record(structure: Structure) -> dict[str, Any]:
     """Return what ``structure`` was made of, for a map's provenance: model, mesh and its file, size, solver."""
     used = structure.statistics

@@ -134,6 +134,15 @@ def test_the_solid_structure_is_mapped_onto_the_snapshots(
     by_solid = builder.build_map(solid, snapshots=ogive_snapshots, structure=structure)
     by_fourier = builder.build_map(ogive, snapshots=ogive_snapshots)
     assert by_solid.provenance["structural_model"].startswith("swept_hexahedra")
+    assert by_solid.provenance["structure"]["resolution"] == "coarse"
+    thicker = solid.model_copy(update={"structure": entries.model_copy(update={"wall_thickness_mm": 4.0})})
+    with pytest.raises(InputError, match=r"^structure: structure.wall_thickness_mm: expected 4, got 3$"):
+        builder.build_map(thicker, snapshots=ogive_snapshots, structure=structure)
+    longer = ogive.profile[1].model_copy(update={"end_x_m": 2.6})
+    with pytest.raises(InputError, match=r"^snapshots: profile.2.end_x_m: expected 2.6, got 2.5$"):
+        builder.build_map(
+            ogive.model_copy(update={"profile": [ogive.profile[0], longer]}), snapshots=ogive_snapshots
+        )
     difference = np.linalg.norm(by_solid.mean_strain - by_fourier.mean_strain)
     assert difference < 0.05 * np.linalg.norm(by_fourier.mean_strain)
 
