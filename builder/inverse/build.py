@@ -19,6 +19,7 @@ from builder.inverse.hardware_errors import HardwareError, error_model, hardware
 from builder.inverse.map_envelope import coefficient_half_spaces, flight_ranges
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
 from builder.inverse.observable_states import on_observable_states
+from builder.inverse.score_limit import with_score_limit
 from builder.inverse.solution import Problem, Solution, solve
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
@@ -103,7 +104,9 @@ def build_inverse_map(
     """
     snapshots = _on_structure(snapshots, structure)
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
-    return on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solve(problem)))
+    solution = solve(problem)
+    found = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
+    return with_score_limit(found, problem, solution)
 
 
 def inverse_problem(
@@ -125,7 +128,8 @@ def inverse_problem(
     """
     snapshots = _on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
-    ensemble, errors = ensemble_of(vehicle, snapshots), hardware_errors(vehicle, structure, z_p)
+    ensemble = ensemble_of(vehicle, snapshots)
+    errors = hardware_errors(vehicle, structure, z_p, ensemble)
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,

@@ -30,16 +30,21 @@ class HardwareError:
     ----------
     name : for reports.
     operator : (n_d, n_p) strain per pressure at one standard deviation [1/Pa].
+    strain : (n, n_d) its strain at the members of the ensemble [m/m].
     common : whether all gauges have the same error, or each its own.
     """
 
     name: str
     operator: FloatArray
+    strain: FloatArray
     common: bool
 
 
 def hardware_errors(
-    vehicle: Vehicle, structure: StructuralModel | MappedStructure, strain_operator: FloatArray
+    vehicle: Vehicle,
+    structure: StructuralModel | MappedStructure,
+    strain_operator: FloatArray,
+    ensemble: Ensemble,
 ) -> list[HardwareError]:
     """Return the errors of the section [noise] that are in proportion to strain; those of size 0 are left out.
 
@@ -51,33 +56,27 @@ def hardware_errors(
         A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
     """
     entry, layout = vehicle.noise, vehicle.gauges.layout
-    found = [
-        HardwareError(name="gauge gain", operator=0.01 * entry.gauge_gain_percent * strain_operator, common=False),
-        HardwareError(
-            name="common gain", operator=0.01 * entry.common_gain_percent * strain_operator, common=True
-        ),
-    ]
+    each = {"gauge gain": 0.01 * entry.gauge_gain_percent * strain_operator}
+    common = {"common gain": 0.01 * entry.common_gain_percent * strain_operator}
     if entry.moves_gauges:
         by = gauge_derivatives(vehicle, structure, layout)
-        position, angle = 1e-3 * entry.gauge_position_mm, np.deg2rad(entry.gauge_orientation_deg)
-        found += [
-            HardwareError(name="gauge position, axial", operator=position * by.axial, common=False),
-            HardwareError(
-                name="gauge position, circumferential", operator=position * by.circumferential, common=False
-            ),
-            HardwareError(name="gauge orientation", operator=angle * by.orientation, common=False),
-            HardwareError(
-                name="layout roll", operator=np.deg2rad(entry.layout_roll_deg) * by.layout_roll, common=True
-            ),
-        ]
+        position = 1e-3 * entry.gauge_position_mm
+        each["gauge position, axial"] = position * by.axial
+        each["gauge position, circumferential"] = position * by.circumferential
+        each["gauge orientation"] = np.deg2rad(entry.gauge_orientation_deg) * by.orientation
+        common["layout roll"] = np.deg2rad(entry.layout_roll_deg) * by.layout_roll
     if entry.wall_thickness_percent > 0.0:
         by_thickness = wall_thickness_derivative(vehicle, structure, layout)
-        found.append(
-            HardwareError(
-                name="wall thickness", operator=0.01 * entry.wall_thickness_percent * by_thickness, common=True
-            )
-        )
-    return [error for error in found if np.any(error.operator)]
+        common["wall thickness"] = 0.01 * entry.wall_thickness_percent * by_thickness
+    operators = {name: operator for name, operator in {**each, **common}.items() if np.any(operator)}
+    if not operators:
+        return []
+    strain = ensemble.responses(np.concatenate(list(operators.values())))
+    parts = np.split(strain, len(operators), axis=1)
+    return [
+        HardwareError(name=name, operator=operator, strain=part, common=name in common)
+        for (name, operator), part in zip(operators.items(), parts, strict=True)
+    ]
 
 
 def hardware_terms(
@@ -87,9 +86,8 @@ def hardware_terms(
     entry, weight = vehicle.noise, ensemble.member_weight
     terms = []
     for error in errors:
-        sensitivity = ensemble.responses(error.operator)
         term = common_error if error.common else gauge_errors
-        terms.append(term(error.name, sensitivity, 1.0, weight))
+        terms.append(term(error.name, error.strain, 1.0, weight))
     if entry.apparent_strain_um_per_m > 0.0:
         column, std = np.ones((len(strain_operator), 1)), np.array([MICRO * entry.apparent_strain_um_per_m])
         terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))
@@ -115,7 +113,7 @@ def error_model(errors: list[HardwareError], ensemble: Ensemble, coefficients: F
     n_d = len(errors[0].operator)
     of_gauge, common = np.zeros((len(PAIRS), n_d)), []
     for error in errors:
-        slope = np.linalg.lstsq(root * c, root * ensemble.responses(error.operator), rcond=1e-10)[0]
+        slope = np.linalg.lstsq(root * c, root * error.strain, rcond=1e-10)[0]
         if error.common:
             common.append(slope)
             continue

@@ -6,7 +6,7 @@ Every stage writes a file into one folder. A stage whose inputs have not changed
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -14,34 +14,37 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.engine import Flow, FlowKey
-from builder.campaign.journal import Journal
-from builder.campaign.run import complete_flows
-from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.pipeline.flight_score import FlightScore, score_flight
-from builder.pipeline.flight_tables import flight_model, truth_engine, truth_keys, truth_knots
 from builder.pipeline.manoeuvre import manoeuvre_warnings
-from builder.pipeline.map_files import make_map
+from builder.pipeline.map_files import FLOWS, make_independent_flows, make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
-from builder.pipeline.used_files import SNAPSHOTS, open_pipeline
+from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
-from builder.structure.fourier.model import refuse_beyond_fourier, structural_model
-from builder.vehicle.file import load_vehicle
+from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.gauge_checks import check_gauges
+from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.flight_tables import flight_model
+from builder.truth.flow_table import load_flow_table
+from builder.truth.flows import truth_knots
+from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.geometry import surface_grid
 from strainfmu.cosim import flight_model as flight_model_file
-from strainfmu.cosim.flight_model import FlightModel, check_envelope, save_flight_model
+from strainfmu.cosim.flight_model import check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.system import System
 from strainfmu.cosim.trajectory import load_trajectory
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
+
+AS_BUILT_SEED = 1
+"""Seed of the hardware errors of the vehicle that flies."""
 
 COMMUNICATION_STEP_SIZE = 0.01
 """Time between communication points of the demonstration flight [s]: 100 Hz."""
@@ -58,6 +61,7 @@ class DemoResult:
     files : names of the files, in the order of the stages, with what each holds.
     reused : files that were up to date.
     score : accuracy of the flown FMU.
+    errors_in_sigma : names of the errors that the stated sigmas hold.
     """
 
     vehicle: str
@@ -65,10 +69,20 @@ class DemoResult:
     files: dict[str, str]
     reused: tuple[str, ...]
     score: FlightScore
+    errors_in_sigma: tuple[str, ...]
 
 
-def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesGiven | None = None) -> DemoResult:
+def run_demo(
+    vehicle_path: Path,
+    folder: Path,
+    reporter: Reporter,
+    given: FilesGiven | None = None,
+    as_built: int | None = AS_BUILT_SEED,
+) -> DemoResult:
     """Run all stages for one vehicle file and return the result; files as :func:`run_build` takes them.
+
+    ``as_built`` is the seed that the hardware errors of the vehicle that flies are drawn with, at the sizes of the
+    section [noise]; with None it is exactly that of the file.
 
     Raises
     ------
@@ -90,48 +104,52 @@ def run_demo(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesG
     flown = load_trajectory(manoeuvre)
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), of_revolution):
         reporter.note(warning)
-    _flight_model(pipeline)
+    _flight_model(pipeline, vehicle_as_built(vehicle, as_built))
     _fmus(pipeline)
     recording = _flight(pipeline)
     score = score_flight(recording)
     _figures(pipeline, recording)
     _summary(pipeline, score)
     return DemoResult(
-        vehicle=vehicle.name, folder=folder, files=pipeline.files, reused=tuple(pipeline.reused), score=score
+        vehicle=vehicle.name,
+        folder=folder,
+        files=pipeline.files,
+        reused=tuple(pipeline.reused),
+        score=score,
+        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
     )
 
 
-def _flight_model(pipeline: Pipeline) -> None:
-    vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.truth
+def _flight_model(pipeline: Pipeline, built: AsBuilt) -> None:
+    vehicle = pipeline.vehicle
+    make_independent_flows(pipeline)
 
     def make(path: Path) -> None:
-        engine, title = truth_engine(vehicle), "Flow: the vehicle that flies"
-        with Journal(path) as journal:
-            flows, _ = complete_flows(
-                engine=engine,
-                keys=truth_keys(vehicle),
-                journal=journal,
-                known={},
-                scheduling=Scheduling(),
-                reporter=pipeline.reporter,
-                title=title,
-            )
-            save_flight_model(_assembled(flows), path)
-            journal.remove()
-
-    def _assembled(flows: Mapping[FlowKey, Flow]) -> FlightModel:
-        with pipeline.reporter.stage("Structure: the vehicle that flies") as progress:
-            structure = structural_model(vehicle, settings, [vehicle.gauges.layout], progress)
-        noise_std = float(load_inverse_map(pipeline.workspace.path("map.h5")).noise_std[0])
-        return flight_model(vehicle, flows, structure, noise_std)
+        noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
+        flows = load_flow_table(pipeline.path(FLOWS))
+        save_flight_model(flight_model(vehicle, flows, true_structure_of(pipeline), built, noise_std), path)
 
     inputs = {
         "schema_version": flight_model_file.SCHEMA_VERSION,
-        "map": pipeline.made_from("map.h5"),
-        "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
-        "resolution": settings.model_dump(),
+        "map": pipeline.made_from(MAP),
+        "flows": pipeline.made_from(FLOWS),
+        "as built": {name: np.asarray(value).tolist() for name, value in asdict(built).items()},
     }
-    pipeline.make("flight_model.h5", "the independent, finer model of the vehicle", inputs, make)
+    pipeline.make("flight_model.h5", "the vehicle that flies: the independent model, as built", inputs, make)
+
+
+def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:
+    """Return the names of the errors that the sigmas of ``inverse_map`` hold."""
+    terms = tuple(term["name"] for term in inverse_map.provenance.get("noise_terms", []))
+    return (*terms, "dynamic pressure") if inverse_map.dynamic_pressure_error > 0.0 else terms
+
+
+def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
+    """Return the hardware errors of the vehicle that flies, drawn with ``seed``; none for None."""
+    n = check_gauges(vehicle)[vehicle.gauges.layout]
+    if seed is None:
+        return exactly_built(n)
+    return drawn(vehicle.noise, n, np.random.default_rng(seed))
 
 
 def _fmus(pipeline: Pipeline) -> None:

@@ -10,18 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from builder.campaign import snapshots as snapshots_file
+from builder.campaign.journal import Journal
 from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import AnyStructure
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import (
+    alarm_levels_wanted,
+    calibrated_map,
     check_before_long_work,
     fourier_structure,
     map_from,
     note_campaign,
     on_snapshots,
     snapshot_campaign,
+    solved_true_structure,
 )
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
@@ -32,10 +36,16 @@ from builder.structure import structure_file
 from builder.structure.solid.case import solid_case
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure
+from builder.truth import flow_table as flow_table_file
+from builder.truth.flow_table import load_flow_table, save_flow_table
+from builder.truth.flows import independent_flows, truth_inputs
+from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+
+FLOWS = "independent_flows.h5"
 
 
 def run_build(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesGiven | None = None) -> Path:
@@ -141,13 +151,21 @@ def _map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
 def _inverse_map(pipeline: Pipeline) -> None:
     vehicle = pipeline.vehicle
 
+    calibrates = alarm_levels_wanted(vehicle, pipeline.reporter)
+    if calibrates:
+        make_independent_flows(pipeline)
+
     def write(path: Path) -> None:
         snapshots, structure = _map_parts(pipeline)
         made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
+        if calibrates:
+            flows = load_flow_table(pipeline.path(FLOWS))
+            made = calibrated_map(vehicle, made, flows, true_structure_of(pipeline), pipeline.reporter)
         save_inverse_map(made, path)
 
     inputs = {
         "schema_version": inverse_map_file.SCHEMA_VERSION,
+        "independent flows": pipeline.made_from(FLOWS) if calibrates else [],
         "snapshots": pipeline.made_from(SNAPSHOTS),
         "resolution": vehicle.resolution.map.model_dump(),
         **_structural_inputs(vehicle),
@@ -156,6 +174,26 @@ def _inverse_map(pipeline: Pipeline) -> None:
         inputs["structure"] = pipeline.made_from(STRUCTURE)
     holds = "the inverse map: strain to loads, with covariance"
     pipeline.make(MAP, holds, inputs, write, given=pipeline.given.as_text())
+
+
+def make_independent_flows(pipeline: Pipeline) -> None:
+    """Make the flows of the independent model; they set the map's alarm levels, and are what flies."""
+    vehicle = pipeline.vehicle
+
+    def write(path: Path) -> None:
+        with Journal(path) as journal:
+            save_flow_table(independent_flows(vehicle, pipeline.reporter, journal), path)
+            journal.remove()
+
+    inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
+    pipeline.make(FLOWS, "flows of the independent, finer model of the vehicle", inputs, write)
+
+
+def true_structure_of(pipeline: Pipeline) -> TrueStructure:
+    """Return the structure of the independent model, solved once per run."""
+    if pipeline.true_structure is None:
+        pipeline.true_structure = solved_true_structure(pipeline.vehicle, pipeline.reporter)
+    return pipeline.true_structure
 
 
 def _report(pipeline: Pipeline) -> None:

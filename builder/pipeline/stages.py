@@ -23,7 +23,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
 from builder.reporting import Reporter, Silent
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.model import StructuralModel, refuse_beyond_fourier, structural_model
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import solid_case
@@ -31,9 +31,14 @@ from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
+from builder.truth.alarm_levels import with_alarm_levels
+from builder.truth.flow_table import FlowTable
+from builder.truth.flows import independent_flows
+from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts
 from builder.workspace import refuse_misfits
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 
 AnyProgress = bool | Reporter | None
@@ -146,7 +151,11 @@ def build_map(
     if structure is None:
         structure = solve_structure(vehicle, progress=reporter)
     solid = structure if isinstance(structure, Structure) else None
-    return map_from(vehicle, snapshots, on_snapshots(structure, snapshots, reporter), reporter, solid)
+    found = map_from(vehicle, snapshots, on_snapshots(structure, snapshots, reporter), reporter, solid)
+    if not alarm_levels_wanted(vehicle, reporter):
+        return found
+    flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
+    return calibrated_map(vehicle, found, flows, solved_true_structure(vehicle, reporter), reporter)
 
 
 def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:
@@ -211,6 +220,11 @@ def map_from(
     inverse_map = build_inverse_map(vehicle, snapshots, structure)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
+    if held.get("modes_skipped"):
+        listed = ", ".join(map(str, held["modes_skipped"]))
+        reporter.note(
+            f"modes {listed}: the gauges observe nothing new of them; they count as noise, not as states"
+        )
     reporter.note(
         f"{inverse_map.n_gauges} gauges, sigma {1e6 * noise_std:.3g} um/m; "
         f"{held['modes']} modes hold {held['energy_of_modes']:.2%} of the energy"
@@ -233,6 +247,47 @@ def _with_sources(
     sources = {"flow": flow_record(snapshots), "structure": structure}
     # In the order that a file gives back, so that maps made in memory and from files are equal.
     return {**kept, **json.loads(json.dumps(sources, sort_keys=True))}
+
+
+def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
+    """Return whether the map's alarm levels are set on the independent model, and say why not.
+
+    That model is the Euler flow on a finer grid and the semi-analytic structure: of a map from another engine, or
+    of a structure that is not like it, the difference would count as noise.
+    """
+    if vehicle.map.alarm_levels == "nominal":
+        return False
+    why = ""
+    if vehicle.aerodynamics.engine != "euler":
+        why = f"aerodynamics.engine is '{vehicle.aerodynamics.engine}'"
+    else:
+        try:
+            refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+        except InputError as error:
+            why = str(error).partition(",")[0]
+    if why:
+        reporter.note(f"alarm levels: those of the theory, the independent model is of another kind ({why})")
+    return not why
+
+
+def calibrated_map(
+    vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, structure: TrueStructure, reporter: Reporter
+) -> InverseMap:
+    """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
+    with reporter.stage("Alarm levels: flights of the independent model"):
+        found = with_alarm_levels(inverse_map, vehicle, structure, flows)
+    facts = found.provenance["alarm_levels"]
+    reporter.note(
+        f"alarm levels: chi-square times {found.chi_square_scale:.3g}, largest |z| times "
+        f"{found.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms ({facts['samples']} samples)"
+    )
+    return found
+
+
+def solved_true_structure(vehicle: Vehicle, reporter: Reporter) -> TrueStructure:
+    """Return the structure of the independent model."""
+    with reporter.stage("Structure: the vehicle that flies") as progress:
+        return true_structure(vehicle, progress)
 
 
 def _vehicle(vehicle: Vehicle | str | Path) -> Vehicle:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -30,15 +31,15 @@ class AsBuilt:
     """
 
     gauge_gain: FloatArray
-    common_gain: float
+    common_gain: float | FloatArray
     axial_shift: FloatArray
     circumferential_shift: FloatArray
     orientation: FloatArray
-    layout_roll: float
-    wall_thickness: float
+    layout_roll: float | FloatArray
+    wall_thickness: float | FloatArray
     apparent_strain: FloatArray
-    internal_pressure: float
-    dynamic_pressure: float
+    internal_pressure: float | FloatArray
+    dynamic_pressure: float | FloatArray
 
 
 def exactly_built(n_gauges: int) -> AsBuilt:
@@ -61,12 +62,28 @@ def exactly_built(n_gauges: int) -> AsBuilt:
 def drawn(entry: Noise, n_gauges: int, random: np.random.Generator, scale: float = 1.0) -> AsBuilt:
     """Return a vehicle whose errors are drawn from normal distributions of ``scale`` times the sizes in
     ``entry``."""
+    return _drawn(entry, (n_gauges,), (), random, scale)
 
+
+def drawn_many(entry: Noise, n_gauges: int, count: int, random: np.random.Generator) -> AsBuilt:
+    """Return ``count`` vehicles at once: what is (n_d,) of one is (count, n_d) here, and a number is (count,
+    1)."""
+    return _drawn(entry, (count, n_gauges), (count, 1), random, 1.0)
+
+
+def _drawn(
+    entry: Noise,
+    of_gauges: tuple[int, ...],
+    of_vehicle: tuple[int, ...],
+    random: np.random.Generator,
+    scale: float,
+) -> AsBuilt:
     def each(std: float) -> FloatArray:
-        return scale * std * random.standard_normal(n_gauges)
+        return scale * std * random.standard_normal(of_gauges)
 
-    def one(std: float) -> float:
-        return scale * std * float(random.standard_normal())
+    def one(std: float) -> Any:
+        value = scale * std * random.standard_normal(of_vehicle)
+        return value if of_vehicle else float(value)
 
     return AsBuilt(
         gauge_gain=each(0.01 * entry.gauge_gain_percent),
@@ -76,7 +93,7 @@ def drawn(entry: Noise, n_gauges: int, random: np.random.Generator, scale: float
         orientation=each(float(np.deg2rad(entry.gauge_orientation_deg))),
         layout_roll=one(float(np.deg2rad(entry.layout_roll_deg))),
         wall_thickness=one(0.01 * entry.wall_thickness_percent),
-        apparent_strain=np.full(n_gauges, one(MICRO * entry.apparent_strain_um_per_m)),
+        apparent_strain=one(MICRO * entry.apparent_strain_um_per_m) + np.zeros(of_gauges),
         internal_pressure=one(0.01 * entry.internal_pressure_percent),
         dynamic_pressure=one(0.01 * entry.dynamic_pressure_percent),
     )

@@ -8,12 +8,15 @@ the meridian. Roll and orientation of the gauges are exact.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import EllipsisType
 
 import numpy as np
 
 from builder.aero.loads import coefficient_scale, load_operator
+from builder.reporting import Progress
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
@@ -40,6 +43,7 @@ class TrueStructure:
     ----------
     nominal, thin, thick, fore, aft : of the wall of the file, of thinner and thicker ones, and 1 mm along the
         surface.
+    names : of the gauges.
     placed : gauges on the inner surface.
     radius : (n_d,) of the inner surface there [m].
     surface : the pressure nodes.
@@ -50,12 +54,13 @@ class TrueStructure:
     thick: FloatArray
     fore: FloatArray
     aft: FloatArray
+    names: tuple[str, ...]
     placed: PlacedGauges
     radius: FloatArray
     surface: SurfaceGrid
 
 
-def true_structure(vehicle: Vehicle) -> TrueStructure:
+def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueStructure:
     """Solve the structure of ``vehicle`` at the resolution of its independent model.
 
     Raises
@@ -68,16 +73,17 @@ def true_structure(vehicle: Vehicle) -> TrueStructure:
     surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
     wall = wall_of(vehicle)
 
-    def mesh_of(factor: float):  # type: ignore[no-untyped-def]  # the mesh is private to this function
+    def mesh_of(factor: float) -> MeridianMesh:
         changed = replace(wall, thickness=factor * wall.thickness)
         return shell_mesh(body, changed, 1e-3 * settings.element_length_mm, settings.wall_layers)
 
     mesh = mesh_of(1.0)
-    placed = place_layouts(vehicle, mesh, [layout])[1][layout]
+    layouts, all_placed = place_layouts(vehicle, mesh, [layout])
+    placed = all_placed[layout]
     at_gauge = inner_surface_points(mesh, placed.x)
     step = SHIFT * at_gauge.tangent[:, 0]
     stations = np.concatenate([placed.x, placed.x - step, placed.x + step])
-    response = harmonic_response(mesh, wall.material, stations, surface.x, settings.harmonics)
+    response = harmonic_response(mesh, wall.material, stations, surface.x, settings.harmonics, progress)
     thin, thick = (
         harmonic_response(mesh_of(factor), wall.material, placed.x, surface.x, settings.harmonics)
         for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
@@ -88,6 +94,7 @@ def true_structure(vehicle: Vehicle) -> TrueStructure:
         aft=_at(response, placed.x + step),
         thin=_at(thin, placed.x),
         thick=_at(thick, placed.x),
+        names=layouts[layout].names,
         placed=placed,
         radius=at_gauge.radius,
         surface=surface,
@@ -109,6 +116,7 @@ class TrueFlights:
     conditions : k flight conditions.
     strain : (5, 3, k, n_d, n_m) strain of the five states of :class:`TrueStructure` per harmonic, of p / p_inf
         [1/Pa].
+    unit_strain : (5, 3, n_d, 1) of the same states, per uniform outer pressure [1/Pa].
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     ambient_pressure, dynamic_pressure : (k,) p_inf and q_inf [Pa].
     internal_pressure : (k,) stated pressure inside [Pa].
@@ -116,6 +124,7 @@ class TrueFlights:
 
     conditions: tuple[FlightCondition, ...]
     strain: FloatArray
+    unit_strain: FloatArray
     coefficients: FloatArray
     ambient_pressure: FloatArray
     dynamic_pressure: FloatArray
@@ -144,6 +153,7 @@ def true_flights(
     return TrueFlights(
         conditions=tuple(conditions),
         strain=strain,
+        unit_strain=np.array([state[:, :, :1].sum(axis=3) for state in states]),
         coefficients=_coefficients(vehicle, structure.surface, harmonic, conditions, ambient, inside),
         ambient_pressure=ambient,
         dynamic_pressure=np.array([condition.dynamic_pressure for condition in conditions]),
@@ -174,28 +184,88 @@ def _coefficients(
     return out * scale
 
 
-def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
-    """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads."""
-    # Pressure from both sides acts on the same wall: harmonic 0 of the pressure inside is a constant.
-    states = (structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft)
-    of_unit = np.array([state[:, :, 0].sum(axis=2) for state in states])
-    ratio = flights.internal_pressure / flights.ambient_pressure + built.internal_pressure
-    net = flights.strain.copy()
-    net[..., 0] -= ratio[:, None] * of_unit[:, :, None, :]
-    t = built.wall_thickness / WALL_STEP
-    along = built.axial_shift / SHIFT
-    nominal, thin, thick, fore, aft = net
-    parts = nominal + 0.5 * t * (thick - thin) + 0.5 * t * t * (thick - 2.0 * nominal + thin)
-    parts = parts + (0.5 * along)[:, None] * (aft - fore)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BuiltGauges:
+    """Gauges of a vehicle as built, without gain.
+
+    Attributes
+    ----------
+    even, odd : (.., n_d, n_m, ..) response in the gauge's direction: cosine and sine part round the body.
+    roll_angle : (n_d,) where the gauge is [rad].
+    """
+
+    even: FloatArray
+    odd: FloatArray
+    roll_angle: FloatArray
+
+
+def built_gauges(structure: TrueStructure, built: AsBuilt, states: FloatArray | None = None) -> BuiltGauges:
+    """Return the gauges of a vehicle as ``built``, or of v vehicles at once.
+
+    ``states`` (5, 3, .., n_d, n_m) holds quantities of the five states of the structure to combine; None takes the
+    responses themselves, (5, 3, n_d, n_m, n_x) [1/Pa].
+    """
+    if states is None:
+        states = np.stack([structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft])
+        inner: tuple[EllipsisType | None, ...] = (..., None, None)
+    else:
+        inner = (..., None)
+    t = np.asarray(built.wall_thickness)[inner] / WALL_STEP
+    along = built.axial_shift[inner] / SHIFT
+    nominal, thin, thick, fore, aft = states
+
+    def part(which: int) -> FloatArray:
+        slope, bend = thick[which] - thin[which], thick[which] - 2.0 * nominal[which] + thin[which]
+        of_wall = nominal[which] + 0.5 * t * slope + 0.5 * t * t * bend
+        return np.asarray(of_wall + 0.5 * along * (aft[which] - fore[which]))
+
     placed = structure.placed
     turn_c, turn_s = np.cos(built.orientation), np.sin(built.orientation)
-    c = turn_c * placed.meridional - turn_s * placed.circumferential
-    s = turn_s * placed.meridional + turn_c * placed.circumferential
-    roll = placed.roll_angle + built.layout_roll + built.circumferential_shift / structure.radius
+    c = (turn_c * placed.meridional - turn_s * placed.circumferential)[inner]
+    s = (turn_s * placed.meridional + turn_c * placed.circumferential)[inner]
+    return BuiltGauges(
+        even=c * c * part(0) + s * s * part(1),
+        odd=2.0 * c * s * part(2),
+        roll_angle=placed.roll_angle + built.layout_roll + built.circumferential_shift / structure.radius,
+    )
+
+
+def unit_pressure_strain(structure: TrueStructure, gauges: BuiltGauges) -> FloatArray:
+    """Return (n_d,) strain per uniform outer pressure [1/Pa]; ``gauges`` hold responses."""
+    return np.asarray(gauges.even[:, 0].sum(axis=-1))
+
+
+def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
+    """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads.
+
+    For v vehicles (:func:`builder.truth.as_built.drawn_many`) there must be one flight, and the strain is (v,
+    n_d).
+    """
+    gauges = built_gauges(structure, built, flights.strain)
     wind = np.array([condition.leeward_roll_angle for condition in flights.conditions])
-    even = (c * c)[:, None] * parts[0] + (s * s)[:, None] * parts[1]
-    odd = (2.0 * c * s)[:, None] * parts[2]
-    phase = (roll - wind[:, None])[:, :, None] * np.arange(even.shape[2])
-    strain = flights.ambient_pressure[:, None] * np.sum(even * np.cos(phase) + odd * np.sin(phase), axis=2)
+    phase = gauges.roll_angle - wind[:, None]
+    # Multiples of the phase by rotation: a cosine per harmonic and gauge would cost ten times as much.
+    turn = np.exp(1j * phase)
+    around, of_flow = np.ones_like(turn), np.zeros(phase.shape)
+    for m in range(gauges.even.shape[-1]):
+        of_flow += gauges.even[..., m] * around.real + gauges.odd[..., m] * around.imag
+        around = around * turn
+    ambient = flights.ambient_pressure[:, None]
+    inside = flights.internal_pressure[:, None] + built.internal_pressure * ambient
+    of_unit = built_gauges(structure, built, flights.unit_strain).even[..., 0]
     gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
-    return np.asarray(gain * strain + built.apparent_strain)
+    return np.asarray(gain * (ambient * of_flow - inside * of_unit) + built.apparent_strain)
+
+
+def one_flight(flights: TrueFlights, number: int) -> TrueFlights:
+    """Return flight ``number`` alone."""
+    one = slice(number, number + 1)
+    return TrueFlights(
+        conditions=flights.conditions[one],
+        strain=flights.strain[:, :, one],
+        unit_strain=flights.unit_strain,
+        coefficients=flights.coefficients[one],
+        ambient_pressure=flights.ambient_pressure[one],
+        dynamic_pressure=flights.dynamic_pressure[one],
+        internal_pressure=flights.internal_pressure[one],
+    )

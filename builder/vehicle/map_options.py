@@ -23,11 +23,13 @@ class MapEntry(Section):
     ``form`` "dynamic_pressure" models strain in proportion to q_inf, so that the map holds at every altitude of
     ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
-    conditions with their signs.
+    conditions with their signs. ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
+    model with hardware errors drawn, where engine and structure allow; "nominal" leaves those of the theory.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
     symmetry: Literal["full", "listed"] = "full"
+    alarm_levels: Literal["calibrated", "nominal"] = "calibrated"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1

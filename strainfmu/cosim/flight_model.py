@@ -24,7 +24,7 @@ from strainfmu.flight_condition import FlightCondition
 from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.flight_model"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 _UNITS = {
     "gauge_roll_angle": "rad",
@@ -36,6 +36,7 @@ _UNITS = {
     "reference_area": "m2",
     "reference_length": "m",
     "noise_std": "m/m",
+    "apparent_strain": "m/m",
 }
 
 # A flight condition this fraction of the envelope outside a knot is round-off, not a wrong trajectory.
@@ -71,6 +72,7 @@ class FlightModel:
     reference_length : L [m].
     noise_std : standard deviation of the noise on every strain [m/m].
     provenance : what the model was built from.
+    apparent_strain : (n_d,) strain that every gauge reads beside the body's [m/m]; None for none.
     """
 
     vehicle: str
@@ -88,6 +90,7 @@ class FlightModel:
     reference_length: float
     noise_std: float
     provenance: dict[str, Any] = field(default_factory=dict)
+    apparent_strain: FloatArray | None = None
 
     def __post_init__(self) -> None:
         _check_shapes(self)
@@ -151,9 +154,12 @@ def evaluate(model: FlightModel, condition: FlightCondition, time: float | None 
     strain = np.einsum("gm,gm->g", of_gauge[:, :, 0], np.cos(phase))
     strain += np.einsum("gm,gm->g", of_gauge[:, :, 1], np.sin(phase))
     up, starboard = cos(roll_angle), sin(roll_angle)
+    strain = ambient_pressure * strain - inside * model.strain_of_internal_pressure
+    if model.apparent_strain is not None:
+        strain += model.apparent_strain
     return FlightPoint(
         np.array([axial, cross_force * up, cross_force * starboard, moment * up, moment * starboard]),
-        ambient_pressure * strain - inside * model.strain_of_internal_pressure,
+        strain,
         dynamic_pressure,
     )
 
@@ -220,6 +226,7 @@ def _check_shapes(model: FlightModel) -> None:
         "strain_table": (*cells, n_channel, n_harmonic, 2),
         "coefficient_table": (*cells, 3),
         "strain_of_internal_pressure": (n_d,),
+        **({} if model.apparent_strain is None else {"apparent_strain": (n_d,)}),
     }
     for name, shape in expected.items():
         value = getattr(model, name)

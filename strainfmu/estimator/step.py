@@ -135,10 +135,7 @@ class Estimator:
         d = np.asarray(strain, dtype=float)
         if d.ndim != 2:
             flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-            q, q_std, mach, height = (
-                float(_per_sample(name, value, 1)[0]) for name, value in zip(_FLOW, flow, strict=True)
-            )
-            return self.step(d, q, valid, q_std, mach_number=mach, altitude=height)
+            return self._one(d, valid, flow)
         n = self.inverse_map.n_gauges
         if d.shape[1] != n:
             raise InputError(f"strain: expected (k, {n}) values, got {d.shape}")
@@ -159,12 +156,15 @@ class Estimator:
         altitude: float = np.nan,
     ) -> LoadEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`estimate`."""
+        return self._one(strain, valid, (dynamic_pressure, dynamic_pressure_std, mach_number, altitude))
+
+    def _one(self, strain: ArrayLike, valid: ArrayLike | None, flow: tuple[ArrayLike, ...]) -> LoadEstimate:
         d = np.asarray(strain, dtype=float)
         if d.shape != (self.inverse_map.n_gauges,):
             raise InputError(f"strain: expected {self.inverse_map.n_gauges} values, got {d.shape}")
         mask = None if valid is None else self._checked_mask(valid)[None, :]
-        flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-        return self._series(d[None, :], mask, _Flow(*(np.array([float(value)]) for value in flow)))[0]
+        values = (_per_sample(name, value, 1) for name, value in zip(_FLOW, flow, strict=True))
+        return self._series(d[None, :], mask, _Flow(*values))[0]
 
     def _series(self, d: FloatArray, valid: BoolArray | None, flow: _Flow) -> LoadEstimates:
         """Return the estimates of k samples: d and valid are (k, n_d)."""

@@ -13,8 +13,8 @@ from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine, pieces
 from builder.aero.surface_pressure import pressure_at_stations
 from builder.inverse.build import snapshot_coefficients
-from builder.pipeline.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
 from builder.structure.fourier.model import StructuralModel
+from builder.truth.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.flight_model import FlightModel, FlightPoint, evaluate
 from strainfmu.flight_condition import FlightCondition

@@ -17,8 +17,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import gauge_noise_covariance
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
-from builder.pipeline.flight_tables import truth_engine, truth_keys
 from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.truth.flows import truth_engine, truth_keys
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.sections import Resolution, Resolutions

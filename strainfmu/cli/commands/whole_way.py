@@ -38,17 +38,29 @@ def demo(
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
+    perfect: Annotated[
+        bool, typer.Option("--perfect", help="Fly the vehicle of the file exactly, without hardware errors.")
+    ] = False,
+    as_built: Annotated[
+        int,
+        typer.Option(
+            "--as-built", metavar="SEED", min=0, help="Seed of the hardware errors of the vehicle that flies."
+        ),
+    ] = 1,
 ) -> None:
     """From a vehicle file to an FMU flying in a system simulation.
 
     Solves the flow, builds the inverse map, packages it as an FMU, and flies it against an independent, finer
-    model of the vehicle. A second run reuses what is up to date. Snapshots and structure are taken as by `build`.
+    model of the vehicle as built: gains, gauge placement, wall and more are drawn at the sizes that the map's
+    sigmas hold. A second run reuses what is up to date. Snapshots and structure are taken as by `build`.
 
     Examples:
 
         strainfmu demo
 
         strainfmu demo -o results --vehicle my_vehicle.toml
+
+        strainfmu demo --perfect
 
         strainfmu demo --can
     """
@@ -64,7 +76,8 @@ def demo(
         # Refused before the long work, not after it.
         check_multicast(private_port())
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given)
+    seed = None if perfect else as_built
+    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given, seed)
     _show_result(console, result)
     if can:
         _fly_over_bus(console, output, can_duration)
@@ -96,6 +109,9 @@ def _show_result(console: Console, result: DemoResult) -> None:
             f"{100.0 * score.coverage[i]:.2f} %",
         )
     console.print(table)
+    console.print(
+        f"Sigma holds: {', '.join(result.errors_in_sigma)}.", highlight=False, markup=False, soft_wrap=True
+    )
     times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in score.step_time.items())
     console.print(
         f"Time per step (median, through fmpy): {times}. Health OK in {score.healthy:.2%} of the samples.",

@@ -83,7 +83,7 @@ def check_vehicle(path: Path, console: Console) -> None:
 
 def _manoeuvre(vehicle: Vehicle) -> Trajectory:
     """Return the manoeuvre, which the flight model of the demonstration must hold."""
-    from builder.pipeline.flight_tables import truth_knots
+    from builder.truth.flows import truth_knots
     from strainfmu.cosim.flight_model import check_envelope
     from strainfmu.cosim.trajectory import load_trajectory
 
@@ -98,7 +98,7 @@ def _out_of_reach(
 ) -> Iterator[str]:
     """Yield why extreme flows of the snapshots and of the flight model cannot be solved."""
     from builder.campaign.reach import extreme_conditions, flows_out_of_reach
-    from builder.pipeline.flight_tables import truth_engine, truth_keys
+    from builder.truth.flows import truth_engine, truth_keys
 
     keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
     for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):

@@ -1,0 +1,56 @@
+"""The limit of the envelope score, from flights of the snapshots themselves with every error drawn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from builder.inverse.solution import Problem, Solution
+from builder.truth.tail_quantile import tail_quantile
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
+
+FALSE_OUTSIDE = 5e-4
+"""Rate of flights inside the envelope that are taken to be outside it."""
+
+SAMPLES, SEED = 40_000, 77
+SMALLEST_LIMIT = 1.0
+
+
+def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Solution) -> InverseMap:
+    """Return ``inverse_map`` with the score limit that :data:`FALSE_OUTSIDE` of the members exceed.
+
+    The members are the corners of the envelope and what lies between them, so the rate is that of a flight
+    programme which goes to its limits. Errors in proportion to strain are drawn at each member's strain.
+    """
+    random = np.random.default_rng(SEED)
+    ensemble, nominal = problem.ensemble, inverse_map.nominal_dynamic_pressure
+    strain = ensemble.responses(problem.strain_operator)
+    n = len(strain)
+    rows = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
+    samples = strain[rows] + _errors(problem, solution, rows, random)
+    if inverse_map.form == "absolute":
+        conditions = ensemble.conditions
+        q = np.tile([condition.dynamic_pressure for condition in conditions], n // len(conditions))[rows]
+    else:
+        q = np.full(SAMPLES, nominal)
+    stated = q * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(SAMPLES))
+    score = np.asarray(Estimator(inverse_map).estimate(samples, stated).envelope_score)
+    limit = max(tail_quantile(score[np.isfinite(score)], FALSE_OUTSIDE), SMALLEST_LIMIT)
+    return replace(inverse_map, envelope_score_limit=limit)
+
+
+def _errors(problem: Problem, solution: Solution, rows: IntArray, random: np.random.Generator) -> FloatArray:
+    """Return (n, n_d) strain errors of the members ``rows``: those that follow strain at their own strain."""
+    following = {error.name for error in problem.errors}
+    total = np.zeros((len(rows), len(problem.strain_operator)))
+    for term in solution.noise.terms:
+        if term.name not in following and term.load is None:
+            total += random.standard_normal((len(rows), term.strain.shape[1])) @ term.strain.T
+    for error in problem.errors:
+        sensitivity = error.strain[rows]
+        draws = random.standard_normal((len(rows), 1 if error.common else sensitivity.shape[1]))
+        total += sensitivity * draws
+    return total

@@ -1,0 +1,112 @@
+"""Alarm levels of a map from data that it was not built on: the independent model, hardware errors drawn.
+
+The theory's levels hold for normal errors of the map's own covariance. Real flights have the errors of one
+vehicle at one strain, pressure between the snapshots, and another discretisation. So the levels are set to where
+the stated rate of false alarms is met on such data, drawn over conditions, vehicles and noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.truth.as_built import drawn_many
+from builder.truth.flow_table import FlowTable
+from builder.truth.held_out import held_out_conditions
+from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain
+from builder.truth.tail_quantile import tail_quantile
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
+
+CONDITIONS, VEHICLES = 1000, 200
+"""Flight conditions, and vehicles as built that fly at each, every one with its own errors and noise.
+
+Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own.
+"""
+
+SEED = 20260
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlarmLevels:
+    """Factors on the alarm levels of chi-square and of the squared largest |z|, and what they were set from."""
+
+    chi_square_scale: float
+    outlier_scale: float
+    samples: int
+    rate_before: float
+
+
+def with_alarm_levels(
+    inverse_map: InverseMap, vehicle: Vehicle, structure: TrueStructure, table: FlowTable
+) -> InverseMap:
+    """Return ``inverse_map`` with the alarm levels that meet the stated rate on independent data.
+
+    The rate is that of any alarm; both tests get the same rate of their own.
+    """
+    chi_square, outlier = alarm_ratios(inverse_map, vehicle, structure, table, SEED)
+    levels = alarm_levels(chi_square, outlier)
+    facts = {
+        "samples": levels.samples,
+        "stated_rate": FALSE_ALARM_PROBABILITY,
+        "rate_before": levels.rate_before,
+    }
+    return replace(
+        inverse_map,
+        chi_square_scale=inverse_map.chi_square_scale * levels.chi_square_scale,
+        outlier_scale=inverse_map.outlier_scale * levels.outlier_scale,
+        provenance={**inverse_map.provenance, "alarm_levels": facts},
+    )
+
+
+def alarm_levels(chi_square: FloatArray, outlier: FloatArray) -> AlarmLevels:
+    """Return the levels from chi-square and the squared largest |z| (n,), each over its present level."""
+    half = 0.5 * FALSE_ALARM_PROBABILITY
+    scales = np.array([tail_quantile(chi_square, half), tail_quantile(outlier, half)])
+    either = np.maximum(chi_square / scales[0], outlier / scales[1])
+    scales = scales * tail_quantile(either, FALSE_ALARM_PROBABILITY)
+    return AlarmLevels(
+        chi_square_scale=float(scales[0]),
+        outlier_scale=float(scales[1]),
+        samples=len(chi_square),
+        rate_before=float(np.mean((chi_square > 1.0) | (outlier > 1.0))),
+    )
+
+
+def alarm_ratios(
+    inverse_map: InverseMap,
+    vehicle: Vehicle,
+    structure: TrueStructure,
+    table: FlowTable,
+    seed: int,
+    vehicles: int = VEHICLES,
+) -> tuple[FloatArray, FloatArray]:
+    """Return chi-square and the squared largest |z| (n,) of independent samples, each over its level."""
+    random, n_gauges = np.random.default_rng(seed), inverse_map.n_gauges
+    flights = true_flights(vehicle, structure, table, held_out_conditions(vehicle, table, CONDITIONS, random))
+    estimator = Estimator(inverse_map)
+    whole = estimator.masked_map(np.ones(n_gauges, dtype=bool))
+    assert whole is not None
+    threshold = whole.outlier_threshold**2 * inverse_map.outlier_scale
+    nominal = inverse_map.chi_square_scale * whole.chi_square_limit
+    ratios = []
+    for number in range(len(flights.conditions)):
+        flight = one_flight(flights, number)
+        built = drawn_many(vehicle.noise, n_gauges, vehicles, random)
+        strain = true_strain(structure, flight, built)
+        q = flight.dynamic_pressure * (1.0 + np.reshape(built.dynamic_pressure, -1))
+        found = estimator.estimate(strain + gauge_noise(inverse_map, random, strain.shape), q)
+        limit = np.asarray(found.chi_square_limit)
+        worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
+        ratios.append(np.stack([found.chi_square / limit, worst / (threshold * limit / nominal)]))
+    chi_square, outlier = np.concatenate(ratios, axis=1)
+    return chi_square, outlier
+
+
+def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+    """Return draws of the gauges' own noise [m/m], last axis the gauges."""
+    return np.asarray(inverse_map.noise_std * random.standard_normal(shape))

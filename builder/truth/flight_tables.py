@@ -1,0 +1,112 @@
+"""Flight model: the independent model of the vehicle in system simulations, as tables over (M, a_T).
+
+Every table is a tensor-product cubic spline through flows solved at the knots. In total incidence the knots
+are mirrored to negative values, where the flow is the same rolled by half a turn: harmonic m of the pressure
+changes by (-1)^m. So the spline has the correct symmetry at a_T = 0 without a knot there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import factorial
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from builder.aero.loads import load_operator
+from builder.truth.as_built import AsBuilt
+from builder.truth.flow_table import FlowTable
+from builder.truth.strain import TrueStructure, built_gauges, unit_pressure_strain
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.cosim.flight_model import FlightModel
+
+
+def flight_model(
+    vehicle: Vehicle, table: FlowTable, structure: TrueStructure, built: AsBuilt, noise_std: float
+) -> FlightModel:
+    """Assemble the flight model of a vehicle as ``built``.
+
+    Parameters
+    ----------
+    table : the flows at the knots.
+    structure : the independent structural model, with the layout in use.
+    noise_std : gauge noise sigma [m/m].
+    """
+    mach, incidence = table.mach_knots, table.incidence_knots
+    gauges = built_gauges(structure, built)
+    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
+    # Gauges with equal response share a channel; as built, every gauge has its own.
+    response = np.stack([gauges.even, gauges.odd], axis=-1) * gain[:, None, None, None]
+    flat = np.round(response.reshape(len(gain), -1) / np.abs(response).max(), 13)
+    _, first, channel = np.unique(flat, axis=0, return_index=True, return_inverse=True)
+    response = response[first]
+    max_harmonic = response.shape[1] - 1
+    reference = vehicle.reference_quantities()
+    loads = load_operator(structure.surface, reference.moment_station).reshape(5, len(structure.surface.x), -1)
+    cosine = np.cos(structure.surface.roll_angle)
+
+    harmonic = table.harmonic
+    strain = np.einsum("cmxp,ijxm->ijcmp", response, harmonic, optimize=True)
+    unit = gain * unit_pressure_strain(structure, gauges)
+    # An error of the internal pressure is in proportion to p_inf, as the outer pressure is.
+    strain[:, :, :, 0, 0] -= built.internal_pressure * unit[first]
+    area = reference.area * np.array([1.0, 1.0, reference.length])
+    of_load = np.stack(
+        [
+            harmonic[:, :, :, 0] @ loads[0].sum(axis=1),
+            harmonic[:, :, :, 1] @ (loads[1] @ cosine),
+            harmonic[:, :, :, 1] @ (loads[3] @ cosine),
+        ],
+        axis=-1,
+    )
+    coefficient = of_load / (0.7 * mach[:, None, None] ** 2 * area)
+    inside = vehicle.structure.internal_pressure_Pa
+    parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
+    return FlightModel(
+        vehicle=vehicle.name,
+        gauge_names=structure.names,
+        gauge_roll_angle=gauges.roll_angle,
+        gauge_channel=channel.astype(np.int64).reshape(-1),
+        mach_knots=mach,
+        incidence_knots=np.array([0.0, *incidence]),
+        strain_table=_spline_table(mach, incidence, strain, parity),
+        coefficient_table=_spline_table(mach, incidence, coefficient, np.array([1.0, -1.0, -1.0])),
+        strain_of_internal_pressure=unit,
+        internal_pressure=None if inside == "ambient" else inside,
+        base_area=float(loads[0].sum()),
+        reference_area=reference.area,
+        reference_length=reference.length,
+        noise_std=noise_std,
+        apparent_strain=built.apparent_strain,
+        provenance={**table.provenance, "as_built": _as_numbers(built)},
+    )
+
+
+def _as_numbers(built: AsBuilt) -> dict[str, Any]:
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(built).items()
+    }
+
+
+def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, parity: FloatArray) -> FloatArray:
+    """Return the polynomial coefficients of a tensor-product spline.
+
+    Parameters
+    ----------
+    mach, incidence : (n_M,), (n_a,) knots, incidence > 0 [rad].
+    values : (n_M, n_a, ...) at the knots.
+    parity : +1 or -1, broadcast against ``...``: behaviour under a_T -> -a_T.
+
+    Returns
+    -------
+    (n_M - 1, n_a, 4, 4, ...): cell, power of (M - M_i), power of (a_T - a_j), with a_0 = 0 added.
+    """
+    mirrored = np.concatenate([parity * values[:, ::-1], values], axis=1)
+    along_incidence = CubicSpline(np.concatenate([-incidence[::-1], incidence]), mirrored, axis=1)
+    left = np.concatenate([[0.0], incidence[:-1]])
+    by_incidence = np.stack([along_incidence(left, q) / factorial(q) for q in range(4)], axis=2)
+    along_mach = CubicSpline(mach, by_incidence, axis=0)
+    by_mach = np.stack([along_mach(mach[:-1], p) / factorial(p) for p in range(4)], axis=2)
+    return by_mach

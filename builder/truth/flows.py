@@ -1,0 +1,91 @@
+"""The flows of the independent model: where they are solved, with which engine, and their table."""
+
+from __future__ import annotations
+
+from math import degrees, radians
+from typing import Any
+
+import numpy as np
+
+from builder.aero.engine import FlowKey
+from builder.aero.euler.marching_grid import marching_grid_of
+from builder.aero.euler_engine import EulerEngine
+from builder.campaign.journal import Journal
+from builder.campaign.run import complete_flows
+from builder.campaign.scheduling import Scheduling
+from builder.reporting import Reporter
+from builder.truth.flow_table import FlowTable, flow_table
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from strainfmu.arrays import FloatArray
+
+
+def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return the knots of the flight model: Mach numbers (n_M,) and total incidences (n_a,) [rad] from 0."""
+    incidence = sorted(round(radians(angle), 9) for angle in vehicle.truth.total_incidence_deg)
+    return np.array(sorted(vehicle.truth.mach_number)), np.array([0.0, *incidence])
+
+
+def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
+    """Return the (M, a_T [rad]) at which the independent model's flows are solved."""
+    mach, incidence = truth_knots(vehicle)
+    return [(round(m, 9), a) for m in mach.tolist() for a in incidence[1:].tolist()]
+
+
+def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
+    """Return the pressure nodes of the independent model."""
+    settings = vehicle.resolution.truth
+    return surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+
+
+def truth_engine(vehicle: Vehicle) -> EulerEngine:
+    """Return the flow solver of the independent model: Euler, whatever engine the map is built on."""
+    return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
+
+
+def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:
+    """Return what the flow table depends on."""
+    return {
+        "engine": truth_engine(vehicle).inputs(),
+        "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
+        "resolution": vehicle.resolution.truth.model_dump(),
+    }
+
+
+def independent_flows(
+    vehicle: Vehicle, reporter: Reporter, journal: Journal | None = None, scheduling: Scheduling | None = None
+) -> FlowTable:
+    """Solve the flows of the independent model and return their table.
+
+    Raises
+    ------
+    InputError
+        A condition is outside the solver's reach.
+    """
+    mach, knots = truth_knots(vehicle)
+    flows, _ = complete_flows(
+        engine=truth_engine(vehicle),
+        keys=truth_keys(vehicle),
+        journal=journal,
+        known={},
+        scheduling=scheduling or Scheduling(),
+        reporter=reporter,
+        title="Flow: the vehicle that flies",
+    )
+    return flow_table(
+        vehicle=vehicle.name,
+        mach=mach,
+        incidence=knots[1:],
+        flows=flows,
+        surface=truth_surface(vehicle),
+        max_harmonic=vehicle.resolution.truth.harmonics,
+        provenance={"resolution": vehicle.resolution.truth.model_dump(), "flows": len(flows)},
+    )
+
+
+def with_knots(vehicle: Vehicle, mach: FloatArray, incidence: FloatArray) -> Vehicle:
+    """Return ``vehicle`` whose independent model has other knots, ``incidence`` in [rad]."""
+    truth = vehicle.truth.model_copy(
+        update={"mach_number": mach.tolist(), "total_incidence_deg": [degrees(one) for one in incidence]}
+    )
+    return vehicle.model_copy(update={"truth": truth})

@@ -1,0 +1,65 @@
+"""Random flight conditions inside the envelope of a map, between those of its snapshots."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+
+from builder.truth.flow_table import FlowTable
+from builder.vehicle.file import Vehicle
+from strainfmu.flight_condition import FlightCondition
+
+ALTITUDES_KM = (12.0, 30.0)
+"""Range [km] of altitudes that are drawn where a map holds at all."""
+
+
+def largest_incidence(vehicle: Vehicle) -> float:
+    """Return the largest total incidence [rad] of the vehicle's flight conditions."""
+    return max(condition.total_incidence for condition in vehicle.flight_conditions())
+
+
+def held_out_conditions(
+    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    """Return ``count`` conditions, uniform in Mach number, altitude and angles, that map and ``table`` both cover.
+
+    With full symmetry the total incidence is uniform from 0 and the roll angle of the wind is any; as listed,
+    angle of attack and sideslip are uniform in their ranges.
+    """
+    entry, incidence = vehicle.conditions, min(largest_incidence(vehicle), float(table.incidence_knots[-1]))
+    low = max(min(entry.mach_number), float(table.mach_knots[0]))
+    high = min(max(entry.mach_number), float(table.mach_knots[-1]))
+    heights = entry.altitudes_km
+    if vehicle.map.form == "dynamic_pressure":
+        bottom, top = vehicle.map.valid_altitude_km
+        heights = [max(ALTITUDES_KM[0], bottom), min(ALTITUDES_KM[1], top)]
+    found: list[FlightCondition] = []
+    while len(found) < count:
+        if vehicle.map.symmetry == "full":
+            alpha, beta = wind_angles(
+                float(random.uniform(0.0, incidence)), float(random.uniform(0.0, 2.0 * np.pi))
+            )
+        else:
+            alpha, beta = (
+                radians(float(random.uniform(min(listed), max(listed))))
+                for listed in (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
+            )
+        condition = FlightCondition(
+            mach_number=float(random.uniform(low, high)),
+            angle_of_attack=alpha,
+            sideslip_angle=beta,
+            altitude=1e3 * float(random.uniform(min(heights), max(heights))),
+        )
+        if condition.total_incidence <= incidence:
+            found.append(condition)
+    return found
+
+
+def wind_angles(total_incidence: float, roll_angle: float) -> tuple[float, float]:
+    """Return angle of attack and sideslip [rad] of a total incidence whose leeward meridian is at
+    ``roll_angle``."""
+    across = np.sin(total_incidence)
+    beta = -np.arcsin(across * np.sin(roll_angle))
+    alpha = np.arctan2(across * np.cos(roll_angle), np.cos(total_incidence))
+    return float(alpha), float(beta)
