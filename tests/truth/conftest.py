@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from builder.pipeline.flight_tables import truth_knots
 
 from builder.aero.engine import Flow, FlowKey
-from builder.pipeline.flight_tables import truth_knots
 from builder.truth.flow_table import FlowTable, flow_table
 from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle
