@@ -52,6 +52,12 @@ def test_cells_are_thinner_at_the_wall_and_grow_alike(level: int) -> None:
     np.testing.assert_allclose(thin[1:] / thin[:-1], own[1] / own[0], rtol=1e-3)
 
 
+@pytest.mark.parametrize(("cell", "levels"), [(1e-5, 5), (4e-4, 5), (2e-3, 8), (1.0, 10)])
+def test_thick_cells_are_halved_more_often(cell: float, levels: int) -> None:
+    """16 of them reach up to 0.2 % of the radius at last, within limits: 16 * 2e-3/2^8 of 0.1 is 0.13 %."""
+    assert corner.levels_for(cell, 0.1) == levels
+
+
 def test_only_walls_that_turn_away_alike_on_all_rays_have_a_fan() -> None:
     before, after = walls(10.0, -2.0)
     assert corner.turn_of(before, after) == pytest.approx(radians(12.0), rel=1e-12)

@@ -93,6 +93,24 @@ def test_pressure_rises_evenly_behind_a_shoulder(
     np.testing.assert_allclose(found, rise * x, rtol=0.0, atol=3e-3)
 
 
+@pytest.mark.parametrize(("mach_number", "incidence"), [(1.5, 0.0), (2.0, 5.0), (3.0, 10.0)])
+def test_shoulder_keeps_the_balances_at_low_mach_numbers(
+    mach_number: float, incidence: float, vehicle_body: BodyOfRevolution
+) -> None:
+    """There the layer is thick against the body, and its cells with it."""
+    flow = solve_flow(vehicle_body, mach_number, radians(incidence), GRID_LEVELS["coarse"])
+    imbalance = np.linalg.norm(flow.force - flow.force_from_momentum)
+    assert imbalance < 5e-4 * np.linalg.norm(flow.force)
+    assert abs(flow.mass_defect) < 1e-5
+
+
+def test_expansion_that_ends_near_vacuum_is_marched(make_body: BodyMaker) -> None:
+    """The gas relations end the fan on the lee; the march alone gets through."""
+    body = make_body((1.0, 16.0, 0.5), (1.6, 0.0, 0.0), (1.8, -5.0, -5.0))
+    flow = solve_flow(body, 8.0, radians(20.0), GRID_LEVELS["coarse"])
+    assert 0.0 < flow.pieces[-1][1].min() < 0.01
+
+
 def test_march_alone_leaves_the_pressure_off(make_body: BodyMaker) -> None:
     """The option by which the printed reproduction is made: 1 % at first, then 3 to 4 %, at 10 deg and M 7."""
     body = make_body((1.0, 10.0, 10.0), (1.05, 0.0, 0.0))
@@ -220,7 +238,7 @@ def test_spacing_grows_outward_by_the_clustering() -> None:
     ("pieces", "mach_number", "incidence", "words"),
     [
         (((1.0, 40.0, 40.0),), 1.5, 0.0, ("axial Mach number", "(tip)", "M 1.5", "incidence 0 deg")),
-        (((1.0, 10.0, 10.0),), 3.0, 50.0, ("axial Mach number", "(tip)", "M 3,", "incidence 50 deg")),
+        (((1.0, 10.0, 10.0),), 2.0, 50.0, ("axial Mach number", "(tip)", "M 2,", "incidence 50 deg")),
         (((1.0, 10.0, 10.0), (1.5, 40.0, 40.0)), 3.0, 0.0, ("axial Mach number", "M 3,", "incidence 0 deg")),
         (((1.0, 5.0, 5.0), (1.5, 35.0, 35.0)), 3.0, 3.0, ("axial Mach number", "M 3,", "incidence 3 deg")),
     ],

@@ -23,8 +23,6 @@ from builder.vehicle.file import Vehicle
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
 
-pytestmark = pytest.mark.fast
-
 REACHED = ((4.0, 0.0, 0.0), (4.0, 2.0, 0.0), (4.0, 0.0, 2.0))
 BEYOND = ((1.1, 0.0, 0.0), (1.1, 2.0, 0.0), (1.1, 0.0, 2.0))
 
@@ -38,6 +36,7 @@ def mixed(vehicle: Vehicle) -> Campaign:
     return campaign_of(vehicle, conditions(*(one for pair in zip(BEYOND, REACHED, strict=True) for one in pair)))
 
 
+@pytest.mark.fast
 def test_the_rest_goes_on(vehicle: Vehicle, tmp_path: Path) -> None:
     """The result holds what could be solved as if the rest had not been asked for, and names the rest."""
     path = tmp_path / "snapshots.h5"
@@ -81,6 +80,7 @@ class Counting(EulerEngine):
         return super().solve(key)
 
 
+@pytest.mark.fast
 def test_a_further_run_tries_only_what_failed(vehicle: Vehicle, tmp_path: Path) -> None:
     campaign, path = mixed(vehicle), tmp_path / "snapshots.h5"
     assert isinstance(campaign.engine, EulerEngine)
@@ -97,6 +97,7 @@ def test_a_further_run_tries_only_what_failed(vehicle: Vehicle, tmp_path: Path) 
     assert (second.tally.solved, second.tally.reused) == (0, 2)
 
 
+@pytest.mark.fast
 def test_nothing_left_is_an_error(vehicle: Vehicle, tmp_path: Path) -> None:
     path = tmp_path / "snapshots.h5"
     with pytest.raises(InputError, match=r"3 of 3 conditions not solved; the first: euler: .* for M 1\.1"):
@@ -104,6 +105,7 @@ def test_nothing_left_is_an_error(vehicle: Vehicle, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.fast
 def test_without_a_taker_the_first_failure_is_an_error(vehicle: Vehicle) -> None:
     """Where every flow is needed, as for tables over Mach number and incidence."""
     engine, keys = mixed(vehicle).engine, [(1.1, 0.0), (4.0, 0.0)]
@@ -146,3 +148,6 @@ def test_the_command_says_what_failed(tmp_path: Path) -> None:
     assert "mass is conserved within" in " ".join(printed.split())
     assert message.count("\n") == 1
     assert f"{output}: 1 of 3 conditions not solved; the first: euler: the axial Mach number falls to 1" in message
+    shown, _ = start("inspect", output, "-o", tmp_path / "figures").communicate()
+    assert "not solved: M 1.1, alpha 2 deg, beta 0 deg, 20 km: euler: the axial Mach number falls to 1" in shown
+    assert " momentum     mass repairs" in shown

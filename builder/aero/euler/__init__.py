@@ -7,7 +7,8 @@ cross-plane to cross-plane. From the bottom up: :mod:`~builder.aero.euler.gas` h
 :mod:`~builder.aero.euler.flux` the flux between two states, :mod:`~builder.aero.euler.fluxes` all fluxes of a
 step, :mod:`~builder.aero.euler.bow_shock` the outer boundary, :mod:`~builder.aero.euler.march` the march,
 :mod:`~builder.aero.euler.surface_function` the walls it follows, :mod:`~builder.aero.euler.plane` what a
-cross-plane holds and balances and :mod:`~builder.aero.euler.body_march` the way from tip to base.
+cross-plane holds and balances, :mod:`~builder.aero.euler.corner` the way round a convex corner and
+:mod:`~builder.aero.euler.body_march` that from tip to base.
 :mod:`~builder.aero.euler.solver` marches half a body of revolution, :mod:`~builder.aero.euler.full_body` all
 round a body of any star-shaped section.
 

@@ -126,7 +126,8 @@ def _round_corner(
     """March round a corner at which the wall turns away from the flow (:mod:`~builder.aero.euler.corner`).
 
     ``pressure`` (n_phi,) is p on the wall up to it. Returns stations and p/p_inf (n, n_phi) behind it; none where
-    the march itself does: in a concave or slight corner, or where the wall's cells are as thick as all others.
+    the march itself does: in a concave or slight corner, in one that expands the flow to vacuum, or where the
+    wall's cells are as thick as all others.
     """
     n_phi, n_r = plane.conserved.shape[1:]
     cell, wave = np.empty((5, n_phi, n_r)), np.empty((4, n_phi + 2, n_r))
@@ -138,16 +139,36 @@ def _round_corner(
         or not march.decode(plane.conserved, plane.rays, flow.stream, cell, wave)
     ):
         return np.empty(0), np.empty((0, n_phi))
-    x_corner, angle = float(plane.x), float(np.arctan(before.slope[-1, 0]))
+    angle = float(np.arctan(before.slope[-1, 0]))
     stream = corner.wall_stream(plane, cell, pressure, angle, flow.stream.enthalpy)
     if corner.is_vacuum(corner.pressure_ratio_behind(stream, turn)):
-        raise flow.refusal(f"the flow expands to near vacuum at x = {x_corner:.4g} m")
-    levels = [corner.refined_at_wall(grid, level) for level in range(corner.LEVELS + 1)]
-    finest, radius = levels[-1], before.radius[-1]
-    thickness = float(np.min(plane.outer - radius)) * finest.spacing(finest.n_radial)[1]
-    widening = float(np.max(np.tan(stream.head_angle)) - np.tan(angle - turn))
-    length = float(after.x[-1]) - x_corner
-    distance = min(corner.FAN_CELLS * thickness / widening, 0.5 * length)
+        return np.empty(0), np.empty((0, n_phi))
+    saved = replace(
+        plane,
+        conserved=plane.conserved.copy(),
+        outer=plane.outer.copy(),
+        force=plane.force.copy(),
+        repairs=plane.repairs.copy(),
+    )
+    try:
+        return _through_fan(plane, before, after, stream, flow, grid)
+    except FlowReachError:  # The march alone may still get through.
+        vars(plane).update(vars(saved))
+        return np.empty(0), np.empty((0, n_phi))
+
+
+def _through_fan(
+    plane: Plane, before: Wall, after: Wall, stream: corner.WallStream, flow: Flow, grid: MarchingGrid
+) -> tuple[FloatArray, FloatArray]:
+    """Let the fan of a corner in and march until it is wide enough for ``grid``; as :func:`_round_corner`."""
+    x_corner, radius = float(plane.x), before.radius[-1]
+    layer = float(np.min(plane.outer - radius))
+    count = corner.levels_for(layer * grid.spacing(grid.n_radial)[1], float(radius[0]))
+    levels = [corner.refined_at_wall(grid, level) for level in range(count + 1)]
+    finest, length = levels[-1], float(after.x[-1]) - x_corner
+    widening = float(np.max(np.tan(stream.head_angle))) - float(after.slope[0, 0])
+    distance = corner.FAN_CELLS * layer * finest.spacing(finest.n_radial)[1] / widening
+    distance = min(distance, 0.5 * length)
     corner.regrid(plane, radius, grid, finest)
     force = plane.force.copy()
     advance(plane, corner.straight_on(before, x_corner + distance), x_corner + distance, flow, finest)

@@ -16,7 +16,7 @@ Bodies of revolution only: elsewhere the edge is not at right angles to the axis
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import expm1, log1p
+from math import ceil, expm1, log1p, log2
 
 import numpy as np
 
@@ -29,8 +29,10 @@ from strainfmu.arrays import FloatArray
 
 FAN_CELLS = 16
 """Cells at the wall over which a fan is spread when it is let into the flow."""
-LEVELS = 5
+LEAST_LEVELS, MOST_LEVELS = 5, 10
 """Times that the cells at the wall are halved for it."""
+GREATEST_HEIGHT = 2e-3
+"""Height of the fan over the radius above which they are halved more often than LEAST_LEVELS."""
 LEAST_TURN = 1e-3
 """Turn of the wall away from the flow [rad] below which the march alone is good enough."""
 FAN_POINTS = 129
@@ -44,6 +46,12 @@ def refined_at_wall(grid: MarchingGrid, level: int) -> MarchingGrid:
         return grid
     clustering = log1p(2.0**level * expm1(grid.clustering))
     return replace(grid, n_radial=round(grid.n_radial * clustering / grid.clustering), clustering=clustering)
+
+
+def levels_for(cell: float, radius: float) -> int:
+    """Return how often cells at the wall, ``cell`` [m] thick, are halved at a corner of ``radius`` [m]."""
+    needed = log2(FAN_CELLS * cell / (GREATEST_HEIGHT * radius))
+    return min(max(ceil(needed), LEAST_LEVELS), MOST_LEVELS)
 
 
 def turn_of(before: Wall, after: Wall) -> float:
