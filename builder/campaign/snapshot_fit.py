@@ -90,6 +90,34 @@ def _requested(snapshots: Snapshots) -> list[FlightCondition]:
     return conditions
 
 
+def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
+    """Return the vehicle file with the engine and the ranges of conditions that ``snapshots`` really have.
+
+    What is measured on a map must be measured where the map holds. With full symmetry that is a disc of total
+    incidence. The file itself where its conditions are those of the snapshots.
+    """
+    conditions = _requested(snapshots)
+    same = snapshots.engine == vehicle.aerodynamics.engine
+    if same and set(conditions) == set(vehicle.flight_conditions()):
+        return vehicle
+    mach, alpha, beta, altitude = (np.unique(column).tolist() for column in snapshots.condition.T)
+    alpha, beta = np.degrees(alpha).tolist(), np.degrees(beta).tolist()
+    if vehicle.map.symmetry == "full":
+        alpha, beta = [0.0, float(np.degrees(snapshots.total_incidence.max()))], [0.0]
+    entries = {
+        "mach_number": mach,
+        "angle_of_attack_deg": alpha,
+        "sideslip_angle_deg": beta,
+        "altitude_km": [1e-3 * one for one in altitude],
+    }
+    return vehicle.model_copy(
+        update={
+            "conditions": vehicle.conditions.model_copy(update=entries),
+            "aerodynamics": vehicle.aerodynamics.model_copy(update={"engine": snapshots.engine}),
+        }
+    )
+
+
 def flow_record(snapshots: Snapshots) -> dict[str, Any]:
     """Return what made ``snapshots``, for the provenance of a map: engine, its settings, sets of conditions."""
     settings = snapshots.settings

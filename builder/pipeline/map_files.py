@@ -151,7 +151,8 @@ def _map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
 def _inverse_map(pipeline: Pipeline) -> None:
     vehicle = pipeline.vehicle
 
-    calibrates = alarm_levels_wanted(vehicle, pipeline.reporter)
+    flown = pipeline.flown or vehicle
+    calibrates = alarm_levels_wanted(flown, pipeline.reporter)
     if calibrates:
         make_independent_flows(pipeline)
 
@@ -160,7 +161,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
         made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
         if calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
-            made = calibrated_map(vehicle, made, flows, true_structure_of(pipeline), pipeline.reporter)
+            made = calibrated_map(flown, made, flows, true_structure_of(pipeline), pipeline.reporter)
         save_inverse_map(made, path)
 
     inputs = {

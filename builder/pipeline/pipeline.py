@@ -38,7 +38,8 @@ class FilesGiven:
 class Pipeline:
     """The files made so far, and the means to make the next.
 
-    ``elsewhere`` holds files that are used and were not made here, by name.
+    ``elsewhere`` holds files that are used and were not made here, by name; ``flown`` is the vehicle with the
+    engine and the conditions of such snapshots.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class Pipeline:
         self.vehicle, self.workspace, self.reporter = vehicle, workspace, reporter
         self.given = given or FilesGiven()
         self.elsewhere: dict[str, Path] = {}
+        self.flown: Vehicle | None = None
         self.files: dict[str, str] = {}
         self.reused: list[str] = []
         self.map_parts: tuple[Snapshots, AnyStructure] | None = None

@@ -7,6 +7,7 @@ here is the map that ``strainfmu build`` writes, bit for bit.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
-from builder.campaign.snapshot_fit import body_misfits, flow_record
+from builder.campaign.snapshot_fit import as_flown, body_misfits, flow_record
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
@@ -152,6 +153,7 @@ def build_map(
         structure = solve_structure(vehicle, progress=reporter)
     solid = structure if isinstance(structure, Structure) else None
     found = map_from(vehicle, snapshots, on_snapshots(structure, snapshots, reporter), reporter, solid)
+    vehicle = as_flown(vehicle, snapshots)
     if not alarm_levels_wanted(vehicle, reporter):
         return found
     flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
@@ -249,6 +251,11 @@ def _with_sources(
     return {**kept, **json.loads(json.dumps(sources, sort_keys=True))}
 
 
+def _no_overlap(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether the ranges of two lists have no value in common."""
+    return max(one) < min(other) or max(other) < min(one)
+
+
 def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
     """Return whether the map's alarm levels are set on the independent model, and say why not.
 
@@ -259,7 +266,9 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
         return False
     why = ""
     if vehicle.aerodynamics.engine != "euler":
-        why = f"aerodynamics.engine is '{vehicle.aerodynamics.engine}'"
+        why = f"the snapshots' engine is '{vehicle.aerodynamics.engine}'"
+    elif _no_overlap(vehicle.truth.mach_number, vehicle.conditions.mach_number):
+        why = "truth.mach_number and the snapshots' Mach numbers have none in common"
     else:
         try:
             refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])

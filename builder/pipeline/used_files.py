@@ -10,7 +10,7 @@ from pathlib import Path
 
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.failures import failed_conditions, missing_line
-from builder.campaign.snapshot_fit import body_misfits, flow_line, option_misfits
+from builder.campaign.snapshot_fit import as_flown, body_misfits, flow_line, option_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.reporting import Reporter
@@ -96,6 +96,7 @@ def _use_snapshots(pipeline: Pipeline, path: Path) -> int:
         refuse_misfits(path, option_misfits(snapshots, vehicle), REPLACE)
     pipeline.use(SNAPSHOTS, path, content_hash_of(path, snapshots_file.SCHEMA, snapshots_file.SCHEMA_VERSION))
     pipeline.reporter.note(f"{path if given else SNAPSHOTS}: used as it is: {flow_line(snapshots)}")
+    pipeline.flown = as_flown(pipeline.vehicle, snapshots)
     failed = failed_conditions(snapshots)
     if failed:
         pipeline.reporter.note(f"warning: {missing_line(failed, len(snapshots.condition))}")

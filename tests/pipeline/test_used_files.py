@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.campaign.snapshot_fit import option_misfits
+from builder.campaign.snapshot_fit import as_flown, option_misfits
 from builder.campaign.snapshots import load_snapshots, save_snapshots
 from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import FilesGiven
+from builder.pipeline.stages import alarm_levels_wanted
 from builder.pipeline.used_files import open_pipeline
 from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle
@@ -35,7 +36,8 @@ def write_vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
     if not folder.exists():
         shutil.copytree(OGIVE, folder)
     text = (OGIVE / "ogive.toml").read_text(encoding="utf-8")
-    for old, new in changes:
+    # Alarm levels from the independent model take longer than all else.
+    for old, new in (*changes, ("[map]", '[map]\nalarm_levels = "nominal"')):
         assert old in text, old
         text = text.replace(old, new, 1)
     (folder / "vehicle.toml").write_text(text, encoding="utf-8")
@@ -315,3 +317,19 @@ def test_demo_flies_a_map_of_files_made_before(run: Run, made: Path, tmp_path: P
     assert code == 0
     for name in ("map.h5", "estimator.fmu", "flight.h5", "overview.png"):
         assert f"{name}: up to date, reused" in printed
+
+
+def test_alarm_levels_are_of_the_snapshots_used(made: Path) -> None:
+    """Measured at their conditions; not at all against another engine or out of their Mach numbers."""
+    vehicle = load_vehicle(OGIVE / "ogive.toml")
+    whole, part = load_snapshots(made / "newtonian.h5"), load_snapshots(made / "set.h5")
+    assert as_flown(vehicle, replace(whole, engine="euler")) is vehicle
+    assert not alarm_levels_wanted(as_flown(vehicle, part), Silent())  # newtonian against the euler engine's flows
+    euler = replace(part, engine="euler")
+    flown = as_flown(vehicle, euler)
+    assert alarm_levels_wanted(flown, Silent())
+    assert flown.conditions.mach_number == [4.0, 4.5, 5.0]
+    reach = max(one.total_incidence for one in flown.flight_conditions())
+    assert reach == pytest.approx(float(part.total_incidence.max()), rel=1e-12)
+    faster = replace(euler, condition=euler.condition + np.array([2.0, 0.0, 0.0, 0.0]))
+    assert not alarm_levels_wanted(as_flown(vehicle, faster), Silent())
