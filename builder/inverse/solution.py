@@ -11,6 +11,7 @@ from builder.inverse.case_1 import least_squares_map, relative_condition
 from builder.inverse.case_2 import gaussian_map, whitened_spectrum
 from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.mode_phase import turned_to_gauges
 from builder.inverse.noise_model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
@@ -133,10 +134,11 @@ def _solve_case_2(problem: Problem) -> Solution:
 
 
 def pressure_modes(problem: Problem) -> PressureModes:
-    """Return the POD of the snapshots in the inner product of the map."""
+    """Return the POD of the snapshots in the inner product of the map, pairs of a rolled one turned to the gauges."""
     weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
     if problem.ensemble.grid is not None:
-        return rolled_modes(problem.ensemble, weights)
+        modes = rolled_modes(problem.ensemble, weights)
+        return turned_to_gauges(modes, problem.strain_operator, problem.noise[0].strain)
     return proper_orthogonal_decomposition(problem.ensemble.pressure, weights)
 
 
