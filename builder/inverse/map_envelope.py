@@ -29,12 +29,24 @@ def coefficient_half_spaces(ensemble: Ensemble, coefficients: FloatArray) -> Hal
     at every roll angle, C_A and the amplitudes of the cross force and moment, combined likewise at 24 roll angles.
     """
     spread = np.ptp(coefficients, axis=0)
+    if ensemble.grid is not None:
+        for pair in (slice(1, 3), slice(3, 5)):
+            spread[pair] = 2.0 * np.max(np.linalg.norm(coefficients[:, pair], axis=1))
     unit = np.where(spread > 1e-9 * np.max(spread), 1.0 / np.where(spread > 0.0, spread, 1.0), 0.0)
     patterns = _signs() if ensemble.grid is None else _rolled()
     direction = patterns * unit
     size = np.linalg.norm(direction, axis=1)
     direction = direction[size > 0.0] / size[size > 0.0, None]
-    return HalfSpaces(direction=direction, limit=np.max(coefficients @ direction.T, axis=0))
+    reach = coefficients @ direction.T if ensemble.grid is None else _reach_at_any_roll(coefficients, direction)
+    return HalfSpaces(direction=direction, limit=np.max(reach, axis=0))
+
+
+def _reach_at_any_roll(coefficients: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return (n, m) the largest n'C of each member over all roll angles, also those between the members'."""
+    # Force and moment turn together: n'C at roll angle psi is n_A C_A + Re(z e^(i psi)).
+    of_force = np.outer(coefficients[:, 1] + 1j * coefficients[:, 2], direction[:, 1] - 1j * direction[:, 2])
+    of_moment = np.outer(coefficients[:, 3] + 1j * coefficients[:, 4], direction[:, 3] - 1j * direction[:, 4])
+    return np.asarray(np.outer(coefficients[:, 0], direction[:, 0]) + np.abs(of_force + of_moment))
 
 
 def _signs() -> FloatArray:

@@ -24,11 +24,13 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
         return inverse_map
     observable = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right[:, :n_gauges]
     field = inverse_map.field_modes
+    gain = observable.T @ inverse_map.strain_gain
     return replace(
         inverse_map,
         state_operator=inverse_map.state_operator @ observable,
-        strain_gain=observable.T @ inverse_map.strain_gain,
-        state_offset=observable.T @ inverse_map.state_offset,
+        strain_gain=gain,
+        # From the gain itself: of a state that no gauge observes both are round-off, and must agree even so.
+        state_offset=-gain @ inverse_map.mean_strain,
         load_per_state=inverse_map.load_per_state @ observable,
         field_modes=None if field is None else field @ observable.astype(np.float32),
     )

@@ -134,7 +134,7 @@ def _solve_case_2(problem: Problem) -> Solution:
 
 
 def pressure_modes(problem: Problem) -> PressureModes:
-    """Return the POD of the snapshots in the inner product of the map, pairs of a rolled one turned to the gauges."""
+    """Return the POD in the inner product of the map; pairs of a rolled one are turned to the gauges."""
     weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
     if problem.ensemble.grid is not None:
         modes = rolled_modes(problem.ensemble, weights)

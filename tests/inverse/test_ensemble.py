@@ -17,7 +17,7 @@ from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.ensemble import ROLLS, Ensemble, ensemble_of, rolled_modes
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.map_options import MapEntry, Noise
@@ -31,9 +31,8 @@ N_X, N_FLOWS = 4, 5
 
 
 def random_ensemble(fixed_pressure: float = 0.0) -> Ensemble:
-    """Return 5 flows of random pressure on 4 x 24 nodes, rolled; the first is axisymmetric, its wind along the axis.
-
-    The others have no plane of symmetry.
+    """Return 5 flows of random pressure on 4 x 24 nodes, rolled: the first has its wind along the axis and is
+    axisymmetric, the others have no plane of symmetry.
     """
     random = np.random.default_rng(1)
     x = np.linspace(0.0, 1.0, N_X)
@@ -208,8 +207,8 @@ def test_the_absolute_form_takes_one_internal_pressure(vehicle: Vehicle, of_alti
 def sideslip_snapshots(vehicle: Vehicle, engine: Engine, sideslip: list[float]) -> Snapshots:
     conditions = [
         FlightCondition(mach, radians(alpha), radians(beta), 20e3)
-        for mach in (5.0, 6.0, 7.0)
-        for alpha in (0.0, 2.0, 5.0, 8.0)
+        for mach in (5.0, 7.0)
+        for alpha in (0.0, 3.0, 8.0)
         for beta in sideslip
     ]
     return snapshots_at(engine, vehicle, conditions)
@@ -217,32 +216,46 @@ def sideslip_snapshots(vehicle: Vehicle, engine: Engine, sideslip: list[float]) 
 
 @pytest.mark.parametrize("case", [1, 2])
 def test_the_sign_of_a_listed_angle_does_not_limit_a_map(
-    case: int, vehicle: Vehicle, structure: StructuralModel, engine: EulerEngine
+    case: int, vehicle: Vehicle, compiled_solver: None
 ) -> None:
-    """Sideslip 0..4 deg and -4..4 deg: the same noise and loads' covariance, 1e-6; OK in flight at -4 deg.
+    """Sideslip 0..4 deg and -4..4 deg: the same covariances, means and envelope; OK at negative sideslip.
 
-    On the listed signs alone the two differ.
+    To 1e-3 of a standard deviation, on 48 roll angles: what the flow solver's cells give at a node depends on its
+    roll angle by that much. A map of the listed signs alone is OK at none of them.
     """
+    resolution = vehicle.resolution.map.model_copy(update={"surface_roll_angles": 48})
+    structure = structural_model(vehicle, resolution, [vehicle.gauges.layout])
+    engine = EulerEngine(vehicle.body(), marching_grid_of(resolution), structure.surface)
     half = sideslip_snapshots(vehicle, engine, [0.0, 2.0, 4.0])
     whole = sideslip_snapshots(vehicle, engine, [-4.0, -2.0, 0.0, 2.0, 4.0])
-    plain = vehicle.model_copy(update={"noise": Noise(std_um_per_m=0.3)})
+    # Gains alone: the other errors cost time and do not depend on the snapshots.
+    noise = Noise(
+        std_um_per_m=0.3,
+        gauge_position_mm=0.0,
+        gauge_orientation_deg=0.0,
+        layout_roll_deg=0.0,
+        wall_thickness_percent=0.0,
+    )
+    plain = vehicle.model_copy(update={"noise": noise})
     maps = [build_inverse_map(with_map(plain, case=case), one, structure) for one in (half, whole)]
     one, other = maps
-    for name in ("noise_covariance", "load_covariance", "mean_strain"):
-        expected = getattr(other, name)
-        size = np.abs(expected).max()
-        np.testing.assert_allclose(getattr(one, name), expected, rtol=0.0, atol=1e-6 * size, err_msg=name)
+    for name in ("noise_covariance", "load_covariance"):
+        found, expected = getattr(one, name), getattr(other, name)
+        std = np.sqrt(np.diag(expected))
+        np.testing.assert_allclose(found / np.outer(std, std), expected / np.outer(std, std), rtol=0.0, atol=1e-4)
+    np.testing.assert_allclose(one.mean_strain, other.mean_strain, rtol=0.0, atol=1e-12)
     assert one.envelope_limit is not None
     assert other.envelope_limit is not None
-    np.testing.assert_allclose(one.envelope_limit, other.envelope_limit, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(one.envelope_limit, other.envelope_limit, rtol=0.0, atol=1e-6)
     negative = np.array([condition.sideslip_angle < 0.0 for condition in whole.conditions()])
     inside = np.array([[condition.ambient_pressure] for condition in whole.conditions()])
     strain = (whole.pressure - inside) @ structure.strain_operator(vehicle.gauges.layout).T
     q = np.array([condition.dynamic_pressure for condition in whole.conditions()])
     first, second = (Estimator(found).estimate(strain[negative], q[negative]) for found in maps)
     assert np.all(first.health == HealthState.OK)
-    np.testing.assert_allclose(first.coefficients, second.coefficients, rtol=0.0, atol=1e-6)
-    listed = [
-        build_inverse_map(with_map(plain, case=case, symmetry="listed"), s, structure) for s in (half, whole)
-    ]
-    assert not np.allclose(listed[0].mean_strain, listed[1].mean_strain, rtol=0.0, atol=1e-3 * size)
+    np.testing.assert_allclose(
+        first.coefficients / first.coefficients_std, second.coefficients / first.coefficients_std, atol=1e-3
+    )
+    listed = build_inverse_map(with_map(plain, case=case, symmetry="listed"), half, structure)
+    signed = Estimator(listed).estimate(strain[negative], q[negative])
+    assert np.all(signed.health != HealthState.OK)

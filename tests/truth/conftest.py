@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builder.pipeline.flight_tables import truth_knots
 
 from builder.aero.engine import Flow, FlowKey
 from builder.truth.flow_table import FlowTable, flow_table
+from builder.truth.flows import truth_knots
 from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle
 

@@ -16,9 +16,19 @@ from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of
-from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.as_built import AsBuilt, drawn, drawn_many, exactly_built
 from builder.truth.flow_table import FlowTable, harmonics_at
-from builder.truth.strain import SHIFT, WALL_STEP, TrueFlights, TrueStructure, true_flights, true_strain
+from builder.truth.strain import (
+    SHIFT,
+    WALL_STEP,
+    TrueFlights,
+    TrueStructure,
+    built_gauges,
+    one_flight,
+    true_flights,
+    true_strain,
+    unit_pressure_strain,
+)
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
@@ -196,6 +206,31 @@ def test_gains_apparent_strain_and_internal_pressure_by_the_book(
     close(true_strain(true_model, flights, built(apparent_strain=apparent)), straight + apparent, 1e-14)
     found = true_strain(true_model, flights, built(internal_pressure=0.05))
     close(found, straight - 0.05 * np.outer(flights.ambient_pressure, z_p.sum(axis=1)))
+
+
+def test_many_vehicles_at_once_are_those_one_by_one(
+    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights
+) -> None:
+    """Every flight alone with 3 vehicles of all errors: 1e-12 of the largest strain."""
+    entry = Noise(std_um_per_m=0.4)
+    many = drawn_many(entry, N_GAUGES, 3, np.random.default_rng(7))
+    for number in range(len(CONDITIONS)):
+        found = true_strain(true_model, one_flight(flights, number), many)
+        for which in range(3):
+            one = AsBuilt(**{name: value[which] for name, value in vars(many).items()})
+            close(found[which], true_strain(true_model, flights, one)[number], 1e-12)
+
+
+def test_strain_of_uniform_pressure_is_that_of_the_vehicle_as_built(
+    true_model: TrueStructure, flights: TrueFlights
+) -> None:
+    """5 % of p_inf more inside, on the wall as built: less of the gain, the strain of that pressure alone."""
+    one = drawn(Noise(std_um_per_m=0.4), N_GAUGES, np.random.default_rng(8))
+    more = replace(one, internal_pressure=one.internal_pressure + 0.05)
+    difference = true_strain(true_model, flights, more) - true_strain(true_model, flights, one)
+    of_unit = unit_pressure_strain(true_model, built_gauges(true_model, one))
+    gain = (1.0 + one.gauge_gain) * (1.0 + one.common_gain)
+    close(difference, -0.05 * np.outer(flights.ambient_pressure, gain * of_unit), 1e-8)
 
 
 @pytest.mark.fast
