@@ -27,8 +27,8 @@ from strainfmu.flight_condition import FlightCondition
 ROLLS = 24
 """Roll angles at which strain and coefficients of a rolled ensemble are taken."""
 
-_NEGLIGIBLE = 1e-6
-"""Standard deviation, relative to the largest, below which a mode is left out."""
+_NEGLIGIBLE = 3e-4
+"""Standard deviation, relative to the largest, below which a mode is left out: together 1e-5 of the variance."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,7 +14,7 @@ import numpy as np
 from builder.truth.as_built import drawn_many
 from builder.truth.flow_table import FlowTable
 from builder.truth.held_out import held_out_conditions
-from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain
+from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain, without_faint_harmonics
 from builder.truth.tail_quantile import tail_quantile
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -22,7 +22,7 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import Estimator
 
-CONDITIONS, VEHICLES = 1000, 200
+CONDITIONS, VEHICLES = 1000, 100
 """Flight conditions, and vehicles as built that fly at each, every one with its own errors and noise.
 
 Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own.
@@ -87,7 +87,8 @@ def alarm_ratios(
 ) -> tuple[FloatArray, FloatArray]:
     """Return chi-square and the squared largest |z| (n,) of independent samples, each over its level."""
     random, n_gauges = np.random.default_rng(seed), inverse_map.n_gauges
-    flights = true_flights(vehicle, structure, table, held_out_conditions(vehicle, table, CONDITIONS, random))
+    conditions = held_out_conditions(vehicle, table, CONDITIONS, random)
+    flights = without_faint_harmonics(true_flights(vehicle, structure, table, conditions))
     estimator = Estimator(inverse_map)
     whole = estimator.masked_map(np.ones(n_gauges, dtype=bool))
     assert whole is not None

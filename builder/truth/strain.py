@@ -25,6 +25,7 @@ from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable, harmonics_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
@@ -73,27 +74,36 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
     surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
     wall = wall_of(vehicle)
 
-    def mesh_of(factor: float) -> MeridianMesh:
+    def mesh_of(resolution: Resolution, factor: float) -> MeridianMesh:
         changed = replace(wall, thickness=factor * wall.thickness)
-        return shell_mesh(body, changed, 1e-3 * settings.element_length_mm, settings.wall_layers)
+        return shell_mesh(body, changed, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
 
-    mesh = mesh_of(1.0)
+    def solve(resolution: Resolution, factor: float, x: FloatArray) -> HarmonicResponse:
+        return harmonic_response(mesh_of(resolution, factor), wall.material, x, surface.x, settings.harmonics)
+
+    mesh = mesh_of(settings, 1.0)
     layouts, all_placed = place_layouts(vehicle, mesh, [layout])
     placed = all_placed[layout]
     at_gauge = inner_surface_points(mesh, placed.x)
     step = SHIFT * at_gauge.tangent[:, 0]
+    nominal = _at(
+        harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress), placed.x
+    )
+    # What changes is small: the mesh of the map shows it as well as the finer one.
+    coarse = vehicle.resolution.map
     stations = np.concatenate([placed.x, placed.x - step, placed.x + step])
-    response = harmonic_response(mesh, wall.material, stations, surface.x, settings.harmonics, progress)
+    response = solve(coarse, 1.0, stations)
+    fore, aft = (_at(response, placed.x + sign * step) - _at(response, placed.x) for sign in (-1.0, 1.0))
     thin, thick = (
-        harmonic_response(mesh_of(factor), wall.material, placed.x, surface.x, settings.harmonics)
+        _at(solve(coarse, factor, placed.x), placed.x) - _at(response, placed.x)
         for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
     )
     return TrueStructure(
-        nominal=_at(response, placed.x),
-        fore=_at(response, placed.x - step),
-        aft=_at(response, placed.x + step),
-        thin=_at(thin, placed.x),
-        thick=_at(thick, placed.x),
+        nominal=nominal,
+        fore=nominal + fore,
+        aft=nominal + aft,
+        thin=nominal + thin,
+        thick=nominal + thick,
         names=layouts[layout].names,
         placed=placed,
         radius=at_gauge.radius,
@@ -255,6 +265,13 @@ def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) 
     of_unit = built_gauges(structure, built, flights.unit_strain).even[..., 0]
     gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
     return np.asarray(gain * (ambient * of_flow - inside * of_unit) + built.apparent_strain)
+
+
+def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFlights:
+    """Return ``flights`` without the highest harmonics, whose strain is below ``faint`` of the largest."""
+    size = np.abs(flights.strain).max(axis=(0, 1, 2, 3))
+    kept = int(np.flatnonzero(size > faint * size.max())[-1]) + 1
+    return replace(flights, strain=flights.strain[..., :kept])
 
 
 def one_flight(flights: TrueFlights, number: int) -> TrueFlights:
