@@ -286,6 +286,13 @@ def calibrated_map(
     with reporter.stage("Alarm levels: flights of the independent model"):
         found = with_alarm_levels(inverse_map, vehicle, structure, flows)
     facts = found.provenance["alarm_levels"]
+    if not facts["used"]:
+        reporter.note(
+            f"warning: alarm levels: those of the theory; the independent model would need chi-square times "
+            f"{facts['chi_square_scale']:.3g}, so map and model differ, and {facts['rate_before']:.2g} of its flights "
+            "raise an alarm"
+        )
+        return found
     reporter.note(
         f"alarm levels: chi-square times {found.chi_square_scale:.3g}, largest |z| times "
         f"{found.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms ({facts['samples']} samples)"
