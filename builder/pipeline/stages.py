@@ -288,9 +288,8 @@ def calibrated_map(
     facts = found.provenance["alarm_levels"]
     if not facts["used"]:
         reporter.note(
-            f"warning: alarm levels: those of the theory; the independent model would need chi-square times "
-            f"{facts['chi_square_scale']:.3g}, so map and model differ, and {facts['rate_before']:.2g} of its flights "
-            "raise an alarm"
+            "warning: alarm levels: those of the theory; map and independent model differ, "
+            f"{facts['rate_before']:.2g} of its flights raise an alarm"
         )
         return found
     reporter.note(
