@@ -63,8 +63,6 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
     InputError
         ``guid`` is longer than 79 bytes.
     """
-    if inverse_map.form != "absolute":
-        raise InputError(f"inverse map: form '{inverse_map.form}' found, the native FMU runs 'absolute' alone")
     text = guid.encode()
     if len(text) >= _GUID_SIZE or b"\0" in text:
         raise InputError(f"guid: '{guid}' found, must be shorter than {_GUID_SIZE} bytes")
@@ -161,7 +159,7 @@ def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, 
     fixed_load = np.zeros(5) if inverse_map.fixed_load is None else inverse_map.fixed_load
     errors = error_model(inverse_map)
     return (
-        parts.whitening,
+        parts.whitening.T,
         parts.singular_values,
         parts.load_per_direction.T,
         parts.unseen,

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 KINDS = {
@@ -25,6 +26,18 @@ KINDS = {
     "native FMI 3.0": ExportOptions(fmi_version="3"),
     "python FMI 2.0": ExportOptions(kind="python"),
 }
+
+SCALED_FIELDS = (
+    "gauge_covariance",
+    "error_strain",
+    "error_load",
+    "gauge_error_product",
+    "common_error",
+    "mean_product",
+    "fixed_strain",
+    "fixed_load",
+)
+"""Fields of a map that form "absolute" has none of, or does not use."""
 
 _FIRST_STRAIN = 27
 _FIRST_ARRAY = 13
@@ -52,8 +65,21 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             instance.terminate()
             instance.freeInstance()
             if options == ExportOptions():
-                costs |= host_costs(fmu, unzipped, inverse_map.mean_strain)
+                costs |= host_costs(fmu, unzipped, inverse_map)
+        if inverse_map.form == "dynamic_pressure":
+            costs |= _absolute_costs(inverse_map, Path(folder))
     return costs
+
+
+def _absolute_costs(inverse_map: InverseMap, folder: Path) -> dict[str, float]:
+    """Return the times in a C host of the same map in form "absolute", whose weights do not follow q_inf."""
+    plain = replace(inverse_map, form="absolute", **dict.fromkeys(SCALED_FIELDS))
+    source, fmu = folder / "absolute.h5", folder / "absolute.fmu"
+    save_inverse_map(plain, source)
+    export_estimator(source, fmu, ExportOptions())
+    import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
+    found = host_costs(fmu, fmu.with_suffix(""), plain)
+    return {f"{name}, form absolute": cost for name, cost in found.items() if "step" in name or "fit" in name}
 
 
 def _instance(fmu: Path, unzipped: Path) -> Any:
@@ -124,10 +150,11 @@ def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
     return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
 
 
-def host_costs(fmu: Path, unzipped: Path, strain: FloatArray) -> dict[str, float]:
+def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, float]:
     """Return the times [s] of bare product, steps and instantiation in a C host; none without a C compiler.
 
-    ``strain`` (n,) [m/m] fits the map; the second kind of step is with its first value far off.
+    Steps are at one dynamic pressure, at another one than the step before, and the same with the first gauge far
+    off.
 
     Raises
     ------
@@ -146,14 +173,26 @@ def host_costs(fmu: Path, unzipped: Path, strain: FloatArray) -> dict[str, float
         command = [*compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"]
         _run(command)
     resources = (unzipped / "resources").as_uri()
-    times = _run([str(program), str(libraries[0]), description.guid, resources, *map(repr, strain.tolist())])
-    product, step, faulty, instantiation = np.array(times.split(), dtype=float).tolist()
+    pressure, n = inverse_map.nominal_dynamic_pressure, inverse_map.n_gauges
+    strains = [repr(value) for part in _strain_parts(inverse_map) for value in part.tolist()]
+    times = _run([str(program), str(libraries[0]), description.guid, resources, repr(pressure), *strains])
+    product, step, varied, faulty, instantiation = np.array(times.split(), dtype=float).tolist()
     return {
-        f"C host: bare product 5 x {len(strain)}": product,
-        f"C host, native FMI 2.0: set {len(strain)}, step, get 5 and health ({step / product:.1f} x in C)": step,
-        "C host, native FMI 2.0: the same with a gauge that does not fit": faulty,
+        f"C host: bare product 5 x {n}": product,
+        f"C host, native FMI 2.0: set {n}, step, get 5 and health ({step / product:.1f} x in C)": step,
+        "C host, native FMI 2.0: the same, q_inf another in every step": varied,
+        "C host, native FMI 2.0: the same, and a gauge that does not fit": faulty,
         "C host, native FMI 2.0: instantiate": instantiation,
     }
+
+
+def _strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
+    """Return (n,) strains of the mean pressure: those that do not follow q_inf, and those that do."""
+    nothing = np.zeros(inverse_map.n_gauges)
+    if inverse_map.form == "absolute":
+        return inverse_map.mean_strain, nothing
+    fixed = nothing if inverse_map.fixed_strain is None else inverse_map.fixed_strain
+    return fixed, inverse_map.mean_strain - fixed
 
 
 def _compiler() -> list[str] | None:

@@ -7,6 +7,7 @@
 
 #include "absolute_form.h"
 #include "panels.h"
+#include "scaled_form.h"
 #include "step_parts.h"
 
 /* Bytes that vector loads like to start at a multiple of. */
@@ -23,8 +24,8 @@ static int allocate(Estimator *e) {
     const size_t n = map->n_gauges;
     const size_t n_inputs = n + N_SCALAR_INPUTS;
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + n
-                           + 3 * panel_length(n);
-    const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n;
+                           + 3 * panel_length(n) + (map->scaled ? scaled_doubles(map) : 0);
+    const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
     const size_t n_bytes = n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float);
     e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 2) * n);
     if (e->memory == NULL) {
@@ -38,6 +39,9 @@ static int allocate(Estimator *e) {
     for (int k = 0; k < CACHED_MASKS; k++) {
         e->cache[k].mask = flags + (size_t)k * n;
         masked_map_arrays(map, &e->cache[k], &doubles, &indices);
+    }
+    if (map->scaled) { /* before the workspace, whose size is that of no cache line */
+        scaled_arrays(e, &doubles, &indices);
     }
     workspace_arrays(map, &e->work, &doubles, &indices);
     e->input = doubles;
@@ -69,6 +73,9 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         return NULL;
     }
     e->wide = panels_wide();
+    if (e->map.scaled) {
+        scaled_prepare(e);
+    }
     estimator_reset(e);
     return e;
 }
@@ -165,6 +172,9 @@ static MaskedMap *masked_map(Estimator *e) {
     e->last_use[oldest] = e->uses;
     memcpy(e->cache[oldest].mask, e->mask, n);
     masked_map_prepare(&e->map, &e->cache[oldest], &e->work);
+    if (e->map.scaled) {
+        scaled_forget(e, oldest);
+    }
     return &e->cache[oldest];
 }
 
@@ -214,7 +224,13 @@ static void update(Estimator *e) {
         return;
     }
     e->flow = flow_of(e);
-    absolute_update(e);
+    if (!e->map.scaled) {
+        absolute_update(e);
+    } else if (e->flow.known) {
+        scaled_update(e);
+    } else {
+        set_unknown(output);
+    }
     output[HEALTH_STATE] = health_state(e);
 }
 
@@ -233,5 +249,11 @@ void estimator_derivative(Estimator *e, const double *d_input, double d_output[N
         set_unknown(d_output);
         return;
     }
-    absolute_derivative(e, d_input, d_output);
+    if (!e->map.scaled) {
+        absolute_derivative(e, d_input, d_output);
+    } else if (e->flow.known) {
+        scaled_derivative(e, d_input, d_output);
+    } else {
+        set_unknown(d_output);
+    }
 }

@@ -8,6 +8,7 @@
 
 #include "envelope.h"
 #include "masked_map.h"
+#include "scaled_state.h"
 
 /* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
 #define CACHED_MASKS 4
@@ -66,6 +67,8 @@ typedef struct {
     double *residual;
     double *z, *whitened, *d_whitened; /* (panel_length(n_gauges)) */
     float *narrow;                     /* (n_gauges) whitened */
+    Scaled scaled;                     /* the rest of a map in form "dynamic_pressure"; not set for others */
+    Levels levels[CACHED_MASKS];
     double *direction;                 /* (n_gauges + N_SCALAR_INPUTS) of derivatives, for estimator_model.c, */
     double derivative[N_OUTPUTS];      /* which keeps the outputs' derivatives along it, */
     int reported_health;               /* and the last health that was reported */

@@ -33,7 +33,7 @@ typedef struct {
     size_t n_terms;             /* errors that all gauges have in common */
     int has_errors;             /* whether errors follow the current strain */
     double min_expected_ratio;  /* least expected chi-square over its degrees of freedom */
-    const double *whitening;    /* (n_gauges, n_gauges) V */
+    const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge */
     const double *singular;     /* (n_gauges) S */
     const double *load;         /* (n_gauges, 5) loads of each direction */
     const double *unseen;       /* (5, 5) R */

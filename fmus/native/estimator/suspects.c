@@ -42,9 +42,18 @@ static int may_exceed(Estimator *e, double threshold) {
     return panels_exceed(e->wide, m->n_used, m->screen, e->narrow, (float)limit);
 }
 
+void name_suspects(Estimator *e, size_t worst) {
+    const MaskedMap *m = e->masked;
+    size_t suspects = 0;
+    for (size_t k = 0; k < m->n_used; k++) {
+        suspects += m->group[k] == m->group[worst];
+    }
+    e->output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
+    e->output[SUSPECTS] = (double)suspects;
+}
+
 void set_suspects(Estimator *e, double threshold) {
     const MaskedMap *m = e->masked;
-    double *output = e->output;
     if (!may_exceed(e, threshold)) {
         return;
     }
@@ -52,7 +61,7 @@ void set_suspects(Estimator *e, double threshold) {
     if (!scale_and_compare(m->n_used, e->z, m->z_scale, threshold)) {
         return;
     }
-    size_t worst = 0, suspects = 0;
+    size_t worst = 0;
     double largest = fabs(e->z[0]);
     for (size_t k = 1; k < m->n_used; k++) {
         if (fabs(e->z[k]) > largest) {
@@ -60,9 +69,5 @@ void set_suspects(Estimator *e, double threshold) {
             worst = k;
         }
     }
-    for (size_t k = 0; k < m->n_used; k++) {
-        suspects += m->group[k] == m->group[worst];
-    }
-    output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
-    output[SUSPECTS] = (double)suspects;
+    name_suspects(e, worst);
 }

@@ -11,4 +11,7 @@
    be set. */
 void set_suspects(Estimator *e, double threshold);
 
+/* Set the outputs for the gauge in use of that index. */
+void name_suspects(Estimator *e, size_t worst);
+
 #endif

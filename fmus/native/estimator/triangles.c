@@ -19,27 +19,86 @@ double dot(size_t n, const double *restrict x, const double *restrict y) {
     return sum;
 }
 
+/* Reflect column k so that it ends in row k, and all columns after it. Return the factor of the reflection, 0 for none;
+   *head takes the first element of its vector, the others stay below the diagonal. */
+static double reflect(size_t rows, size_t k, size_t columns, double *a, double *head) {
+    double *restrict v = a + k * rows + k;
+    const size_t length = rows - k;
+    const double norm = sqrt(dot(length, v, v));
+    *head = 0.0;
+    if (!(norm > 0.0)) {
+        return 0.0;
+    }
+    const double first = v[0];
+    const double diagonal = first > 0.0 ? -norm : norm;
+    const double factor = 1.0 / (norm * (norm + fabs(first)));
+    v[0] = first - diagonal;
+    for (size_t j = k + 1; j < columns; j++) {
+        double *restrict column = a + j * rows + k;
+        const double projection = factor * dot(length, v, column);
+        for (size_t i = 0; i < length; i++) {
+            column[i] -= projection * v[i];
+        }
+    }
+    *head = v[0];
+    v[0] = diagonal;
+    return factor;
+}
+
 void householder_triangle(size_t rows, size_t columns, double *a) {
     const size_t steps = rows < columns ? rows : columns;
+    double head;
     for (size_t k = 0; k < steps; k++) {
-        double *restrict v = a + k * rows + k;
-        const size_t length = rows - k;
-        const double norm = sqrt(dot(length, v, v));
-        if (!(norm > 0.0)) {
-            continue;
+        reflect(rows, k, columns, a, &head);
+    }
+}
+
+void householder_columns(size_t rows, size_t pivots, size_t columns, double *a, double *head) {
+    for (size_t k = 0; k < pivots; k++) {
+        head[2 * k] = reflect(rows, k, columns, a, &head[2 * k + 1]);
+    }
+}
+
+/* x = H x for the reflection of column k. */
+static void apply_reflection(size_t rows, size_t k, const double *a, const double *head, double *x) {
+    const double *v = a + k * rows + k;
+    const size_t rest = rows - k - 1;
+    const double projection = head[2 * k] * (head[2 * k + 1] * x[k] + dot(rest, v + 1, x + k + 1));
+    x[k] -= projection * head[2 * k + 1];
+    for (size_t i = 0; i < rest; i++) {
+        x[k + 1 + i] -= projection * v[1 + i];
+    }
+}
+
+void householder_forward(size_t rows, size_t pivots, const double *a, const double *head, double *x) {
+    for (size_t k = 0; k < pivots; k++) {
+        apply_reflection(rows, k, a, head, x);
+    }
+}
+
+void householder_back(size_t rows, size_t pivots, const double *a, const double *head, double *x) {
+    for (size_t k = pivots; k-- > 0;) {
+        apply_reflection(rows, k, a, head, x);
+    }
+}
+
+void solve_triangle(size_t rows, size_t n, const double *a, double *x) {
+    for (size_t j = n; j-- > 0;) {
+        const double *column = a + j * rows;
+        x[j] /= column[j];
+        for (size_t i = 0; i < j; i++) {
+            x[i] -= column[i] * x[j];
         }
-        const double head = v[0];
-        const double diagonal = head > 0.0 ? -norm : norm;
-        const double factor = 1.0 / (norm * (norm + fabs(head)));
-        v[0] = head - diagonal;
-        for (size_t j = k + 1; j < columns; j++) {
-            double *restrict column = a + j * rows + k;
-            const double projection = factor * dot(length, v, column);
-            for (size_t i = 0; i < length; i++) {
-                column[i] -= projection * v[i];
-            }
+    }
+}
+
+void solve_transposed(size_t rows, size_t n, const double *a, double *x) {
+    for (size_t j = 0; j < n; j++) {
+        const double *column = a + j * rows;
+        for (size_t i = 0; i < j; i++) {
+            x[j] -= column[i] * x[i];
         }
-        v[0] = diagonal;
+        x[j] /= column[j];
     }
 }
 

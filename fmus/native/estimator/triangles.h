@@ -21,6 +21,18 @@ double dot(size_t n, const double *x, const double *y);
    Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. */
 void householder_triangle(size_t rows, size_t columns, double *a);
 
+/* The same for the first `pivots` columns of a (rows x columns), pivots <= rows: the other columns become Q' times them.
+   head (2 pivots) takes what householder_back needs besides a. */
+void householder_columns(size_t rows, size_t pivots, size_t columns, double *a, double *head);
+
+/* x = Q' x, or x = Q x, for the Q of householder_columns; x has `rows` elements. */
+void householder_forward(size_t rows, size_t pivots, const double *a, const double *head, double *x);
+void householder_back(size_t rows, size_t pivots, const double *a, const double *head, double *x);
+
+/* x = R^-1 x, or R'^-1 x, for the R (n x n) at the top of a (rows x n, by columns). */
+void solve_triangle(size_t rows, size_t n, const double *a, double *x);
+void solve_transposed(size_t rows, size_t n, const double *a, double *x);
+
 /* The smallest singular value of a (n x n, by columns), which is overwritten. One-sided Jacobi rotations, which find
    small singular values to full relative accuracy: Demmel & Veselic, SIAM J. Matrix Anal. Appl. 13 (1992). */
 double smallest_singular_value(size_t n, double *a);

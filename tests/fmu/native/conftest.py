@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from native_case import NativeCase
 from random_map import map_of, random_map, random_model
 from raw_fmu import write_resource
+from scaled_maps import whole_scaled_map, with_envelope
 
 from strainfmu.estimator.inverse_map import InverseMap
 
-MAPS = ("few gauges", "case 1", "case 2", "case 2, gamma 1")
+SCALED = ("scaled, few gauges", "scaled, case 1", "scaled, case 2")
+"""In form "dynamic_pressure"."""
+
+MAPS = ("few gauges", "case 1", "case 2", "case 2, gamma 1", "envelope", *SCALED)
 
 
 def make_map(name: str) -> InverseMap:
     """One of :data:`MAPS`."""
     if name == "few gauges":
         return random_map()
+    if name == "envelope":
+        wide = {
+            name: value for name, value in with_envelope(n=21, size=0.02).items() if not name.endswith("error")
+        }
+        return replace(random_map(2), **wide)
+    if name in SCALED:
+        n_gauges, case, n_states = {SCALED[0]: (9, 1, 3), SCALED[1]: (54, 1, 5), SCALED[2]: (27, 2, 40)}[name]
+        return whole_scaled_map(case, seed=4, n=n_gauges, n_states=n_states)
     gamma, n_gauges, n_states = {
         "case 1": (0.0, 54, 5),
         "case 2": (1e-2, 54, 30),
@@ -36,6 +50,12 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, NativeCase]:
 @pytest.fixture(params=MAPS)
 def case(request: pytest.FixtureRequest, cases: dict[str, NativeCase]) -> NativeCase:
     """Each of :data:`MAPS` in turn."""
+    return cases[request.param]
+
+
+@pytest.fixture(params=SCALED)
+def scaled(request: pytest.FixtureRequest, cases: dict[str, NativeCase]) -> NativeCase:
+    """Each map in form "dynamic_pressure" in turn."""
     return cases[request.param]
 
 

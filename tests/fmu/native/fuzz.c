@@ -68,7 +68,8 @@ static void check_suspects(const Estimator *e) {
     if (!m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {
         return;
     }
-    const double threshold = sqrt(e->input[e->map.n_gauges + ALARM_SCALE]) * m->outlier_threshold;
+    const double scale = e->input[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale;
+    const double threshold = sqrt(scale) * m->outlier_threshold;
     int above = 0;
     for (size_t k = 0; k < m->n_used; k++) {
         double z = 0.0;
@@ -95,7 +96,7 @@ static void use(Estimator *e) {
         }
         e->outdated = 1;
         const int health = (int)estimator_outputs(e)[HEALTH_STATE];
-        if (health < OK || health > SUSPECT) {
+        if (health < OK || health > OUTSIDE) {
             abort();
         }
         check_suspects(e);

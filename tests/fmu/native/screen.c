@@ -20,7 +20,7 @@
 static long tried, screened;
 
 static double threshold_of(const Estimator *e) {
-    return sqrt(e->input[e->map.n_gauges + ALARM_SCALE]) * e->masked->outlier_threshold;
+    return sqrt(e->input[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale) * e->masked->outlier_threshold;
 }
 
 /* z (n_used) by the product in double. */

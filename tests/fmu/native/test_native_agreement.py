@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agreement import Reference, Sample, random_samples
+from agreement import Reference, Sample, random_samples, strain_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from native_case import NativeCase
@@ -27,16 +27,21 @@ def apply(fmu: Fmu2, sample: Sample) -> None:
 
 
 def test_ten_thousand_inputs(case: NativeCase) -> None:
-    # 2500 for each of the four maps.
+    # 1250 for each of the eight maps.
     reference, fmu = Reference(case.inverse_map), Fmu2(case.uri, case.n).start()
     seen = set()
-    for k, sample in enumerate(random_samples(case.inverse_map, 2500, seed=1)):
+    for k, sample in enumerate(random_samples(case.inverse_map, 1250, seed=1)):
         apply(fmu, sample)
         assert fmu.step(0.01 * k) == OK
         outputs = fmu.outputs()
         reference.check(sample, outputs)
         seen.add(HealthState(int(outputs[20])))
-    assert {HealthState.INCONSISTENT, HealthState.NO_COEFFICIENTS, HealthState.DEGRADED} <= seen
+    assert {
+        HealthState.INCONSISTENT,
+        HealthState.NO_COEFFICIENTS,
+        HealthState.DEGRADED,
+        HealthState.OUTSIDE,
+    } <= seen
     assert (HealthState.UNIDENTIFIED in seen) == (case.inverse_map.case == 1)
     fmu.free()
 
@@ -67,7 +72,10 @@ def test_suspect_and_those_it_cannot_be_told_from(case: NativeCase) -> None:
             strain = case.inverse_map.mean_strain.copy()
             strain[gauge] += bias / np.sqrt(precision[gauge])
             sample = Sample(
-                strain=strain, valid=np.ones(case.n, dtype=bool), dynamic_pressure=1e5, dynamic_pressure_std=0.0
+                strain=strain,
+                valid=np.ones(case.n, dtype=bool),
+                dynamic_pressure=case.inverse_map.nominal_dynamic_pressure,
+                dynamic_pressure_std=0.0,
             )
             apply(fmu, sample)
             outputs = fmu.outputs()
@@ -86,8 +94,10 @@ def random_inputs(draw: st.DrawFn, n_gauges: int) -> Any:
         "size": draw(st.sampled_from([0.0, 1e-3, 1.0, 10.0])),
         "faults": draw(st.dictionaries(st.integers(0, n_gauges - 1), broken, max_size=5)),
         "missing": draw(st.sets(st.integers(0, n_gauges - 1), max_size=n_gauges)),
-        "pressure": draw(st.sampled_from([1e5, 1e-6, 1e-7, 1e12, 0.0, -1.0, np.inf, np.nan])),
+        "pressure": draw(st.sampled_from([1e5, 4e5, 1e-6, 1e-7, 1e7, 1.01e7, 1e12, 0.0, -1.0, np.inf, np.nan])),
         "deviation": draw(st.sampled_from([0.0, 1.0, 1e4, -1.0, np.inf, np.nan])),
+        "mach_number": draw(st.sampled_from([np.nan, 5.0, 6.0, 6.9, 8.0, 0.0, -1.0, np.inf])),
+        "altitude": draw(st.sampled_from([np.nan, 12e3, 21e3, 30e3, 71e3, 8e4, 0.0, -1.0, np.inf])),
         "settings": {
             "sensor_range": draw(st.sampled_from([0.05, 1e-5, 1e-4, 1e100])),
             "alarm_scale": draw(st.sampled_from([1.0, 1e-3, 4.0, 100.0])),
@@ -98,14 +108,16 @@ def random_inputs(draw: st.DrawFn, n_gauges: int) -> Any:
     }
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(data=st.data())
-@pytest.mark.parametrize("name", ["few gauges", "case 1", "case 2"])
+@pytest.mark.parametrize(
+    "name", ["few gauges", "case 1", "case 2", "envelope", "scaled, few gauges", "scaled, case 2"]
+)
 def test_settings_and_faults(cases: dict[str, NativeCase], name: str, data: st.DataObject) -> None:
     case = cases[name]
     drawn = data.draw(random_inputs(case.n))
     random, inverse_map = np.random.default_rng(drawn["seed"]), case.inverse_map
-    strain = inverse_map.mean_strain + drawn["size"] * (
+    strain = strain_at(inverse_map, drawn["pressure"]) + drawn["size"] * (
         inverse_map.state_operator @ random.normal(size=inverse_map.state_operator.shape[1])
         + inverse_map.noise_std * random.normal(size=case.n)
     )
@@ -114,7 +126,12 @@ def test_settings_and_faults(cases: dict[str, NativeCase], name: str, data: st.D
     valid = np.ones(case.n, dtype=bool)
     valid[list(drawn["missing"])] = False
     sample = Sample(
-        strain=strain, valid=valid, dynamic_pressure=drawn["pressure"], dynamic_pressure_std=drawn["deviation"]
+        strain=strain,
+        valid=valid,
+        dynamic_pressure=drawn["pressure"],
+        dynamic_pressure_std=drawn["deviation"],
+        mach_number=drawn["mach_number"],
+        altitude=drawn["altitude"],
     )
     reference, fmu = Reference(inverse_map), Fmu2(case.uri, case.n).start()
     reference.set(replace(reference.settings, **drawn["settings"]))

@@ -22,7 +22,7 @@ def sample_of(case: NativeCase, seed: int = 3) -> Sample:
     random = np.random.default_rng(seed)
     strain = case.inverse_map.mean_strain + case.inverse_map.noise_std * random.normal(size=case.n)
     return Sample(
-        strain=strain, valid=np.ones(case.n, dtype=bool), dynamic_pressure=1.1e5, dynamic_pressure_std=0.0
+        strain=strain, valid=np.ones(case.n, dtype=bool), dynamic_pressure=1.1e5, dynamic_pressure_std=np.nan
     )
 
 
@@ -39,7 +39,7 @@ def test_outputs_are_right_after_initialization_and_after_every_set(case: Native
     without[0] = False
     fmu.set_valid(without)
     third = Sample(
-        strain=second.strain, valid=without, dynamic_pressure=second.dynamic_pressure, dynamic_pressure_std=0.0
+        strain=second.strain, valid=without, dynamic_pressure=second.dynamic_pressure, dynamic_pressure_std=np.nan
     )
     reference.check(third, fmu.outputs())
     assert fmu.step() == OK
