@@ -73,7 +73,8 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
 
 def _absolute_costs(inverse_map: InverseMap, folder: Path) -> dict[str, float]:
     """Return the times in a C host of the same map in form "absolute", whose weights do not follow q_inf."""
-    plain = replace(inverse_map, form="absolute", **dict.fromkeys(SCALED_FIELDS))
+    nothing: dict[str, Any] = dict.fromkeys(SCALED_FIELDS)
+    plain = replace(inverse_map, form="absolute", **nothing)
     source, fmu = folder / "absolute.h5", folder / "absolute.fmu"
     save_inverse_map(plain, source)
     export_estimator(source, fmu, ExportOptions())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +108,8 @@ def test_outside_by_each_cause(cause: str, scaled_form: bool, tmp_path: Path) ->
     plain = scaled_map(2, seed=2, errors=errors_at_strain(18), **with_envelope(n=9, size=5.0))
     if not scaled_form:
         absent = ("gauge_covariance", "error_strain", "error_load", *errors_at_strain(1))
-        plain = replace(plain, form="absolute", **dict.fromkeys(absent))
+        nothing: dict[str, Any] = dict.fromkeys(absent)
+        plain = replace(plain, form="absolute", **nothing)
     given = dict(OUTSIDE[cause])
     limit, pressure = given.pop("limit", 5.0), given.pop("pressure", NOMINAL)
     inverse_map = replace(plain, envelope_limit=np.full(9, limit))
