@@ -22,7 +22,7 @@ from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import Motion
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 _HEADER = struct.Struct("<8sIIQII")
 _CHECKED_HEADER = struct.Struct("<III84s")
 _BYTE_ORDER_MARK = 0x01020304
@@ -95,6 +95,7 @@ def _flight_model_data(model: FlightModel) -> FloatArray:
         [sin(angle) for angle in angles],
         model.gauge_channel,
         model.strain_of_internal_pressure,
+        np.zeros(model.n_gauges) if model.apparent_strain is None else model.apparent_strain,
         model.coefficient_table.reshape(n_mach - 1, n_incidence - 1, 16, 3),
         model.strain_table.reshape(n_mach - 1, n_incidence - 1, 16, -1),
         layers,

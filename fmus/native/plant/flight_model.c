@@ -28,7 +28,7 @@ static int countable(double value, double minimum) {
 
 static size_t number_of_doubles(const FlightModel *m) {
     const size_t cells = (m->n_mach - 1) * (m->n_incidence - 1) * N_POWERS;
-    return N_SIZES + m->n_mach + m->n_incidence + 4 * m->n_gauges + cells * N_RADIAL
+    return N_SIZES + m->n_mach + m->n_incidence + 5 * m->n_gauges + cells * N_RADIAL
          + cells * m->n_channel * m->n_harmonic * 2 + m->n_layers * LAYER_SIZE;
 }
 
@@ -74,6 +74,7 @@ size_t flight_model_take(FlightModel *m, const double *data, size_t count) {
     m->gauge_sine = take(&next, m->n_gauges);
     m->gauge_channel = take(&next, m->n_gauges);
     m->strain_of_internal_pressure = take(&next, m->n_gauges);
+    m->apparent_strain = take(&next, m->n_gauges);
     m->coefficient_table = take(&next, table * N_RADIAL);
     m->strain_table = take(&next, table * m->n_channel * m->n_harmonic * 2);
     m->layer = take(&next, m->n_layers * LAYER_SIZE);
@@ -189,6 +190,7 @@ void flight_strains(const FlightModel *m, const FlightPoint *point, double *work
             sine = sine * c1 + cosine * s1;
             cosine = turned;
         }
-        strain[g] = point->ambient_pressure * sum - inside * m->strain_of_internal_pressure[g];
+        const double of_body = point->ambient_pressure * sum - inside * m->strain_of_internal_pressure[g];
+        strain[g] = of_body + m->apparent_strain[g];
     }
 }

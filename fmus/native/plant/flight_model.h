@@ -16,6 +16,7 @@ typedef struct {
     const double *gauge_cosine, *gauge_sine;             /* (n_gauges) of the roll angles */
     const double *gauge_channel;                         /* (n_gauges) indices in strain_table */
     const double *strain_of_internal_pressure;           /* (n_gauges) [1/Pa] */
+    const double *apparent_strain;                       /* (n_gauges) [1] */
     const double *coefficient_table, *strain_table;      /* as in flight_model.py, row by row */
     const double *layer;                                 /* (n_layers, LAYER_SIZE) of the atmosphere */
 } FlightModel;

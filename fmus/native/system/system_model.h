@@ -8,7 +8,7 @@
 
 #include "../core/model.h"
 
-#define SYSTEM_FORMAT_VERSION 1
+#define SYSTEM_FORMAT_VERSION 2
 
 typedef enum { OUTPUT, INPUT, FIXED_PARAMETER, TUNABLE_PARAMETER } Causality;
 
