@@ -146,7 +146,7 @@ def other_guid(content: bytes) -> bytes:
     [
         (cut, "cut or extended"),
         (altered, "checksum is wrong"),
-        (other_version, "format version 9, must be 1"),
+        (other_version, "format version 9, must be 2"),
         (lambda _: b"", "is no model"),
         (None, "cannot be opened"),
         (other_guid, "guid"),
