@@ -1,0 +1,126 @@
+"""Kinds of error of flight and flow: conditions at the border of the envelope and beyond, other pressure."""
+
+from __future__ import annotations
+
+from builder.stress.flights import (
+    above_mach,
+    altitude_is_inside,
+    at_altitude,
+    at_incidence,
+    below_mach,
+    mirrored,
+    mirrored_is_inside,
+)
+from builder.stress.flows import newtonian_flows, with_bump
+from builder.stress.kind import Kind, as_stated
+from builder.vehicle.file import Vehicle
+
+ALTITUDES_KM = (12.0, 15.0, 25.0, 30.0)
+
+BEYOND = 0.2
+"""How far beyond the envelope the conditions are of which 95 % are to be flagged, relative to its bounds."""
+
+FLAGGED = 95.0
+
+NO_STRAIN = (
+    "The strain is that of a flight inside: over q_inf, pressure varies little with Mach number. Navigation tells it."
+)
+
+
+def envelope_kinds(vehicle: Vehicle) -> list[Kind]:
+    """Return flights of vehicles as built, all errors drawn at their stated sizes."""
+    found = [
+        Kind(
+            error="altitude",
+            size=f"{altitude:g} km",
+            group="within" if altitude_is_inside(vehicle, 1e3 * altitude) else "outside",
+            what="Strain scales with the pressure level, gauge noise does not.",
+            flights=at_altitude(1e3 * altitude),
+            build=as_stated,
+        )
+        for altitude in ALTITUDES_KM
+    ]
+    found += [
+        Kind(
+            error="angles mirrored",
+            size="the other sign of one or both",
+            group="within" if mirrored_is_inside(vehicle) else "outside",
+            what="Angle of attack, sideslip or both as listed with the other sign.",
+            flights=mirrored,
+            build=as_stated,
+        ),
+        Kind(
+            error="incidence near its largest",
+            size="70 to 100 % of it",
+            group="within",
+            what="The border of the envelope, where the fewest snapshots are.",
+            flights=at_incidence(0.7, 1.0),
+            build=as_stated,
+        ),
+        Kind(
+            error="incidence beyond its largest",
+            size="+5 to +20 %",
+            group="outside",
+            what="Just outside the envelope.",
+            flights=at_incidence(1.05, 1.0 + BEYOND),
+            build=as_stated,
+        ),
+        Kind(
+            error="incidence beyond its largest",
+            size="+20 %",
+            group="outside",
+            what="Outside the envelope, at any roll angle of the wind.",
+            flights=at_incidence(1.0 + BEYOND, 1.0 + BEYOND),
+            build=as_stated,
+            flagged_target=FLAGGED,
+        ),
+    ]
+    return found + mach_kinds()
+
+
+def mach_kinds() -> list[Kind]:
+    """Return Mach numbers beyond both ends, with and without navigation."""
+    return [
+        Kind(
+            error=f"Mach number {where}{'' if navigation else ', no navigation'}",
+            size=size,
+            group="outside" if navigation else "unobservable",
+            what="The Mach number is given." if navigation else NO_STRAIN,
+            flights=flights,
+            build=as_stated,
+            navigation=navigation,
+            flagged_target=FLAGGED if navigation else None,
+        )
+        for where, size, flights in (
+            ("below its least", "-20 %", below_mach(1.0 - BEYOND)),
+            ("beyond its largest", "+20 %", above_mach(1.0 + BEYOND)),
+        )
+        for navigation in (True, False)
+    ]
+
+
+def flow_kinds() -> list[Kind]:
+    """Return pressure that is not the flow's of the map."""
+    return [
+        Kind(
+            error="another engine",
+            size="newtonian",
+            group="outside",
+            what="Pressure of modified Newtonian theory, Prandtl-Meyer expansion leeward, on the same body.",
+            flow=newtonian_flows,
+        ),
+        Kind(
+            error="local pressure, windward",
+            size="+10 % of p_inf",
+            group="outside",
+            what="A bump at mid-body, as of a separation; its loads count as true.",
+            flow=with_bump(0.1),
+        ),
+        Kind(
+            error="local pressure, windward",
+            size="+100 % of p_inf",
+            group="outside",
+            what="The same, ten times as large.",
+            flow=with_bump(1.0),
+        ),
+    ]

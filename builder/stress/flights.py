@@ -1,0 +1,161 @@
+"""Flights of the stress test: sets of conditions inside the envelope of a vehicle's map and beyond it.
+
+The envelope is that of the vehicle file: Mach number and altitude from least to largest, and the total incidence up
+to the largest of the conditions, at any roll angle of the wind where the map has full symmetry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import pi, radians
+
+import numpy as np
+
+from builder.truth.flow_table import FlowTable
+from builder.truth.held_out import held_out_conditions, largest_incidence, wind_angles
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import FlowReachError
+from strainfmu.flight_condition import FlightCondition
+
+MACH_REACH, INCIDENCE_REACH = 0.22, 0.3
+"""How far the flows of the stress test go beyond the envelope, relative to its bounds."""
+
+MACH_KNOTS, INCIDENCE_KNOTS = 7, 8
+"""Knots of the flows. On the shipped vehicle each harmonic of the pressure between them differs from that of flows at
+108 knots by 0.004 p_inf rms at most."""
+
+LEAST_INCIDENCE = radians(1.0)
+"""Taken as the largest total incidence [rad] of a vehicle that has none."""
+
+Flights = Callable[[Vehicle, FlowTable, int, np.random.Generator], list[FlightCondition]]
+"""Takes the vehicle, its flows, a number and a generator; returns as many conditions."""
+
+
+def envelope_incidence(vehicle: Vehicle) -> float:
+    """Return the largest total incidence [rad] of the envelope."""
+    return max(largest_incidence(vehicle), LEAST_INCIDENCE)
+
+
+def stress_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return Mach numbers (n_M,) and positive total incidences (n_a,) [rad] of the flows, beyond the envelope."""
+    listed = vehicle.conditions.mach_number
+    mach = np.linspace((1.0 - MACH_REACH) * min(listed), (1.0 + MACH_REACH) * max(listed), MACH_KNOTS)
+    largest = (1.0 + INCIDENCE_REACH) * envelope_incidence(vehicle)
+    incidence = largest * np.arange(1, INCIDENCE_KNOTS + 1) / INCIDENCE_KNOTS
+    return np.round(mach, 9), np.round(incidence, 9)
+
+
+def inside(
+    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    """Return conditions inside the envelope, at the altitudes of the file, between the snapshots."""
+    heights = vehicle.conditions.altitudes_km
+    return [
+        replace(one, altitude=1e3 * float(random.uniform(min(heights), max(heights))))
+        for one in held_out_conditions(vehicle, table, count, random)
+    ]
+
+
+def at_altitude(altitude: float) -> Flights:
+    """Return conditions inside the envelope, all at ``altitude`` [m]."""
+
+    def flights(
+        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+    ) -> list[FlightCondition]:
+        return [replace(one, altitude=altitude) for one in inside(vehicle, table, count, random)]
+
+    return flights
+
+
+def at_incidence(low: float, high: float) -> Flights:
+    """Return conditions whose total incidence is ``low`` to ``high`` times the largest of the envelope.
+
+    The roll angle of the wind is any: beyond the largest incidence every one is outside.
+
+    Raises
+    ------
+    FlowReachError
+        By the flights, where the flows do not go as far.
+    """
+
+    def flights(
+        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+    ) -> list[FlightCondition]:
+        largest = envelope_incidence(vehicle)
+        _refuse_beyond(high * largest, table.incidence_knots[-1], "total incidence [rad]")
+        found = []
+        for one in inside(vehicle, table, count, random):
+            total = float(random.uniform(low, high)) * largest
+            alpha, beta = wind_angles(total, float(random.uniform(0.0, 2.0 * pi)))
+            found.append(replace(one, angle_of_attack=alpha, sideslip_angle=beta))
+        return found
+
+    return flights
+
+
+def below_mach(factor: float) -> Flights:
+    """Return conditions at ``factor`` times the least Mach number; errors as :func:`at_incidence`."""
+
+    def flights(
+        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+    ) -> list[FlightCondition]:
+        mach = factor * min(vehicle.conditions.mach_number)
+        _refuse_beyond(-mach, -table.mach_knots[0], "-Mach number")
+        return [replace(one, mach_number=mach) for one in inside(vehicle, table, count, random)]
+
+    return flights
+
+
+def above_mach(factor: float) -> Flights:
+    """Return conditions at ``factor`` times the largest Mach number; errors as :func:`at_incidence`."""
+
+    def flights(
+        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+    ) -> list[FlightCondition]:
+        mach = factor * max(vehicle.conditions.mach_number)
+        _refuse_beyond(mach, table.mach_knots[-1], "Mach number")
+        return [replace(one, mach_number=mach) for one in inside(vehicle, table, count, random)]
+
+    return flights
+
+
+def mirrored(
+    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    """Return conditions of the listed ranges whose angle of attack, sideslip or both have the other sign."""
+    entry, incidence = vehicle.conditions, envelope_incidence(vehicle)
+    found: list[FlightCondition] = []
+    for one in inside(vehicle, table, count, random):
+        sign = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))[int(random.integers(3))]
+        while True:
+            angles = [
+                side * radians(float(random.uniform(min(listed), max(listed))))
+                for side, listed in zip(sign, (entry.angle_of_attack_deg, entry.sideslip_angle_deg), strict=True)
+            ]
+            turned = replace(one, angle_of_attack=angles[0], sideslip_angle=angles[1])
+            if turned.total_incidence <= incidence:
+                found.append(turned)
+                break
+    return found
+
+
+def mirrored_is_inside(vehicle: Vehicle) -> bool:
+    """Return whether conditions with the other sign belong to the envelope of the map."""
+    entry = vehicle.conditions
+    both = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
+    return vehicle.map.symmetry == "full" or all(np.isclose(min(one), -max(one)) for one in both)
+
+
+def altitude_is_inside(vehicle: Vehicle, altitude: float) -> bool:
+    """Return whether ``altitude`` [m] belongs to the envelope of the map."""
+    heights = vehicle.conditions.altitudes_km
+    if vehicle.map.form == "dynamic_pressure":
+        heights = list(vehicle.map.valid_altitude_km)
+    return min(heights) <= 1e-3 * altitude <= max(heights)
+
+
+def _refuse_beyond(needed: float, known: float, what: str) -> None:
+    if needed > known + 1e-9:
+        raise FlowReachError(f"{what}: {needed:.6g} needed, the flows go up to {known:.6g}")

@@ -1,0 +1,142 @@
+"""Pressure of the stress test: flows beyond the envelope, another engine's, and one with a local bump."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from builder.aero.engine import FlowKey
+from builder.aero.newtonian import NewtonianEngine
+from builder.aero.surface_mesh import mesh_of_grid
+from builder.campaign.journal import Journal
+from builder.campaign.run import complete_flows
+from builder.campaign.scheduling import Scheduling
+from builder.reporting import Reporter
+from builder.stress.flights import stress_knots
+from builder.truth.flow_table import FlowTable, flow_table
+from builder.truth.flows import truth_engine, truth_surface
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import FlowReachError
+
+OtherFlow = Callable[[Vehicle, FlowTable], FlowTable]
+"""Takes the vehicle and its flows; returns other ones at the same knots."""
+
+
+def stress_flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
+    """Return what the flows of the stress test depend on."""
+    mach, incidence = stress_knots(vehicle)
+    return {
+        "engine": truth_engine(vehicle).inputs(),
+        "mach_number": mach.tolist(),
+        "total_incidence": incidence.tolist(),
+        "resolution": vehicle.resolution.truth.model_dump(),
+    }
+
+
+def stress_flows(
+    vehicle: Vehicle, reporter: Reporter, journal: Journal | None = None, scheduling: Scheduling | None = None
+) -> FlowTable:
+    """Solve the flows at the knots of the stress test as far as the solver reaches, and return their table.
+
+    Raises
+    ------
+    FlowReachError
+        The solver reaches less than two Mach numbers or two incidences.
+    """
+    mach, incidence = stress_knots(vehicle)
+    failed: dict[FlowKey, str] = {}
+    flows, _ = complete_flows(
+        engine=truth_engine(vehicle),
+        keys=[(m, a) for m in mach.tolist() for a in incidence.tolist()],
+        journal=journal,
+        known={},
+        scheduling=scheduling or Scheduling(),
+        reporter=reporter,
+        title="Flow: beyond the envelope",
+        failed=failed,
+    )
+    solved = np.array([[(m, a) not in failed for a in incidence.tolist()] for m in mach.tolist()])
+    rows, columns = solved_knots(solved)
+    if rows.sum() < 2 or columns.sum() < 2:
+        raise FlowReachError(f"flows beyond the envelope: {next(iter(failed.values()))}")
+    if failed:
+        reporter.note(
+            f"{len(failed)} of {solved.size} flows beyond the envelope are out of the solver's reach: flights "
+            f"from M {mach[rows][0]:.3g} to {mach[rows][-1]:.3g}, total incidence up to "
+            f"{np.degrees(incidence[columns][-1]):.3g} deg"
+        )
+    return flow_table(
+        vehicle=vehicle.name,
+        mach=mach[rows],
+        incidence=incidence[columns],
+        flows=flows,
+        surface=truth_surface(vehicle),
+        max_harmonic=vehicle.resolution.truth.harmonics,
+        provenance={"resolution": vehicle.resolution.truth.model_dump(), "flows": len(flows)},
+    )
+
+
+def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """Return rows and columns of ``solved`` (n_M, n_a) to keep, so that all between them is true.
+
+    The outermost row or column with the largest fraction of failures goes first: lowest or highest Mach number,
+    largest incidence.
+    """
+    rows, columns = np.ones(solved.shape[0], dtype=bool), np.ones(solved.shape[1], dtype=bool)
+    while rows.any() and columns.any() and not solved[np.ix_(rows, columns)].all():
+        kept, there = np.flatnonzero(rows), np.flatnonzero(columns)
+        left = ~solved[np.ix_(rows, columns)]
+        fractions = [left[0].mean(), left[-1].mean(), left[:, -1].mean()]
+        if max(fractions) == 0.0:  # a hole in the middle: the largest incidence goes until it is at the border
+            fractions[2] = 1.0
+        worst = int(np.argmax(fractions))
+        if worst == 2:
+            columns[there[-1]] = False
+        else:
+            rows[kept[0 if worst == 0 else -1]] = False
+    return rows, columns
+
+
+def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
+    """Return the pressure of modified Newtonian theory, Prandtl-Meyer expansion leeward, at the knots of ``table``.
+
+    Source: :mod:`builder.aero.local_inclination`.
+    """
+    surface = truth_surface(vehicle)
+    engine = NewtonianEngine(mesh_of_grid(surface), leeward="prandtl_meyer")
+    n_m = table.harmonic.shape[3]
+    weight = np.where(np.arange(n_m) == 0, 1.0, 2.0) / surface.n_roll
+    harmonic = np.empty_like(table.harmonic)
+    for i, mach in enumerate(table.mach_knots.tolist()):
+        for j, incidence in enumerate(table.incidence_knots.tolist()):
+            # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
+            ratio = engine.solve((mach, incidence, 0.0)).arrays["pressure_ratio"]
+            harmonic[i, j] = np.fft.rfft(surface.as_map(ratio), axis=1).real[:, :n_m] * weight
+    return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": "newtonian"})
+
+
+def with_bump(size: float) -> OtherFlow:
+    """Return flows with a bump of ``size`` p_inf on the windward side, as of a local separation.
+
+    It is a Gaussian at mid-body, with a standard deviation of 3 % of the length along and of 20 deg around.
+    """
+
+    def flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
+        surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
+        length = surface.x[-1]
+        along = np.exp(-0.5 * ((surface.x - 0.5 * length) / (0.03 * length)) ** 2)
+        around = np.exp(-0.5 * (_from_windward(surface.roll_angle) / np.radians(20.0)) ** 2)
+        amplitude = np.fft.rfft(around).real[:n_m] / surface.n_roll
+        amplitude[1:] *= 2.0
+        return replace(table, harmonic=table.harmonic + size * np.outer(along, amplitude))
+
+    return flows
+
+
+def _from_windward(roll_angle: FloatArray) -> FloatArray:
+    """Return the angle [rad] from the windward meridian, which is opposite to the leeward one at 0."""
+    return np.asarray(np.abs(np.mod(roll_angle, 2.0 * np.pi) - np.pi))

@@ -1,0 +1,256 @@
+"""Kinds of error of the whole vehicle: each stated error alone, at sizes within what is stated and beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.stress.kind import Build, Hardware, Kind, KindClass, as_stated, exact
+from builder.truth.as_built import AsBuilt, drawn
+from builder.vehicle.map_options import Noise
+from strainfmu.arrays import FloatArray
+
+MANY = 5
+"""Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stated:
+    """An error that [noise] states.
+
+    Attributes
+    ----------
+    error : its name in the table.
+    entry : of [noise].
+    field : of :class:`builder.truth.as_built.AsBuilt`.
+    unit : of the entry, as text with its number.
+    scale : from the entry's unit to the field's.
+    of_each : whether every gauge has its own.
+    """
+
+    error: str
+    entry: str
+    field: str
+    unit: str
+    scale: float
+    of_each: bool
+
+
+DEGREE, MICRO = float(np.pi / 180.0), 1e-6
+
+STATED = (
+    Stated(
+        error="gain of each gauge",
+        entry="gauge_gain_percent",
+        field="gauge_gain",
+        unit=" %",
+        scale=0.01,
+        of_each=True,
+    ),
+    Stated(
+        error="gain of all gauges",
+        entry="common_gain_percent",
+        field="common_gain",
+        unit=" %",
+        scale=0.01,
+        of_each=False,
+    ),
+    Stated(
+        error="wall thickness",
+        entry="wall_thickness_percent",
+        field="wall_thickness",
+        unit=" %",
+        scale=0.01,
+        of_each=False,
+    ),
+    Stated(
+        error="axial position of each gauge",
+        entry="gauge_position_mm",
+        field="axial_shift",
+        unit=" mm",
+        scale=1e-3,
+        of_each=True,
+    ),
+    Stated(
+        error="circumferential position of each gauge",
+        entry="gauge_position_mm",
+        field="circumferential_shift",
+        unit=" mm",
+        scale=1e-3,
+        of_each=True,
+    ),
+    Stated(
+        error="orientation of each gauge",
+        entry="gauge_orientation_deg",
+        field="orientation",
+        unit=" deg",
+        scale=DEGREE,
+        of_each=True,
+    ),
+    Stated(
+        error="roll of the layout",
+        entry="layout_roll_deg",
+        field="layout_roll",
+        unit=" deg",
+        scale=DEGREE,
+        of_each=False,
+    ),
+    Stated(
+        error="apparent strain of all gauges",
+        entry="apparent_strain_um_per_m",
+        field="apparent_strain",
+        unit=" um/m",
+        scale=MICRO,
+        of_each=False,
+    ),
+    Stated(
+        error="internal pressure",
+        entry="internal_pressure_percent",
+        field="internal_pressure",
+        unit=" % of p_inf",
+        scale=0.01,
+        of_each=False,
+    ),
+    Stated(
+        error="dynamic pressure",
+        entry="dynamic_pressure_percent",
+        field="dynamic_pressure",
+        unit=" %",
+        scale=0.01,
+        of_each=False,
+    ),
+)
+
+
+def stated_class(size: float, stated: float) -> KindClass:
+    """Return the class of an error of ``size`` whose stated standard deviation is ``stated``."""
+    return "within" if abs(size) <= 2.0 * stated + 1e-9 else "outside"
+
+
+def with_error(field: str, value: float, of_each: bool = False, sign: bool = False) -> Build:
+    """Return vehicles with one error alone: ``value`` in the field's unit, with a drawn ``sign`` if so."""
+
+    def build(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
+        vehicle = exact(hardware, random)
+        size = hardware.n_gauges if of_each else ()
+        error: FloatArray | float = value * (random.choice([-1.0, 1.0], size=size) if sign else np.ones(size))
+        if field == "apparent_strain":  # a number of each gauge, equal for all
+            error = np.asarray(error) + np.zeros(hardware.n_gauges)
+        return replace(vehicle, **{field: error})
+
+    return build
+
+
+def twice_stated(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
+    """Return a vehicle with all errors drawn at twice their stated sizes."""
+    return drawn(hardware.noise, hardware.n_gauges, random, 2.0)
+
+
+def nominal_kinds() -> list[Kind]:
+    """Return the vehicle without errors, and with all of them drawn."""
+    return [
+        Kind(
+            error="nothing wrong",
+            size="vehicle of the file",
+            group="within",
+            what="The independent model without hardware errors, with gauge noise.",
+            outside_target=0.1,
+        ),
+        Kind(
+            error="all hardware errors",
+            size="drawn at their stated sizes",
+            group="within",
+            what="Vehicles as built; every sigma is meant for these.",
+            build=as_stated,
+            draws=MANY,
+            outside_target=0.1,
+        ),
+        Kind(
+            error="all hardware errors",
+            size="drawn at twice their stated sizes",
+            group="outside",
+            what="Vehicles that are built worse than stated: a third of their errors is beyond twice the stated size.",
+            build=twice_stated,
+        ),
+    ]
+
+
+def stated_kinds(noise: Noise) -> list[Kind]:
+    """Return each stated error alone at twice its size, where it is stated at all."""
+    found = []
+    for one in STATED:
+        size = 2.0 * float(getattr(noise, one.entry))
+        if size == 0.0:
+            continue
+        whose = "each with its own sign" if one.of_each else "the sign drawn"
+        found.append(
+            Kind(
+                error=one.error,
+                size=f"+-{size:g}{one.unit}",
+                group="within",
+                what=f"Twice the size that {one.entry} states, {whose}; all else exact.",
+                build=with_error(one.field, size * one.scale, of_each=one.of_each, sign=True),
+            )
+        )
+    return found
+
+
+def fixed_kinds(noise: Noise) -> list[Kind]:
+    """Return errors of fixed sizes, whatever the vehicle states; the class follows from what it states."""
+    listed = (
+        ("Young's modulus", "+1 %", "common_gain", 1.0 / 1.01 - 1.0, noise.common_gain_percent * 0.01),
+        ("dynamic pressure", "+1 %", "dynamic_pressure", 0.01, noise.dynamic_pressure_percent * 0.01),
+        ("wall thickness", "+2 %", "wall_thickness", 0.02, noise.wall_thickness_percent * 0.01),
+        ("roll of the layout", "+1 deg", "layout_roll", DEGREE, noise.layout_roll_deg * DEGREE),
+        ("internal pressure", "+20 % of p_inf", "internal_pressure", 0.2, noise.internal_pressure_percent * 0.01),
+    )
+    return [
+        Kind(
+            error=error,
+            size=size,
+            group=stated_class(value, stated),
+            what="One error alone, of a fixed size.",
+            build=with_error(field, value),
+        )
+        for error, size, field, value, stated in listed
+    ]
+
+
+def beyond_kinds(noise: Noise) -> list[Kind]:
+    """Return gain of all gauges and dynamic pressure beyond their stated sizes."""
+    gain = max(5.0, 5.0 * noise.common_gain_percent)
+    q = max(10.0, 5.0 * noise.dynamic_pressure_percent)
+    return [
+        Kind(
+            error="gain of all gauges",
+            size=f"+{gain:g} %",
+            group="unobservable",
+            what="All strains in proportion: a flight at more incidence, or of another dynamic pressure, reads the "
+            "same.",
+            build=with_error("common_gain", 0.01 * gain),
+        ),
+        Kind(
+            error="dynamic pressure, no navigation",
+            size=f"+{q:g} %",
+            group="unobservable",
+            what="The strain is right, its scale is not: a flight at less incidence reads the same.",
+            build=with_error("dynamic_pressure", 0.01 * q),
+            navigation=False,
+        ),
+        Kind(
+            error="dynamic pressure",
+            size=f"+{q:g} %",
+            group="outside",
+            what="The same with Mach number and altitude known: q_inf contradicts 0.7 M^2 p(h).",
+            build=with_error("dynamic_pressure", 0.01 * q),
+        ),
+    ]
+
+
+def thinner_middle(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
+    """Return a vehicle whose wall is 5 % thinner at the gauges of the middle third."""
+    low, high = float(hardware.station.min()), float(hardware.station.max())
+    third = (high - low) / 3.0
+    there = (hardware.station >= low + third) & (hardware.station <= high - third)
+    return replace(exact(hardware, random), wall_thickness=np.where(there, -0.05, 0.0))

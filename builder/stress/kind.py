@@ -1,0 +1,112 @@
+"""A kind of error of the stress test: what is flown, with which hardware, and what becomes of the readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from builder.stress.flights import Flights, inside
+from builder.stress.flows import OtherFlow
+from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.vehicle.map_options import Noise
+from strainfmu.arrays import FloatArray
+
+KindClass = Literal["within", "outside", "unobservable"]
+"""``within``
+    Inside the envelope, of a size within twice the stated deviation: the stated sigmas must hold it.
+``outside``
+    Beyond the envelope, beyond the stated sizes, or of a kind that no sigma holds: health must show it, or the
+    estimate must be right all the same.
+``unobservable``
+    The strain is that of another flight which is inside the envelope, so that no function of strain and q_inf can
+    tell them apart. Only another sensor can.
+"""
+
+SILENT_TARGET: dict[KindClass, float] = {"within": 3.0, "outside": 5.0}
+"""Largest share [%] of silent samples that is aimed at."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hardware:
+    """The gauges of a vehicle, and the stated sizes of its errors.
+
+    Attributes
+    ----------
+    noise : section [noise] of the vehicle file.
+    station, roll_angle : (n_d,) of the gauges [m], [rad].
+    noise_std : (n_d,) of the gauges' own noise [m/m].
+    """
+
+    noise: Noise
+    station: FloatArray
+    roll_angle: FloatArray
+    noise_std: FloatArray
+
+    @property
+    def n_gauges(self) -> int:
+        return len(self.station)
+
+
+Build = Callable[[Hardware, np.random.Generator], AsBuilt]
+"""Returns one vehicle."""
+
+Readings = Callable[[FloatArray, FloatArray, Hardware, np.random.Generator], FloatArray]
+"""Takes strain (k, n_d) [m/m] with noise, and the roll angle (k, 1) of the leeward meridian [rad]; returns what is
+read."""
+
+
+def exact(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
+    """Return the vehicle of the file."""
+    return exactly_built(hardware.n_gauges)
+
+
+def as_stated(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
+    """Return a vehicle with all errors drawn at their stated sizes."""
+    return drawn(hardware.noise, hardware.n_gauges, random)
+
+
+def as_read(
+    strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
+) -> FloatArray:
+    """Return the strain itself."""
+    return strain
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Kind:
+    """One kind of error.
+
+    Attributes
+    ----------
+    error, size : names for the table.
+    group : class of the error.
+    what : what is done, and why the error is of its class.
+    flights : where it is flown.
+    flow : the pressure, None for that of the independent model.
+    build : the vehicle of one draw.
+    readings : what becomes of the strains.
+    navigation : whether Mach number and altitude are given to the estimator.
+    draws : vehicles and noise of the run, times this.
+    flagged_target, outside_target : share [%] of flagged samples at least, and of OUTSIDE at most, aimed at.
+    """
+
+    error: str
+    size: str
+    group: KindClass
+    what: str
+    flights: Flights = inside
+    flow: OtherFlow | None = None
+    build: Build = exact
+    readings: Readings = as_read
+    navigation: bool = True
+    draws: int = 1
+    flagged_target: float | None = None
+    outside_target: float | None = None
+
+    @property
+    def silent_target(self) -> float | None:
+        """Largest share [%] of silent samples that is aimed at; None for what no strain can show."""
+        return SILENT_TARGET.get(self.group)

@@ -1,0 +1,22 @@
+"""The kinds of error of the stress test, in the order of its table."""
+
+from __future__ import annotations
+
+from builder.stress.flight_kinds import envelope_kinds, flow_kinds
+from builder.stress.gauge_kinds import gauge_kinds
+from builder.stress.hardware_kinds import beyond_kinds, fixed_kinds, nominal_kinds, stated_kinds
+from builder.stress.kind import Kind
+from builder.vehicle.file import Vehicle
+
+
+def all_kinds(vehicle: Vehicle) -> list[Kind]:
+    """Return the kinds of error for ``vehicle``; sizes and classes follow from what its file states."""
+    return [
+        *nominal_kinds(),
+        *stated_kinds(vehicle.noise),
+        *fixed_kinds(vehicle.noise),
+        *beyond_kinds(vehicle.noise),
+        *gauge_kinds(),
+        *envelope_kinds(vehicle),
+        *flow_kinds(),
+    ]

@@ -1,0 +1,187 @@
+"""The score of a kind of error: how often health shows it, and how often it does not while an estimate is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from builder.stress.flights import Flights
+from builder.stress.flows import OtherFlow
+from builder.stress.kind import Hardware, Kind
+from builder.truth.alarm_levels import gauge_noise
+from builder.truth.as_built import AsBuilt
+from builder.truth.flow_table import FlowTable
+from builder.truth.strain import TrueFlights, TrueStructure, true_flights, true_strain
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
+
+SIGMAS = 3.0
+"""An estimate is wrong where a coefficient is further from the truth than this many of its standard deviations, or
+is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How many flights and vehicles a kind is tried on.
+
+    Attributes
+    ----------
+    conditions : flight conditions.
+    draws : vehicles, each with noise of its own, at every condition.
+    seed : of all draws.
+    """
+
+    conditions: int = 200
+    draws: int = 20
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Score:
+    """What became of one kind of error; shares in percent of ``samples``.
+
+    Attributes
+    ----------
+    kind : the error.
+    flagged : health is not OK.
+    silent : health is OK, and a coefficient is outside 3 sigma.
+    wrong : a coefficient is outside 3 sigma, or there is none, whatever health says.
+    health : each state that occurred.
+    """
+
+    kind: Kind
+    conditions: int
+    samples: int
+    flagged: float
+    silent: float
+    wrong: float
+    health: dict[str, float]
+
+    @property
+    def missed(self) -> tuple[str, ...]:
+        """The targets that are not met, as text."""
+        kind, outside = self.kind, self.health.get(HealthState.OUTSIDE.name, 0.0)
+        found = []
+        if kind.silent_target is not None and self.silent > kind.silent_target:
+            found.append(f"silent {self.silent:.2f} %, at most {kind.silent_target:g} % aimed at")
+        if kind.flagged_target is not None and self.flagged < kind.flagged_target:
+            found.append(f"flagged {self.flagged:.2f} %, at least {kind.flagged_target:g} % aimed at")
+        if kind.outside_target is not None and outside > kind.outside_target:
+            found.append(f"OUTSIDE {outside:.3g} %, at most {kind.outside_target:g} % aimed at")
+        return tuple(found)
+
+    def entry(self) -> dict[str, Any]:
+        """Return the entry of ``stress.json``."""
+        kind = self.kind
+        targets = {
+            "silent_percent_at_most": kind.silent_target,
+            "flagged_percent_at_least": kind.flagged_target,
+            "outside_percent_at_most": kind.outside_target,
+        }
+        return {
+            "error": kind.error,
+            "size": kind.size,
+            "flagged_percent": round(self.flagged, 4),
+            "silent_percent": round(self.silent, 4),
+            "class": kind.group,
+            "wrong_percent": round(self.wrong, 4),
+            "health": {name: round(share, 4) for name, share in self.health.items()},
+            "conditions": self.conditions,
+            "samples": self.samples,
+            "what": kind.what,
+            "targets": {name: value for name, value in targets.items() if value is not None},
+            "missed": list(self.missed),
+        }
+
+
+class Range:
+    """The independent model of a vehicle and the estimator under test; sets of flights are made once.
+
+    ``table`` holds flows inside the envelope and beyond it.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        structure: TrueStructure,
+        table: FlowTable,
+        inverse_map: InverseMap,
+        effort: Effort,
+    ) -> None:
+        self.vehicle, self.structure, self.table, self.effort = vehicle, structure, table, effort
+        self.inverse_map, self.estimator = inverse_map, Estimator(inverse_map)
+        self.hardware = Hardware(
+            noise=vehicle.noise,
+            station=structure.placed.x,
+            roll_angle=structure.placed.roll_angle,
+            noise_std=inverse_map.noise_std,
+        )
+        self._flights: dict[tuple[Flights, OtherFlow | None], TrueFlights] = {}
+
+    def flights(self, kind: Kind) -> TrueFlights:
+        """Return the flights of ``kind``.
+
+        Raises
+        ------
+        FlowReachError
+            The flows do not go as far.
+        """
+        key = kind.flights, kind.flow
+        if key not in self._flights:
+            random = np.random.default_rng(self.effort.seed)
+            conditions = kind.flights(self.vehicle, self.table, self.effort.conditions, random)
+            table = self.table if kind.flow is None else kind.flow(self.vehicle, self.table)
+            self._flights[key] = true_flights(self.vehicle, self.structure, table, conditions)
+        return self._flights[key]
+
+    def score(self, kind: Kind) -> Score:
+        """Fly ``kind`` and return its score; errors as :meth:`flights`.
+
+        Draws depend on the kind's own name and size, so that another kind beside it changes nothing.
+        """
+        flights = self.flights(kind)
+        random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
+        count = self.effort.draws * kind.draws
+        found = [self._one_vehicle(kind, flights, kind.build(self.hardware, random), random) for _ in range(count)]
+        wrong = np.concatenate([one for one, _ in found])
+        health = np.concatenate([one for _, one in found])
+        flagged = health != HealthState.OK
+        return Score(
+            kind=kind,
+            conditions=len(flights.conditions),
+            samples=len(health),
+            flagged=_percent(flagged),
+            silent=_percent(wrong & ~flagged),
+            wrong=_percent(wrong),
+            health={HealthState(i).name: _percent(health == i) for i in np.unique(health)},
+        )
+
+    def _one_vehicle(
+        self, kind: Kind, flights: TrueFlights, built: AsBuilt, random: np.random.Generator
+    ) -> tuple[BoolArray, IntArray]:
+        """Return (k,) whether the estimate is wrong, and health, of one vehicle at all flights."""
+        strain = true_strain(self.structure, flights, built)
+        read = strain + gauge_noise(self.inverse_map, random, strain.shape)
+        wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
+        read = kind.readings(read, wind, self.hardware, random)
+        known = flights.conditions if kind.navigation else ()
+        estimate = self.estimator.estimate(
+            read,
+            flights.dynamic_pressure * (1.0 + np.asarray(built.dynamic_pressure, dtype=float)),
+            mach_number=np.array([one.mach_number for one in known]) if known else np.nan,
+            altitude=np.array([one.altitude for one in known]) if known else np.nan,
+        )
+        error: FloatArray = np.abs(estimate.coefficients - flights.coefficients)
+        with np.errstate(invalid="ignore"):
+            right = np.all(error <= SIGMAS * estimate.coefficients_std, axis=1)  # false for NaN
+        return ~right, np.asarray(estimate.health)
+
+
+def _percent(share: BoolArray) -> float:
+    return 100.0 * float(np.mean(share))
