@@ -22,9 +22,7 @@ BEYOND = 0.2
 
 FLAGGED = 95.0
 
-NO_STRAIN = (
-    "The strain is that of a flight inside: over q_inf, pressure varies little with Mach number. Navigation tells it."
-)
+NO_STRAIN = "The strain is that of a flight inside: over q_inf, it varies little with M. Navigation tells it."
 
 
 def envelope_kinds(vehicle: Vehicle) -> list[Kind]:

@@ -1,7 +1,7 @@
 """Flights of the stress test: sets of conditions inside the envelope of a vehicle's map and beyond it.
 
-The envelope is that of the vehicle file: Mach number and altitude from least to largest, and the total incidence up
-to the largest of the conditions, at any roll angle of the wind where the map has full symmetry.
+The envelope is that of the vehicle file: Mach number and altitude from least to largest, and the total incidence
+up to the largest of the conditions, at any roll angle of the wind where the map has full symmetry.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ MACH_REACH, INCIDENCE_REACH = 0.22, 0.3
 """How far the flows of the stress test go beyond the envelope, relative to its bounds."""
 
 MACH_KNOTS, INCIDENCE_KNOTS = 7, 8
-"""Knots of the flows. On the shipped vehicle each harmonic of the pressure between them differs from that of flows at
-108 knots by 0.004 p_inf rms at most."""
+"""Knots of the flows. On the shipped vehicle each harmonic of the pressure between them differs from that of flows
+at 108 knots by 0.004 p_inf rms at most."""
 
 LEAST_INCIDENCE = radians(1.0)
 """Taken as the largest total incidence [rad] of a vehicle that has none."""
@@ -47,9 +47,7 @@ def stress_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     return np.round(mach, 9), np.round(incidence, 9)
 
 
-def inside(
-    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
-) -> list[FlightCondition]:
+def inside(vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator) -> list[FlightCondition]:
     """Return conditions inside the envelope, at the altitudes of the file, between the snapshots."""
     heights = vehicle.conditions.altitudes_km
     return [
@@ -121,9 +119,7 @@ def above_mach(factor: float) -> Flights:
     return flights
 
 
-def mirrored(
-    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
-) -> list[FlightCondition]:
+def mirrored(vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator) -> list[FlightCondition]:
     """Return conditions of the listed ranges whose angle of attack, sideslip or both have the other sign."""
     entry, incidence = vehicle.conditions, envelope_incidence(vehicle)
     found: list[FlightCondition] = []

@@ -102,7 +102,7 @@ def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
-    """Return the pressure of modified Newtonian theory, Prandtl-Meyer expansion leeward, at the knots of ``table``.
+    """Return the pressure of modified Newtonian theory, Prandtl-Meyer leeward, at the knots of ``table``.
 
     Source: :mod:`builder.aero.local_inclination`.
     """

@@ -21,9 +21,7 @@ def some(hardware: Hardware, random: np.random.Generator, count: int) -> IntArra
 def added(count: int, strain: float) -> Readings:
     """Return ``count`` gauges that read ``strain`` [m/m] more."""
 
-    def readings(
-        d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
-    ) -> FloatArray:
+    def readings(d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator) -> FloatArray:
         out = d.copy()
         out[:, some(hardware, random, count)] += strain
         return out
@@ -34,9 +32,7 @@ def added(count: int, strain: float) -> Readings:
 def scaled(count: int | None, factor: float) -> Readings:
     """Return ``count`` gauges, or all, that read ``factor`` times the strain."""
 
-    def readings(
-        d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
-    ) -> FloatArray:
+    def readings(d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator) -> FloatArray:
         out = d.copy()
         which = slice(None) if count is None else some(hardware, random, count)
         out[:, which] *= factor
@@ -48,9 +44,7 @@ def scaled(count: int | None, factor: float) -> Readings:
 def frozen(count: int) -> Readings:
     """Return ``count`` gauges that keep what they read in one of the flights."""
 
-    def readings(
-        d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
-    ) -> FloatArray:
+    def readings(d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator) -> FloatArray:
         out = d.copy()
         which = some(hardware, random, count)
         out[:, which] = d[int(random.integers(len(d))), which]
@@ -76,9 +70,7 @@ def noisier(d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.rand
     return np.asarray(d + np.sqrt(8.0) * hardware.noise_std * random.standard_normal(d.shape))
 
 
-def warm_windward(
-    d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
-) -> FloatArray:
+def warm_windward(d: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator) -> FloatArray:
     """Return readings with apparent strain of 20 um/m windward and as much less leeward, as a cosine."""
     return np.asarray(d - 20.0 * MICRO * np.cos(hardware.roll_angle - wind))
 
@@ -95,14 +87,17 @@ _OF_READINGS: tuple[tuple[str, str, str, Readings], ...] = (
     ("gain of five gauges", "+10 %", "The gauges are drawn.", scaled(5, 1.1)),
     ("two gauges swapped", "one pair", "The pair is drawn.", swapped),
     ("sign of one gauge", "reversed", "The gauge is drawn.", scaled(1, -1.0)),
-    ("unit of all strains", "times 1000", "Readings in mm/m taken for um/m.", scaled(None, 1e3)),
-    ("unit of all strains", "times 0.001", "Readings in um/m taken for mm/m.", scaled(None, 1e-3)),
     ("one gauge frozen", "at another flight's strain", "The gauge and the flight are drawn.", frozen(1)),
     ("three gauges frozen", "at another flight's strain", "The gauges and the flight are drawn.", frozen(3)),
     ("one gauge reads zero", "0 um/m", "The gauge is drawn.", scaled(1, 0.0)),
     ("three gauges lost", "no reading", "Health says DEGRADED and sigma grows.", lost(3)),
-    ("noise of all gauges", "three times as stated", "", noisier),
-    ("temperature, windward to leeward", "+-20 um/m", "Apparent strain as a cosine round the axis.", warm_windward),
+    ("noise of all gauges", "three times as stated", "As of a loose connection.", noisier),
+    (
+        "temperature, windward to leeward",
+        "+-20 um/m",
+        "Apparent strain as a cosine round the axis.",
+        warm_windward,
+    ),
     ("temperature, nose to tail", "0 to 30 um/m", "Apparent strain linear along the axis.", warm_tail),
 )
 """Error, size, what is done, and how."""
@@ -114,6 +109,7 @@ def gauge_kinds() -> list[Kind]:
         Kind(error=error, size=size, group="outside", what=f"{what} {SENSORS}".strip(), readings=readings)
         for error, size, what, readings in _OF_READINGS
     ]
+    found += unit_kinds()
     found.append(
         Kind(
             error="wall thinner over the middle third",
@@ -124,3 +120,25 @@ def gauge_kinds() -> list[Kind]:
         )
     )
     return found
+
+
+def unit_kinds() -> list[Kind]:
+    """Return all strains in another unit than is stated."""
+    return [
+        Kind(
+            error="unit of all strains",
+            size="times 1000",
+            group="outside",
+            what=f"Readings in um/m taken for mm/m. {SENSORS}",
+            readings=scaled(None, 1e3),
+            draws=0.2,
+        ),
+        Kind(
+            error="unit of all strains",
+            size="times 0.001",
+            group="unobservable",
+            what="Readings in mm/m taken for um/m, or an amplifier without supply. A flight without incidence "
+            "reads as little, within apparent strain and internal pressure. A whole recording tells it.",
+            readings=scaled(None, 1e-3),
+        ),
+    ]

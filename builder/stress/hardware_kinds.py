@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from builder.stress.kind import Build, Hardware, Kind, KindClass, as_stated, exact
 from builder.truth.as_built import AsBuilt, drawn
 from builder.vehicle.map_options import Noise
-from strainfmu.arrays import FloatArray
 
 MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
@@ -134,7 +134,7 @@ def with_error(field: str, value: float, of_each: bool = False, sign: bool = Fal
     def build(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
         vehicle = exact(hardware, random)
         size = hardware.n_gauges if of_each else ()
-        error: FloatArray | float = value * (random.choice([-1.0, 1.0], size=size) if sign else np.ones(size))
+        error: Any = value * (random.choice([-1.0, 1.0], size=size) if sign else np.ones(size))
         if field == "apparent_strain":  # a number of each gauge, equal for all
             error = np.asarray(error) + np.zeros(hardware.n_gauges)
         return replace(vehicle, **{field: error})
@@ -170,7 +170,7 @@ def nominal_kinds() -> list[Kind]:
             error="all hardware errors",
             size="drawn at twice their stated sizes",
             group="outside",
-            what="Vehicles that are built worse than stated: a third of their errors is beyond twice the stated size.",
+            what="Vehicles built worse than stated: a third of their errors is beyond twice the stated size.",
             build=twice_stated,
         ),
     ]
@@ -226,8 +226,7 @@ def beyond_kinds(noise: Noise) -> list[Kind]:
             error="gain of all gauges",
             size=f"+{gain:g} %",
             group="unobservable",
-            what="All strains in proportion: a flight at more incidence, or of another dynamic pressure, reads the "
-            "same.",
+            what="All strains in proportion: a flight at more incidence reads the same.",
             build=with_error("common_gain", 0.01 * gain),
         ),
         Kind(

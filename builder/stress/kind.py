@@ -68,9 +68,7 @@ def as_stated(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
     return drawn(hardware.noise, hardware.n_gauges, random)
 
 
-def as_read(
-    strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
-) -> FloatArray:
+def as_read(strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator) -> FloatArray:
     """Return the strain itself."""
     return strain
 
@@ -102,7 +100,7 @@ class Kind:
     build: Build = exact
     readings: Readings = as_read
     navigation: bool = True
-    draws: int = 1
+    draws: float = 1.0
     flagged_target: float | None = None
     outside_target: float | None = None
 

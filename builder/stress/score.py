@@ -1,8 +1,8 @@
-"""The score of a kind of error: how often health shows it, and how often it does not while an estimate is wrong."""
+"""The score of a kind of error: how often health shows it, and how often an estimate is wrong without."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
 
@@ -14,7 +14,7 @@ from builder.stress.kind import Hardware, Kind
 from builder.truth.alarm_levels import gauge_noise
 from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueFlights, TrueStructure, true_flights, true_strain
+from builder.truth.strain import TrueFlights, TrueStructure, true_flights, true_strain, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
@@ -137,7 +137,8 @@ class Range:
             random = np.random.default_rng(self.effort.seed)
             conditions = kind.flights(self.vehicle, self.table, self.effort.conditions, random)
             table = self.table if kind.flow is None else kind.flow(self.vehicle, self.table)
-            self._flights[key] = true_flights(self.vehicle, self.structure, table, conditions)
+            flown = true_flights(self.vehicle, self.structure, table, conditions)
+            self._flights[key] = without_faint_harmonics(flown)
         return self._flights[key]
 
     def score(self, kind: Kind) -> Score:
@@ -147,7 +148,7 @@ class Range:
         """
         flights = self.flights(kind)
         random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
-        count = self.effort.draws * kind.draws
+        count = max(1, round(self.effort.draws * kind.draws))
         found = [self._one_vehicle(kind, flights, kind.build(self.hardware, random), random) for _ in range(count)]
         wrong = np.concatenate([one for one, _ in found])
         health = np.concatenate([one for _, one in found])

@@ -14,6 +14,7 @@ from strainfmu.cli.commands import (
     flows,
     maps,
     reproduction,
+    stress,
     structures,
     whole_way,
 )
@@ -57,6 +58,7 @@ for command in (
     maps.crosscheck,
     maps.inspect,
     maps.bench,
+    stress.stress,
     flights.fly,
     flights.plant,
     can_bus.bridge,

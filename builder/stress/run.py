@@ -1,0 +1,220 @@
+"""The stress test from a vehicle file to its table: map, flows beyond the envelope, scores, figure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from builder.campaign.journal import Journal
+from builder.figures.canvas import save
+from builder.figures.stress import stress_figure
+from builder.pipeline.map_files import make_map, true_structure_of
+from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.stages import check_before_long_work
+from builder.pipeline.used_files import MAP, open_pipeline
+from builder.reporting import Reporter
+from builder.stress.flows import stress_flow_inputs, stress_flows
+from builder.stress.kinds import all_kinds
+from builder.stress.score import Effort, Range, Score
+from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.gauge_checks import check_gauges
+from builder.truth import flow_table as flow_table_file
+from builder.truth.flow_table import load_flow_table, save_flow_table
+from builder.truth.strain import TrueStructure
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.workspace import Workspace
+from strainfmu.errors import FlowReachError, InputError
+from strainfmu.estimator import inverse_map as inverse_map_file
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.files import content_hash_of, write_bytes_atomically
+
+FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
+
+VERSION = 1
+"""Raised whenever the kinds of error or their scores change, so that they are made again."""
+
+CSV_COLUMNS = ("error", "size", "class", "flagged_percent", "silent_percent", "wrong_percent", "samples", "missed")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StressResult:
+    """The result of a stress test.
+
+    Attributes
+    ----------
+    vehicle : name.
+    entries : of ``stress.json``, in its order.
+    files : that were made or are up to date.
+    """
+
+    vehicle: str
+    entries: list[dict[str, Any]]
+    files: list[Path]
+
+    @property
+    def missed(self) -> list[str]:
+        """Targets that are not met, a line each."""
+        return [f"{one['error']}, {one['size']}: {text}" for one in self.entries for text in one["missed"]]
+
+
+def run_stress(
+    vehicle_path: Path,
+    folder: Path,
+    reporter: Reporter,
+    *,
+    effort: Effort | None = None,
+    map_path: Path | None = None,
+    given: FilesGiven | None = None,
+) -> StressResult:
+    """Try every kind of error on a map; write ``stress.json``, ``stress.csv`` and ``stress.png`` to ``folder``.
+
+    The map is that of ``build``, made in ``folder``; or the one at ``map_path``. Errors are those of the
+    independent model, whose structure is the Fourier model whatever the map is built on.
+
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong; the map does not fit the vehicle; or the independent model
+        cannot represent it.
+    StrainfmuError
+        A file could not be written.
+    """
+    effort = effort or Effort()
+    if map_path is None:
+        pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
+        refuse_beyond_fourier(pipeline.vehicle, [pipeline.vehicle.gauges.layout])
+        check_before_long_work(pipeline.vehicle, conditions)
+        make_map(pipeline)
+        vehicle = pipeline.flown or pipeline.vehicle
+        inverse_map = load_inverse_map(pipeline.path(MAP))
+    else:
+        inverse_map = load_inverse_map(map_path)
+        vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+        check_gauges(vehicle)
+        pipeline = Pipeline(vehicle, Workspace(folder), reporter)
+        schema, version = inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION
+        pipeline.use(MAP, map_path, content_hash_of(map_path, schema, version))
+    _flows(pipeline, vehicle)
+    _scores(pipeline, vehicle, inverse_map, effort)
+    entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))
+    _table(pipeline, entries)
+    _figure(pipeline, entries)
+    names = [name for name in (JSON, CSV, FIGURE) if pipeline.path(name).is_file()]
+    return StressResult(vehicle=vehicle.name, entries=entries, files=[pipeline.path(name) for name in names])
+
+
+def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
+    """Return ``vehicle`` with the flight conditions that ``inverse_map`` states, as far as it does."""
+    held = inverse_map.provenance
+    ranges = {
+        entry: sorted({factor * float(value) for value in held[name]})
+        for entry, name, factor in (
+            ("mach_number", "mach_number", 1.0),
+            ("angle_of_attack_deg", "angle_of_attack_deg", 1.0),
+            ("sideslip_angle_deg", "sideslip_angle_deg", 1.0),
+            ("altitude_km", "altitude_m", 1e-3),
+        )
+        if isinstance(held.get(name), list)
+    }
+    conditions = vehicle.conditions.model_copy(update=ranges)
+    entries = vehicle.map.model_copy(update={"form": inverse_map.form})
+    return vehicle.model_copy(update={"conditions": conditions, "map": entries})
+
+
+def _flows(pipeline: Pipeline, vehicle: Vehicle) -> None:
+    def write(path: Path) -> None:
+        with Journal(path) as journal:
+            save_flow_table(stress_flows(vehicle, pipeline.reporter, journal), path)
+            journal.remove()
+
+    inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle)}
+    pipeline.make(FLOWS, "flows of the independent model beyond the envelope", inputs, write)
+
+
+def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effort: Effort) -> None:
+    def write(path: Path) -> None:
+        structure = true_structure_of(pipeline)
+        check_fit(vehicle, inverse_map, structure)
+        table = load_flow_table(pipeline.path(FLOWS))
+        trial = Range(vehicle=vehicle, structure=structure, table=table, inverse_map=inverse_map, effort=effort)
+        entries = [score.entry() for score in scores(trial, pipeline.reporter)]
+        write_bytes_atomically(path, (json.dumps(entries, indent=1, allow_nan=False) + "\n").encode())
+
+    inputs = {
+        "version": VERSION,
+        "map": pipeline.made_from(MAP),
+        "flows": pipeline.made_from(FLOWS),
+        "effort": asdict(effort),
+        "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
+    }
+    pipeline.make(JSON, "flagged and silent shares of every kind of error", inputs, write)
+
+
+def check_fit(vehicle: Vehicle, inverse_map: InverseMap, structure: TrueStructure) -> None:
+    """Refuse a map whose gauges or references are not those of ``vehicle``.
+
+    Raises
+    ------
+    InputError
+        Names what differs.
+    """
+    if inverse_map.gauge_names != structure.names:
+        raise InputError(
+            f"map: expected the {len(structure.names)} gauges of layout '{vehicle.gauges.layout}', got "
+            f"{inverse_map.n_gauges} gauges, the first named {inverse_map.gauge_names[0]}"
+        )
+    reference = vehicle.reference_quantities()
+    for name, expected, found in (
+        ("reference area [m2]", reference.area, inverse_map.reference_area),
+        ("reference length [m]", reference.length, inverse_map.reference_length),
+    ):
+        if abs(found - expected) > 1e-6 * expected:
+            raise InputError(f"map: {name}: expected {expected:.6g} of the vehicle, got {found:.6g}")
+
+
+def scores(trial: Range, reporter: Reporter) -> list[Score]:
+    """Return the score of every kind of error; a kind whose flights the flows do not reach is left out, with a
+    note."""
+    kinds = all_kinds(trial.vehicle)
+    found = []
+    with reporter.stage("Kinds of error") as progress:
+        for done, kind in enumerate(kinds, start=1):
+            try:
+                found.append(trial.score(kind))
+            except FlowReachError as error:
+                reporter.note(f"{kind.error}, {kind.size}: left out: {error}")
+            progress(done, len(kinds))
+    return found
+
+
+def table_csv(entries: list[dict[str, Any]]) -> str:
+    """Return the table of ``stress.json`` as CSV: a row per kind of error."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for one in entries:
+        row = {**one, "missed": "; ".join(one["missed"])}
+        writer.writerow([row[name] for name in CSV_COLUMNS])
+    return stream.getvalue()
+
+
+def _table(pipeline: Pipeline, entries: list[dict[str, Any]]) -> None:
+    def write(path: Path) -> None:
+        write_bytes_atomically(path, table_csv(entries).encode())
+
+    pipeline.make(CSV, "the same as a table", {"scores": entries}, write)
+
+
+def _figure(pipeline: Pipeline, entries: list[dict[str, Any]]) -> None:
+    if find_spec("matplotlib") is None:
+        pipeline.reporter.note(f"{FIGURE}: not made, it needs strainfmu[report]")
+        return
+    name = pipeline.vehicle.name
+    inputs = {"scores": entries, "title": name}
+    pipeline.make(FIGURE, "the same as a figure", inputs, lambda path: save(stress_figure(entries, name), path))
