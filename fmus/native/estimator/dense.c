@@ -5,9 +5,9 @@
 void dense_panels(size_t rows, size_t columns, const double *source, size_t row_stride, size_t column_stride,
                   double *panels) {
     for (size_t first = 0; first < rows; first += ROWS) {
-        for (size_t k = 0; k < columns; k++) {
+        for (size_t k = 0; k < dense_columns(columns); k++) {
             for (size_t r = first; r < first + ROWS; r++) {
-                *panels++ = r < rows ? source[r * row_stride + k * column_stride] : 0.0;
+                *panels++ = r < rows && k < columns ? source[r * row_stride + k * column_stride] : 0.0;
             }
         }
     }
@@ -16,9 +16,9 @@ void dense_panels(size_t rows, size_t columns, const double *source, size_t row_
 void narrow_panels(size_t rows, size_t columns, const double *source, size_t row_stride, size_t column_stride,
                    const double *scale, float *panels) {
     for (size_t first = 0; first < rows; first += NARROW_ROWS) {
-        for (size_t k = 0; k < columns; k++) {
+        for (size_t k = 0; k < dense_columns(columns); k++) {
             for (size_t r = first; r < first + NARROW_ROWS; r++) {
-                *panels++ = r < rows ? (float)(source[r * row_stride + k * column_stride] * scale[r]) : 0.0f;
+                *panels++ = r < rows && k < columns ? (float)(source[r * row_stride + k * column_stride] * scale[r]) : 0.0f;
             }
         }
     }
@@ -27,22 +27,17 @@ void narrow_panels(size_t rows, size_t columns, const double *source, size_t row
 EVERYWHERE void product(size_t rows, size_t columns, const double *restrict panel, const double *restrict x,
                         double *restrict y) {
     for (size_t first = 0; first < rows; first += ROWS) {
-        double sum[DEPTH][ROWS] = {{0.0}};
-        size_t k = 0;
-        for (; k + DEPTH <= columns; k += DEPTH, panel += DEPTH * ROWS) {
-            for (size_t part = 0; part < DEPTH; part++) {
-                for (size_t r = 0; r < ROWS; r++) {
-                    sum[part][r] += panel[part * ROWS + r] * x[k + part];
-                }
-            }
-        }
-        for (; k < columns; k++, panel += ROWS) {
+        double a[ROWS] = {0.0}, b[ROWS] = {0.0}, c[ROWS] = {0.0}, d[ROWS] = {0.0};
+        for (size_t k = 0; k < columns; k += DEPTH, panel += DEPTH * ROWS) {
             for (size_t r = 0; r < ROWS; r++) {
-                sum[0][r] += panel[r] * x[k];
+                a[r] += panel[r] * x[k];
+                b[r] += panel[ROWS + r] * x[k + 1];
+                c[r] += panel[2 * ROWS + r] * x[k + 2];
+                d[r] += panel[3 * ROWS + r] * x[k + 3];
             }
         }
         for (size_t r = 0; r < ROWS; r++) {
-            y[first + r] = (sum[0][r] + sum[1][r]) + (sum[2][r] + sum[3][r]);
+            y[first + r] = (a[r] + b[r]) + (c[r] + d[r]);
         }
     }
 }
@@ -50,22 +45,17 @@ EVERYWHERE void product(size_t rows, size_t columns, const double *restrict pane
 EVERYWHERE void narrow_product(size_t rows, size_t columns, const float *restrict panel, const float *restrict x,
                                float *restrict y) {
     for (size_t first = 0; first < rows; first += NARROW_ROWS) {
-        float sum[DEPTH][NARROW_ROWS] = {{0.0f}};
-        size_t k = 0;
-        for (; k + DEPTH <= columns; k += DEPTH, panel += DEPTH * NARROW_ROWS) {
-            for (size_t part = 0; part < DEPTH; part++) {
-                for (size_t r = 0; r < NARROW_ROWS; r++) {
-                    sum[part][r] += panel[part * NARROW_ROWS + r] * x[k + part];
-                }
-            }
-        }
-        for (; k < columns; k++, panel += NARROW_ROWS) {
+        float a[NARROW_ROWS] = {0.0f}, b[NARROW_ROWS] = {0.0f}, c[NARROW_ROWS] = {0.0f}, d[NARROW_ROWS] = {0.0f};
+        for (size_t k = 0; k < columns; k += DEPTH, panel += DEPTH * NARROW_ROWS) {
             for (size_t r = 0; r < NARROW_ROWS; r++) {
-                sum[0][r] += panel[r] * x[k];
+                a[r] += panel[r] * x[k];
+                b[r] += panel[NARROW_ROWS + r] * x[k + 1];
+                c[r] += panel[2 * NARROW_ROWS + r] * x[k + 2];
+                d[r] += panel[3 * NARROW_ROWS + r] * x[k + 3];
             }
         }
         for (size_t r = 0; r < NARROW_ROWS; r++) {
-            y[first + r] = (sum[0][r] + sum[1][r]) + (sum[2][r] + sum[3][r]);
+            y[first + r] = (a[r] + b[r]) + (c[r] + d[r]);
         }
     }
 }

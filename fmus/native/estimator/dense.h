@@ -1,7 +1,8 @@
 /* Products with full matrices in every step, laid out for registers, as panels.h does it for triangles.
 
-   A panel is ROWS rows: ROWS elements lie together for each column. Each row is summed in DEPTH parts, column k in part
-   k % DEPTH (the last few in part 0), which are added at the end: the same order on every processor. */
+   A panel is ROWS rows: ROWS elements lie together for each column, and columns of zeros make their number a multiple of
+   DEPTH. Each row is summed in DEPTH parts, column k in part k % DEPTH, which are added at the end: the same order on
+   every processor. */
 
 #ifndef DENSE_H
 #define DENSE_H
@@ -16,23 +17,28 @@ static inline size_t dense_rows(size_t rows) {
     return (rows + ROWS - 1) / ROWS * ROWS;
 }
 
+static inline size_t dense_columns(size_t columns) {
+    return (columns + DEPTH - 1) / DEPTH * DEPTH;
+}
+
 static inline size_t narrow_rows(size_t rows) {
     return (rows + NARROW_ROWS - 1) / NARROW_ROWS * NARROW_ROWS;
 }
 
 /* Lay out a matrix whose element (r, k) is source[r * row_stride + k * column_stride]; panels has dense_rows(rows) *
-   columns elements. */
+   dense_columns(columns) elements. */
 void dense_panels(size_t rows, size_t columns, const double *source, size_t row_stride, size_t column_stride,
                   double *panels);
 
-/* The same in float, each row times its scale: narrow_rows(rows) * columns elements. */
+/* The same in float, each row times its scale: narrow_rows(rows) * dense_columns(columns) elements. */
 void narrow_panels(size_t rows, size_t columns, const double *source, size_t row_stride, size_t column_stride,
                    const double *scale, float *panels);
 
-/* y = M x; y has dense_rows(rows) elements. wide as for panels.h. */
+/* y = M x; y has dense_rows(rows) elements, x dense_columns(columns), those beyond `columns` being 0. wide as for
+   panels.h. */
 void dense_times(int wide, size_t rows, size_t columns, const double *panels, const double *x, double *y);
 
-/* y = M x in float; y has narrow_rows(rows) elements. */
+/* The same in float; y has narrow_rows(rows) elements. */
 void narrow_times(int wide, size_t rows, size_t columns, const float *panels, const float *x, float *y);
 
 #endif

@@ -127,7 +127,7 @@ static void derive_errors(Estimator *e, double d_pressure, Change *change) {
         return;
     }
     const Level *low = step->levels[0], *high = step->levels[1];
-    double c[1 + N_LOADS] = {1.0}, d_c[1 + N_LOADS] = {0.0}, scale[N_LOADS], d_product[N_PAIRS];
+    double c[1 + N_LOADS] = {1.0}, d_c[1 + N_LOADS] = {0.0}, scale[N_LOADS], d_product[N_PAIRS + 3] = {0.0};
     double d_low[N_VALUES], d_high[N_VALUES];
     coefficient_scales(e->flow.pressure, map->reference_area, map->reference_length, scale);
     for (size_t i = 0; i < N_LOADS; i++) {

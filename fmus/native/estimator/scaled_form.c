@@ -8,6 +8,7 @@
 #include "scaled_suspects.h"
 #include "step_parts.h"
 #include "triangles.h"
+#include "wide.h"
 
 /* Places of the entries of a symmetric (5, 5) matrix, row by row from the diagonal. */
 static const unsigned char ENTRY[15][2] = {{0, 0}, {0, 1}, {0, 2}, {0, 3}, {0, 4}, {1, 1}, {1, 2}, {1, 3},
@@ -20,12 +21,13 @@ void set_symmetric(const double *entries, double *matrix) {
 }
 
 static size_t level_doubles(size_t n) {
-    return N_VALUES * N_PAIRS + 4 * n;
+    return N_VALUES * dense_columns(N_PAIRS) + 4 * n;
 }
 
 size_t scaled_doubles(const Map *map) {
     const size_t n = map->n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
-    const size_t tables = 2 * whole * n + (N_VALUES + ROWS) * n + narrow * n / 2 + n + whole + 2 * n;
+    const size_t columns = dense_columns(n);
+    const size_t tables = (3 * whole + N_VALUES + ROWS + narrow / 2) * columns + n + 3 * whole;
     const size_t step = 8 * whole + narrow + narrow + n * (n + 2) + 2 * n + N_LOADS * n;
     return tables + n * n + 16 * n + step + CACHED_MASKS * CACHED_LEVELS * level_doubles(n) + 8;
 }
@@ -41,14 +43,15 @@ static double *taken(double **doubles, size_t count) {
 }
 
 void scaled_arrays(Estimator *e, double **doubles, size_t **indices) {
-    const size_t n = e->map.n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
+    const size_t n = e->map.n_gauges, columns = dense_columns(n), whole = dense_rows(n), narrow = narrow_rows(n);
     Scaled *scaled = &e->scaled;
     ScaledStep *step = &scaled->step;
-    scaled->rows = taken(doubles, whole * n);
-    scaled->columns = taken(doubles, whole * n);
-    scaled->squares = taken(doubles, N_VALUES * n);
-    scaled->loads = taken(doubles, ROWS * n);
-    scaled->screen = (float *)(void *)taken(doubles, narrow * n / 2);
+    scaled->rows = taken(doubles, whole * columns);
+    scaled->columns = taken(doubles, whole * columns);
+    scaled->square = taken(doubles, whole * columns);
+    scaled->squares = taken(doubles, N_VALUES * columns);
+    scaled->loads = taken(doubles, ROWS * columns);
+    scaled->screen = (float *)(void *)taken(doubles, narrow * columns / 2);
     scaled->mean = taken(doubles, whole);
     step->unresolved = taken(doubles, whole);
     step->weight = taken(doubles, whole);
@@ -62,8 +65,8 @@ void scaled_arrays(Estimator *e, double **doubles, size_t **indices) {
     step->narrow = (float *)(void *)taken(doubles, narrow / 2);
     step->narrow_z = (float *)(void *)taken(doubles, narrow / 2);
     scaled->size = taken(doubles, n);
-    scaled->own_mean = taken(doubles, n);
-    scaled->residual = taken(doubles, n);
+    scaled->own_mean = taken(doubles, whole);
+    scaled->residual = taken(doubles, whole);
     scaled->work[0] = taken(doubles, n * n);
     scaled->work[1] = taken(doubles, 16 * n);
     step->matrix = taken(doubles, n * (n + 2));
@@ -72,7 +75,7 @@ void scaled_arrays(Estimator *e, double **doubles, size_t **indices) {
     for (size_t k = 0; k < CACHED_MASKS; k++) {
         for (size_t l = 0; l < CACHED_LEVELS; l++) {
             Level *level = &e->levels[k].level[l];
-            level->products = taken(doubles, N_VALUES * N_PAIRS);
+            level->products = taken(doubles, N_VALUES * dense_columns(N_PAIRS));
             level->inverse = taken(doubles, n);
             level->slope = taken(doubles, n);
             level->checked = taken(doubles, n);
@@ -90,6 +93,9 @@ void scaled_prepare(Estimator *e) {
     double *scale = scaled->residual;
     dense_panels(n, n, form->whitening, 1, n, scaled->rows);
     dense_panels(n, n, form->whitening, n, 1, scaled->columns);
+    for (size_t k = 0; k < dense_rows(n) * dense_columns(n); k++) {
+        scaled->square[k] = scaled->columns[k] * scaled->columns[k];
+    }
     dense_panels(N_LOADS, n, form->load, 1, N_LOADS, scaled->loads);
     for (size_t i = 0; i < n; i++) {
         const double *column = form->whitening + i * n;
@@ -101,10 +107,12 @@ void scaled_prepare(Estimator *e) {
         const double *load = form->load + N_LOADS * a;
         for (size_t k = 0; k < N_VALUES; k++) {
             const double square = k < 15 ? load[ENTRY[k][0]] * load[ENTRY[k][1]] : 0.0;
-            scaled->squares[(k / ROWS) * ROWS * n + a * ROWS + k % ROWS] = square;
+            scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = square;
         }
     }
-    dense_times(0, n, n, scaled->rows, form->mean_strain, scaled->mean);
+    memcpy(scaled->own_mean, form->mean_strain, n * sizeof *scaled->own_mean);
+    dense_times(0, n, n, scaled->rows, scaled->own_mean, scaled->mean);
+    memset(scaled->residual, 0, n * sizeof *scaled->residual);
     for (int k = 0; k < CACHED_MASKS; k++) {
         scaled_forget(e, k);
     }
@@ -118,7 +126,7 @@ void scaled_forget(Estimator *e, int k) {
 }
 
 /* u and what follows from it. */
-static void set_weights(const Estimator *e, ScaledStep *step) {
+EVERYWHERE void set_weights(const Estimator *e, ScaledStep *step) {
     const ScaledForm *form = &e->map.form;
     const double s = step->ratio;
     const size_t n = e->map.n_gauges;
@@ -135,7 +143,7 @@ static void set_weights(const Estimator *e, ScaledStep *step) {
 }
 
 /* V r and V (m - d_0), the residuals of lost gauges being 0. */
-static void set_residual(Estimator *e, ScaledStep *step) {
+EVERYWHERE void set_residual(Estimator *e, ScaledStep *step) {
     const size_t n = e->map.n_gauges;
     const ScaledForm *form = &e->map.form;
     Scaled *scaled = &e->scaled;
@@ -208,7 +216,7 @@ static void predict_lost(Estimator *e, ScaledStep *step) {
 }
 
 /* Loads, their derivative by q_inf, and their covariance but for errors at the current strain. */
-static void set_loads(Estimator *e, ScaledStep *step) {
+EVERYWHERE void set_loads(Estimator *e, ScaledStep *step) {
     const size_t n = e->map.n_gauges;
     const ScaledForm *form = &e->map.form;
     const double s = step->ratio, nominal = e->map.dynamic_pressure;
@@ -239,7 +247,7 @@ static void set_loads(Estimator *e, ScaledStep *step) {
 }
 
 /* Errors in proportion to strain at the current one: what they add to covariance and expected chi-square. */
-static void add_errors(Estimator *e, ScaledStep *step, const Level *low, const Level *high) {
+EVERYWHERE void add_errors(Estimator *e, ScaledStep *step, const Level *low, const Level *high) {
     const double s = step->ratio;
     const int freedom = e->map.degrees_of_freedom - (int)step->n_lost;
     step->expected_ratio = 1.0;
@@ -275,7 +283,7 @@ static void add_errors(Estimator *e, ScaledStep *step, const Level *low, const L
     }
 }
 
-static void set_coefficients(Estimator *e, const ScaledStep *step) {
+EVERYWHERE void set_coefficients(Estimator *e, const ScaledStep *step) {
     const double *scalar = e->input + e->map.n_gauges;
     const double q = e->flow.pressure, q_std = e->flow.deviation, shift = moment_shift(e);
     double *output = e->output, per_pressure[N_LOADS], scale[N_LOADS];
@@ -296,7 +304,8 @@ static void set_coefficients(Estimator *e, const ScaledStep *step) {
     }
 }
 
-void scaled_update(Estimator *e) {
+/* Inlined with all but what lost gauges need, so that the loops over directions are compiled for AVX2 too. */
+EVERYWHERE void update(Estimator *e) {
     const Map *map = &e->map;
     ScaledStep *step = &e->scaled.step;
     const size_t n = map->n_gauges;
@@ -327,4 +336,14 @@ void scaled_update(Estimator *e) {
     const LoadStatistics found = {step->loads, step->covariance, step->per_pressure};
     set_envelope_score(e, &found);
     set_coefficients(e, step);
+}
+
+#if HAS_AVX2
+AVX2 static void update_avx2(Estimator *e) {
+    update(e);
+}
+#endif
+
+void scaled_update(Estimator *e) {
+    CHOSEN(e->wide, update)(e);
 }

@@ -49,7 +49,7 @@ typedef struct {
     double chi_square, expected_ratio; /* [1] */
     int held;                          /* whether expected_ratio is at its least value */
     double loads[N_LOADS], per_pressure[N_LOADS], covariance[N_LOADS * N_LOADS]; /* about the map's moment point */
-    double product[N_PAIRS + 3];       /* c_a c_b less its mean */
+    double product[N_PAIRS + 3];       /* c_a c_b less its mean, and zeros for dense.h */
     double low[N_VALUES], high[N_VALUES], part; /* of the levels, and where the ratio is between them */
     double distance;                   /* of the levels */
     const Level *levels[2];
@@ -58,13 +58,14 @@ typedef struct {
 typedef struct {
     double *rows;      /* V in panels: w = V r */
     double *columns;   /* V' in panels */
+    double *square;    /* the squares of V' in panels: P_ii = sum of u V_ai^2 */
     double *squares;   /* (16, n) products of the loads of each direction, in panels */
     double *loads;     /* (8, n) loads of each direction, in panels */
     float *screen;     /* V' with columns of length 1, in panels of float */
     double *size;      /* (n) |V_i| */
     double *mean;      /* (dense_rows(n)) V (m - d_0) of all gauges */
-    double *own_mean;  /* (n) scratch: m - d_0, 0 for lost gauges */
-    double *residual;  /* (n) */
+    double *own_mean;  /* (dense_rows(n)) scratch: m - d_0, 0 for lost gauges */
+    double *residual;  /* (dense_rows(n)) */
     double *work[2];   /* (n, n) and (16 n) of a level */
     ScaledStep step;
 } Scaled;

@@ -60,19 +60,12 @@ AVX2 static int may_exceed_avx2(Estimator *e, double threshold, const Level *low
 }
 #endif
 
-/* P_ii of gauge i: what is left of D V_i outside the span of D V_R. */
-static double precision_of(Estimator *e, size_t gauge) {
+/* P_ii of gauge i with others lost: what is left of D V_i outside the span of D V_R. */
+static double precision_without(Estimator *e, size_t gauge) {
     const size_t n = e->map.n_gauges;
     const ScaledStep *step = &e->scaled.step;
     const double *whitening = e->map.form.whitening + gauge * n;
     double *column = e->scaled.work[1];
-    if (step->n_lost == 0) {
-        double sum = 0.0;
-        for (size_t a = 0; a < n; a++) {
-            sum += step->unresolved[a] * (whitening[a] * whitening[a]);
-        }
-        return sum;
-    }
     for (size_t a = 0; a < n; a++) {
         column[a] = sqrt(step->unresolved[a]) * whitening[a];
     }
@@ -84,17 +77,21 @@ void set_scaled_suspects(Estimator *e, double threshold, const Level *low, const
     const size_t n = e->map.n_gauges;
     const MaskedMap *m = e->masked;
     const ScaledStep *step = &e->scaled.step;
-    double *slope = e->scaled.step.scratch[0];
+    double *slope = e->scaled.step.scratch[0], *precisions = e->scaled.step.scratch[1];
     if (!CHOSEN(e->wide, may_exceed)(e, threshold, low, high)) {
         return;
     }
     dense_times(e->wide, n, n, e->scaled.columns, step->x, slope);
+    if (step->n_lost == 0) {
+        dense_times(e->wide, n, n, e->scaled.square, step->unresolved, precisions);
+    }
     size_t worst = 0;
     double largest = 0.0;
     for (size_t k = 0; k < m->n_used; k++) {
-        const double precision = precision_of(e, m->used[k]);
-        const int checked = precision > e->map.form.min_precision[m->used[k]];
-        const double z = checked ? fabs(slope[m->used[k]] / sqrt(precision)) : 0.0;
+        const size_t gauge = m->used[k];
+        const double precision = step->n_lost == 0 ? precisions[gauge] : precision_without(e, gauge);
+        const int checked = precision > e->map.form.min_precision[gauge];
+        const double z = checked ? fabs(slope[gauge] / sqrt(precision)) : 0.0;
         if (z > largest) {
             largest = z;
             worst = k;

@@ -31,24 +31,42 @@ static void put_u64(unsigned char *bytes, size_t position, uint64_t value) {
     memcpy(bytes + position, &value, sizeof value);
 }
 
+#define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
+#define N_SCALARS 26
+
+/* Whether a scalar of the map must be positive. */
+static int is_positive(size_t scalar) {
+    static const unsigned char POSITIVE[] = {0, 1, 3, 4, 7, 12, 13, 23};
+    return memchr(POSITIVE, (int)scalar, sizeof POSITIVE) != NULL;
+}
+
 /* A whole map.bin from whatever there is: sizes made small, length fitted, header and checksum right. Values that are
    not finite become 1, or stay. */
 static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite, size_t *length) {
     const size_t n = size > 0 ? 1 + data[0] % 7 : 1, states = size > 1 ? data[1] % 9 : 0;
+    const size_t freedom = size > 2 ? 1 + data[2] % n : 1, bits = size > 3 ? data[3] : 0;
+    const size_t prior = bits & 1u, scaled = bits >> 1 & 1u, errors = scaled & bits >> 2, half_spaces = bits >> 3 & 3u;
+    const size_t terms = errors ? bits >> 5 & 3u : 0, altitudes = 2 + (bits >> 7);
     const size_t triangle = n * (n + 1) / 2;
-    const size_t doubles = 10 + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n;
-    *length = HEADER_SIZE + 8 * doubles;
+    size_t doubles = N_SCALARS + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n;
+    doubles += altitudes + 6 * half_spaces + scaled * (n * n + n + 5 * n + 25 + 2 * n + 10 + n);
+    doubles += errors * (21 * n + 21 + 6 * terms * n);
+    *length = VALUES_AT + 8 * doubles;
     unsigned char *bytes = calloc(1, *length);
     if (bytes == NULL) {
         return NULL;
     }
-    const size_t rest = size > 4 ? size - 4 : 0, room = *length - HEADER_SIZE;
-    memcpy(bytes + HEADER_SIZE, data + size - rest, rest < room ? rest : room);
+    const size_t rest = size > 4 ? size - 4 : 0, room = *length - VALUES_AT;
+    memcpy(bytes + VALUES_AT, data + size - rest, rest < room ? rest : room);
     for (size_t i = 0; finite && i < doubles; i++) {
         double value;
-        memcpy(&value, bytes + HEADER_SIZE + 8 * i, 8);
-        value = !isfinite(value) ? 1.0 : (i < 5 && i != 2) || i == 7 ? fabs(value) + 1e-9 : value;
-        memcpy(bytes + HEADER_SIZE + 8 * i, &value, 8);
+        memcpy(&value, bytes + VALUES_AT + 8 * i, 8);
+        value = !isfinite(value) ? 1.0 : is_positive(i) ? fabs(value) + 1e-9 : value;
+        memcpy(bytes + VALUES_AT + 8 * i, &value, 8);
+    }
+    const size_t sizes[N_SIZES] = {scaled, scaled && !prior ? n - freedom : 0, half_spaces, altitudes, errors, terms};
+    for (size_t k = 0; k < N_SIZES; k++) {
+        put_u32(bytes, HEADER_SIZE + 4 * k, (uint32_t)sizes[k]);
     }
     memcpy(bytes, "SFMUMAP", 8);
     put_u32(bytes, 8, MAP_FORMAT_VERSION);
@@ -56,8 +74,8 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
     put_u64(bytes, 16, *length);
     put_u32(bytes, 32, (uint32_t)n);
     put_u32(bytes, 36, (uint32_t)states);
-    put_u32(bytes, 40, size > 2 ? 1 + data[2] % (uint32_t)n : 1);
-    put_u32(bytes, 44, size > 3 ? data[3] & 1u : 0);
+    put_u32(bytes, 40, (uint32_t)freedom);
+    put_u32(bytes, 44, (uint32_t)prior);
     put_u32(bytes, 24, crc32(bytes + 32, *length - 32));
     return bytes;
 }
@@ -65,7 +83,7 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
 /* Suspects must be there exactly where some z is above the threshold, whatever the result of the screen in float. */
 static void check_suspects(const Estimator *e) {
     const MaskedMap *m = e->masked;
-    if (!m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {
+    if (e->map.scaled || !m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {
         return;
     }
     const double scale = e->input[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale;
@@ -94,6 +112,11 @@ static void use(Estimator *e) {
             e->input[i] = step == 3 && i == 1 ? NAN : 1e-4 * (double)((i * 7 + step) % 5);
             e->valid[i] = step < 8 ? (unsigned char)((i + step) % 5 != 0) : step == 9;
         }
+        double *scalar = e->input + e->map.n_gauges;
+        scalar[DYNAMIC_PRESSURE] = e->map.dynamic_pressure * (1.0 + 0.4 * step);
+        scalar[DYNAMIC_PRESSURE_STD] = step % 3 ? NAN : 0.1 * e->map.dynamic_pressure;
+        scalar[MACH_NUMBER] = step % 2 ? NAN : 6.0;
+        scalar[ALTITUDE] = step % 4 ? 0.3 * step * e->map.envelope.altitude_step : NAN;
         e->outdated = 1;
         const int health = (int)estimator_outputs(e)[HEALTH_STATE];
         if (health < OK || health > OUTSIDE) {
@@ -143,8 +166,8 @@ static Instance *small_instance(void) {
         abort();
     }
     double bound = 1e100;
-    memcpy(bytes + HEADER_SIZE + 64, &bound, 8);
-    memcpy(bytes + HEADER_SIZE + 72, &bound, 8);
+    memcpy(bytes + VALUES_AT + 64, &bound, 8);
+    memcpy(bytes + VALUES_AT + 72, &bound, 8);
     put_u32(bytes, 24, crc32(bytes + 32, length - 32));
     instance->model = model_create(bytes, length, text);
     if (instance->model == NULL) {
@@ -168,7 +191,7 @@ static void fuzz_state(const uint8_t *data, size_t size, int repair) {
     if (repair > 0) {
         size = state_size(instance);
         memcpy(bytes, "SFMUSTA", 8);
-        put_u32(bytes, 8, 1);
+        put_u32(bytes, 8, 2);
         put_u32(bytes, 16, instance->model->checksum);
         put_u32(bytes, 20, (uint32_t)model_state_size(instance->model));
         if (repair > 1) {
