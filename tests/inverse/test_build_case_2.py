@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from coarse_vehicle import with_paper_map
 from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
@@ -29,10 +30,11 @@ DYNAMIC_PRESSURE = 137970.0
 def built(
     vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, noise: Noise | None = None, **entry: Any
 ) -> InverseMap:
-    update: dict[str, Any] = {"map": MapEntry(case=2, **entry)}
+    """Return the map of the source: pressure in Pa, listed angles, no hardware errors but those of ``noise``."""
+    changed = with_paper_map(vehicle, case=2, **entry)
     if noise is not None:
-        update["noise"] = noise
-    return build_inverse_map(vehicle.model_copy(update=update), snapshots, structure)
+        changed = changed.model_copy(update={"noise": noise})
+    return build_inverse_map(changed, snapshots, structure)
 
 
 @pytest.mark.parametrize("gamma", [1e-2, 1.0, 10**0.5])

@@ -12,13 +12,14 @@ import pytest
 from inverse_case import Case, noise_model
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, check_noise, gauge_noise_covariance, noise_terms
+from builder.inverse.build import build_inverse_map, check_noise, gauge_noise_covariance, inverse_problem
 from builder.inverse.case_1 import least_squares_map
 from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
-from builder.inverse.gauge_noise import gauge_covariance, gauge_error_terms, nuisance_terms
+from builder.inverse.gauge_noise import gauge_covariance, nuisance_terms
 from builder.inverse.noise_model import (
     NoiseModel,
+    NoiseTerm,
     central_difference,
     gauge_errors,
     gauge_noise,
@@ -224,21 +225,26 @@ def test_central_difference_is_exact_for_parabolas() -> None:
 
 
 def test_entries_of_the_vehicle_file_become_terms(
-    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, case: Case, derivatives: GaugeDerivatives
+    paper_vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: StructuralModel,
+    case: Case,
+    derivatives: GaugeDerivatives,
 ) -> None:
-    """By default gauge noise alone is listed here; every entry adds its term with its standard deviation."""
-    assert [term.name for term in noise_terms(vehicle, snapshots, structure, case.strain_operator)] == [
-        "gauge noise"
-    ]
-    entry = Noise(
-        std_um_per_m=0.4,
-        apparent_strain_um_per_m=10.0,
-        gauge_gain_percent=1.0,
-        gauge_position_mm=2.0,
-        gauge_orientation_deg=1.0,
-    )
-    changed = vehicle.model_copy(update={"noise": entry})
-    terms = {term.name: term for term in noise_terms(changed, snapshots, structure, case.strain_operator)}
+    """Without hardware errors gauge noise alone; every entry adds its term with its standard deviation."""
+
+    def terms_of(entry: Noise) -> dict[str, NoiseTerm]:
+        changed = paper_vehicle.model_copy(update={"noise": entry})
+        return {term.name: term for term in inverse_problem(changed, snapshots, structure).noise}
+
+    assert list(terms_of(paper_vehicle.noise)) == ["gauge noise"]
+    sizes = {
+        "apparent_strain_um_per_m": 10.0,
+        "gauge_gain_percent": 1.0,
+        "gauge_position_mm": 2.0,
+        "gauge_orientation_deg": 1.0,
+    }
+    terms = terms_of(paper_vehicle.noise.model_copy(update=sizes))
     net = snapshots.pressure - case.internal_pressure
     expected = {
         "gauge gain": 0.01 * case.strain_operator,
@@ -246,15 +252,11 @@ def test_entries_of_the_vehicle_file_become_terms(
         "gauge position, circumferential": 2e-3 * derivatives.circumferential,
         "gauge orientation": np.deg2rad(1.0) * derivatives.orientation,
     }
-    assert list(terms) == ["gauge noise", "apparent strain", *expected]
+    assert list(terms) == ["gauge noise", *expected, "apparent strain"]
     for name, operator in expected.items():
         rms = np.sqrt(np.mean((net @ operator.T) ** 2, axis=0))
         np.testing.assert_allclose(terms[name].strain, np.diag(rms), rtol=1e-10)
     np.testing.assert_allclose(terms["apparent strain"].strain, np.full((54, 1), 1e-5), rtol=1e-12)
-
-
-def test_without_entries_there_are_no_further_terms(snapshots: Snapshots, case: Case) -> None:
-    assert gauge_error_terms(Noise(std_um_per_m=0.4), snapshots.pressure, case.strain_operator, None) == []
 
 
 NUISANCE = "gauge, hot nose, hot wall\nG2, 3, -4\nG1, 1, 2\n\nG3, 0.5, 0\n"
@@ -313,16 +315,16 @@ def test_noise_that_does_not_fit_is_refused_before_anything_is_solved(
 
 
 def test_nuisance_file_of_a_vehicle_is_listed_and_widens_the_uncertainty(
-    tmp_path: Path, vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+    tmp_path: Path, paper_vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     """Nose hotter than base, 20 um/m at the first station: the map holds the term with its fraction."""
     layout = structure.layouts["configuration_2"]
     strain = 20.0 * (1.0 - layout.position[:, 0] / 3.6)
     rows = [f"{name},{value:.6f}" for name, value in zip(layout.names, strain, strict=True)]
     (tmp_path / "heat.csv").write_text("\n".join(["gauge,hot nose", *rows]))
-    entry = vehicle.noise.model_copy(update={"nuisance_file": str(tmp_path / "heat.csv")})
-    plain = build_inverse_map(vehicle, snapshots, structure)
-    warm = build_inverse_map(vehicle.model_copy(update={"noise": entry}), snapshots, structure)
+    entry = paper_vehicle.noise.model_copy(update={"nuisance_file": str(tmp_path / "heat.csv")})
+    plain = build_inverse_map(paper_vehicle, snapshots, structure)
+    warm = build_inverse_map(paper_vehicle.model_copy(update={"noise": entry}), snapshots, structure)
     terms = {term["name"]: term for term in warm.provenance["noise_terms"]}
     assert list(terms) == ["gauge noise", "hot nose", "truncated modes"]
     assert terms["hot nose"]["rms_strain"] == pytest.approx(1e-6 * np.sqrt(np.mean(strain**2)), rel=1e-5)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from coarse_vehicle import with_paper_map
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of, inverse_problem
@@ -13,7 +14,6 @@ from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import Estimator
 
@@ -22,7 +22,7 @@ Q = 1.4e5
 
 def whole(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, **entry: Any) -> InverseMap:
     """The map with all the states of its prior."""
-    changed = vehicle.model_copy(update={"map": MapEntry(case=2, keep_field=True, **entry)})
+    changed = with_paper_map(vehicle, case=2, keep_field=True, **entry)
     problem = inverse_problem(changed, snapshots, structure)
     return inverse_map_of(changed, snapshots, structure, problem, solve(problem))
 

@@ -9,7 +9,7 @@ import pytest
 from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, noise_terms
+from builder.inverse.build import build_inverse_map, inverse_problem
 from builder.inverse.gauge_derivatives import gauge_derivatives
 from builder.inverse.noise_model import NoiseTerm
 from builder.reporting import Silent
@@ -28,7 +28,8 @@ from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
 
 LAYOUT = "configuration_1"
-ERRORS = Noise(std_um_per_m=0.4, gauge_position_mm=2.0, gauge_orientation_deg=1.0)
+PLAIN = Noise(std_um_per_m=0.4).without_hardware_errors()
+ERRORS = PLAIN.model_copy(update={"gauge_position_mm": 2.0, "gauge_orientation_deg": 1.0})
 NAMES = ("gauge position, axial", "gauge position, circumferential", "gauge orientation")
 
 
@@ -48,8 +49,7 @@ def solid(uncertain: Vehicle, snapshots: Snapshots) -> MappedStructure:
 def terms_of(
     vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel | MappedStructure
 ) -> dict[str, NoiseTerm]:
-    found = noise_terms(vehicle, snapshots, structure, structure.strain_operator(LAYOUT))
-    return {term.name: term for term in found}
+    return {term.name: term for term in inverse_problem(vehicle, snapshots, structure).noise}
 
 
 def test_both_models_give_the_same_terms(
@@ -77,7 +77,7 @@ def test_the_map_counts_them_and_knows_less(
     uncertain: Vehicle, snapshots: Snapshots, solid: MappedStructure
 ) -> None:
     """Listed with their fractions; no sigma of a load is smaller than without."""
-    without = uncertain.model_copy(update={"noise": Noise(std_um_per_m=0.4)})
+    without = uncertain.model_copy(update={"noise": PLAIN})
     plain, counted = (build_inverse_map(one, snapshots, solid) for one in (without, uncertain))
     names = [term["name"] for term in counted.provenance["noise_terms"]]
     assert names == ["gauge noise", *NAMES, "truncated modes"]
@@ -131,7 +131,7 @@ def test_a_structure_without_moved_gauges_says_so(
         surface=structure.surface, description="solid", layouts=structure.layouts, operators=operators
     )
     with pytest.raises(InputError, match=r"structure: layout 'configuration_1 \(moved aft\)' is missing"):
-        noise_terms(uncertain, snapshots, alone, operators[LAYOUT])
+        inverse_problem(uncertain, snapshots, alone)
 
 
 def test_without_such_errors_nothing_is_moved(vehicle: Vehicle) -> None:

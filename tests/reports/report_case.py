@@ -5,15 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from builder.aero.engines import make_engine
 from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import inverse_map_of, inverse_problem
+from builder.inverse.case_1 import least_squares_map
+from builder.inverse.case_2 import gaussian_map
 from builder.inverse.coefficients import load_covariance_by_terms
-from builder.inverse.noise_model import NoiseTerm
+from builder.inverse.noise_model import NoiseModel
 from builder.inverse.solution import Problem, Solution, solve
+from builder.inverse.state_map import StateMap
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
@@ -80,8 +85,27 @@ def case_of(parts: tuple[Vehicle, Snapshots, StructuralModel], entry: MapEntry) 
 
 def with_gauges(problem: Problem, kept: list[int]) -> Problem:
     """Return the problem of some of the gauges: a map of it is built without the others."""
-    noise = tuple(NoiseTerm(term.name, term.strain[kept], term.load) for term in problem.noise)
+    terms = [replace(term, strain=term.strain[kept]) for term in problem.noise]
+    own = np.linalg.cholesky(terms[0].strain @ terms[0].strain.T)
+    noise = (replace(terms[0], strain=own), *terms[1:])
     return replace(problem, strain_operator=problem.strain_operator[kept], noise=noise)
+
+
+def solved_on_same_modes(case: ReportCase, kept: list[int]) -> Solution:
+    """Return the solution for the gauges ``kept`` on the modes of the map of all gauges.
+
+    A map built anew may choose other modes.
+    """
+    whole = case.solution
+    cut = with_gauges(replace(case.problem, noise=whole.noise.terms), kept)
+    noise = NoiseModel(cut.noise)
+    states, mean = whole.solved.state_operator[kept], whole.solved.mean_strain[kept]
+    solved: StateMap
+    if case.inverse_map.case == 1:
+        solved = least_squares_map(states, mean, noise.covariance, np.ones(states.shape[1]))
+    else:
+        solved = gaussian_map(states, mean, noise.covariance, case.inverse_map.regularisation)
+    return replace(whole, solved=solved, noise=noise)
 
 
 def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: list[int]) -> InverseMap:
@@ -106,6 +130,15 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
         residual_whitening=solved.residual_whitening,
         residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
         strain_load_covariance=outside,
+        form="absolute",
+        fixed_strain=None,
+        fixed_load=None,
+        gauge_covariance=None,
+        error_strain=None,
+        error_load=None,
+        gauge_error_product=None,
+        common_error=None,
+        mean_product=None,
     )
 
 

@@ -9,8 +9,8 @@ import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.regularisation import expected_data, select_gamma
+from builder.inverse.solution import ordered_modes
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import report_tables
 from builder.reports.coefficient_sources import OF_STATES, coefficient_sources
@@ -57,10 +57,10 @@ def test_truncated_modes_are_what_flying_them_does(parts: Parts) -> None:
     """Each truncated mode at one deviation through gain and loads; squares of the errors in C_A .. M_Y, 1e-8."""
     case = case_of(parts, CASE_1)
     found, one = coefficient_sources(case.inverse_map, case.problem, case.solution), case.inverse_map
-    modes = proper_orthogonal_decomposition(case.problem.pressure)
+    modes, order = ordered_modes(case.problem)
     scale = found.std / np.sqrt(np.diag(one.load_covariance))
     total = np.zeros(5)
-    for j in range(4, modes.modes.shape[1]):
+    for j in range(order.kept, modes.modes.shape[1]):
         pressure = modes.modes[:, j] * modes.coefficient_std()[j]
         error = one.load_gain @ (case.problem.strain_operator @ pressure) - case.problem.load_operator @ pressure
         total += (scale * error) ** 2

@@ -28,7 +28,9 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> None:
-    vehicle = ogive_with(tmp_path / "vehicle", 'case = 2\ngamma = "morozov"')
+    vehicle = ogive_with(
+        tmp_path / "vehicle", 'case = 2\ngamma = "morozov"\nform = "absolute"\nsymmetry = "listed"'
+    )
     code, printed, message = run("build", vehicle, "-o", tmp_path / "out")
     assert (code, message) == (0, "")
     assert "report.html: written" in printed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import radians
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.truth.flows import truth_engine, truth_keys
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
+from builder.vehicle.map_options import MapEntry
 from builder.vehicle.sections import Resolution, Resolutions
 from strainfmu.flight_condition import FlightCondition
 
@@ -38,6 +40,18 @@ COARSE = Resolution(
 @pytest.fixture(scope="session")
 def vehicle() -> Vehicle:
     return load_vehicle(IC3X).model_copy(update={"resolution": Resolutions(map=COARSE, truth=COARSE)})
+
+
+@pytest.fixture(scope="session")
+def paper_vehicle(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with the map of the source: pressure in Pa, angles as listed, no hardware errors."""
+    return with_paper_map(vehicle)
+
+
+def with_paper_map(vehicle: Vehicle, **entry: Any) -> Vehicle:
+    """Return ``vehicle`` with a map in form "absolute" of the listed angles, without hardware errors."""
+    changed = MapEntry(form="absolute", symmetry="listed", **entry)
+    return vehicle.model_copy(update={"map": changed, "noise": vehicle.noise.without_hardware_errors()})
 
 
 @pytest.fixture(scope="session")
