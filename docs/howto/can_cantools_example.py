@@ -36,8 +36,11 @@ def data_id_of(message):
 
 
 def strain_frames(database, cycle, seconds, strain_of, dynamic_pressure):
-    """Return the frames of one cycle: dynamic pressure first, then strains [um/m], all with one sample time."""
-    sent = [m for m in database.messages if "StrainSender" in m.senders]
+    """Return the frames of one cycle: dynamic pressure first, then strains [um/m], all with one sample time.
+
+    The frame Navigation is optional. A node without Mach number and altitude does not send it.
+    """
+    sent = [m for m in database.messages if "StrainSender" in m.senders and m.name != "Navigation"]
     frames = []
     for message in sorted(sent, key=lambda m: m.name != "DynamicPressure"):
         values = {}

@@ -38,5 +38,14 @@ def health_name(state: int) -> str:
     return HealthState(state).name if state in set(HealthState) else str(state)
 
 
-Step = Callable[[FloatArray, float, float], StepResult]
-"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]. Raises StepRefused."""
+ENVELOPE_SCORE = "health.envelope_score"
+"""Output of :attr:`StepResult.further`: deviations by which the coefficients leave what the map covers [1]."""
+
+Step = Callable[..., StepResult]
+"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]; values of those of
+:func:`further_inputs` by name, NaN if not known. Raises StepRefused."""
+
+
+def further_inputs(step: Step) -> tuple[str, ...]:
+    """Return the inputs that ``step`` takes by name: its attribute ``further_inputs``, or none."""
+    return tuple(getattr(step, "further_inputs", ()))

@@ -22,6 +22,9 @@ SILENT_AFTER = 1.5
 
 _LARGEST = 1 << 16
 _NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
+_FURTHER_NUMBERS = ("mach_number", "altitude_m", "envelope_score", "envelope_score_limit")
+_FURTHER_TEXTS = ("health_text",)
+"""Keys that a bridge of an earlier version does not send."""
 _TEXTS = ("quality_name", "health_name", "bus_state")
 
 
@@ -103,6 +106,8 @@ def _result(content: dict[str, Any]) -> dict[str, Any]:
         "timestamp": timestamp,
         **{name: _number(content[name]) for name in _NUMBERS},
         **{name: _text(content[name]) for name in _TEXTS},
+        **{name: _number(content.get(name)) for name in _FURTHER_NUMBERS},
+        **{name: _text(content.get(name)) for name in _FURTHER_TEXTS},
         "causes": [_text(cause) for cause in content["causes"]],
         "coefficients": _numbers(content["coefficients"], COEFFICIENT_NAMES),
         "sigma": _numbers(content["sigma"], COEFFICIENT_NAMES),

@@ -37,7 +37,7 @@ def monitor() -> Iterator[Monitor]:
     running.close()
 
 
-def result(quality: Quality = Quality.VALID, value: float = 0.5) -> CycleResult:
+def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any) -> CycleResult:
     strain = np.array([1e-6, np.nan, -3e-6])
     full = np.full(5, value)
     valid = np.isfinite(strain)
@@ -50,13 +50,22 @@ def result(quality: Quality = Quality.VALID, value: float = 0.5) -> CycleResult:
         dynamic_pressure=9e4,
         age=0.002,
         coefficients=full,
+        **further,
     )
 
 
-def publisher(port: int, rate: float = 1e4) -> Publisher:
+OUTSIDE = {"health": 7, "mach_number": 6.02, "altitude": 20_100.0, "envelope_score": 4.26}
+
+
+def publisher(port: int, rate: float = 1e4, score_limit: float | None = None) -> Publisher:
     positions = [GaugePosition(name, 0.5, 90.0 * k) for k, name in enumerate("abc")]
     return Publisher(
-        ("127.0.0.1", port), positions, rate=rate, account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE
+        ("127.0.0.1", port),
+        positions,
+        rate=rate,
+        account=FrameAccount,
+        bus_state=lambda: BusState.ERROR_ACTIVE,
+        score_limit=score_limit,
     )
 
 
@@ -94,6 +103,64 @@ def test_datagrams_are_plain_json() -> None:
     assert (content["quality_name"], content["causes"]) == ("VALID", ["PARTIAL_CYCLE"])
     assert content["timestamp"] == pytest.approx(time.time(), abs=10.0)
     assert content["account"]["not accounted for"] == 0
+
+
+@pytest.mark.fast
+def test_the_state_outside_comes_with_its_cause(monitor: Monitor) -> None:
+    mouth = publisher(monitor.listens_at[1], score_limit=3.0)
+    mouth.result(result(Quality.SUSPECT, **OUTSIDE))
+    until(lambda: monitor.state.datagrams == 2)
+    latest = json.loads(get(monitor, "/state")[1])["latest"]
+    assert latest["health_name"] == "OUTSIDE"
+    assert latest["health_text"] == "the coefficients are outside what the map covers"
+    assert (latest["envelope_score"], latest["envelope_score_limit"]) == (4.26, 3.0)
+    assert (latest["mach_number"], latest["altitude_m"]) == (6.02, 20_100.0)
+    mouth.result(result())
+    until(lambda: monitor.state.datagrams == 3)
+    latest = json.loads(get(monitor, "/state")[1])["latest"]
+    keys = ("health_text", "envelope_score", "mach_number", "altitude_m")
+    assert [latest[key] for key in keys] == [None] * 4
+    mouth.close()
+
+
+@pytest.mark.fast
+def test_a_bridge_of_an_earlier_version_is_shown(monitor: Monitor) -> None:
+    mouth = publisher(monitor.listens_at[1])
+    new = ("health_text", "envelope_score", "envelope_score_limit", "mach_number", "altitude_m")
+    content = {name: value for name, value in answer_of(mouth).items() if name not in new}
+    monitor.state.take(json.dumps(content).encode(), 0.0)
+    assert (monitor.state.datagrams, monitor.state.refused) == (1, 0)
+    latest = json.loads(get(monitor, "/state")[1])["latest"]
+    assert [latest[name] for name in new] == [None] * 5
+    mouth.close()
+
+
+@pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
+def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, monitor: Monitor) -> None:
+    browser = Browser(tmp_path / "profile", monitor.url)
+    mouth = publisher(monitor.listens_at[1], score_limit=3.0)
+    names = ("health", "health_text", "envelope", "mach", "altitude")
+    shown = "[" + ",".join(f"document.getElementById('{name}').textContent" for name in names) + "].join('|')"
+    try:
+        browser.wait("document.getElementById('quality')?.textContent", lambda found: found == "waiting")
+        for of_result, expected in (
+            (
+                result(Quality.SUSPECT, **OUTSIDE),
+                "OUTSIDE|(the coefficients are outside what the map covers)|4.3, limit 3.0|6.020|20.10 km",
+            ),
+            (result(Quality.VALID, health=0), "OK||not known, limit 3.0|not known|not known"),
+        ):
+
+            def is_shown(found: str, of_result: CycleResult = of_result, expected: str = expected) -> bool:
+                mouth.result(of_result)
+                return found == expected
+
+            browser.wait(shown, is_shown)
+            for width in WIDTHS:
+                assert clipped(browser, width) == []
+    finally:
+        browser.close()
+        mouth.close()
 
 
 @pytest.mark.fast

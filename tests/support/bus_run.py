@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
+from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
@@ -32,14 +33,20 @@ class LiveRun:
     notes: list[str]
 
 
-def flight(n_cycles: int) -> list[FlownSample]:
+def flight(n_cycles: int, navigated: bool = False) -> list[FlownSample]:
     """Return pressure states that move, seen by the gauges of the synthetic map, with its noise."""
     inverse_map = synthetic_inverse_map(1)
     random = np.random.default_rng(2)
     state = 1e5 * np.sin(0.05 * np.arange(n_cycles)[:, None] + np.arange(3.0))
     strain = inverse_map.mean_strain + state @ inverse_map.state_operator.T
     strain += 1e-7 * random.normal(size=strain.shape)
-    return [FlownSample(d, 9e4 + k, np.full(5, np.nan)) for k, d in enumerate(strain)]
+    pressure = 9e4 + np.arange(n_cycles)
+    mach = np.sqrt(pressure / dynamic_pressure(1.0, 20e3)) if navigated else np.full(n_cycles, np.nan)
+    altitude = np.where(np.isnan(mach), np.nan, 20e3)
+    return [
+        FlownSample(d, float(q), np.full(5, np.nan), float(m), float(h))
+        for d, q, m, h in zip(strain, pressure, mach, altitude, strict=True)
+    ]
 
 
 def live_run(
@@ -51,10 +58,12 @@ def live_run(
     publish: str | None = None,
     profile: str = "fd64",
     stall: tuple[int, float] = (-1, 0.0),
+    navigated: bool = False,
 ) -> LiveRun:
     """Run a bridge on the virtual channel while the sender sends ``n_cycles``.
 
-    ``stall`` is the number of a result behind which the bridge stands still, and for how long [s].
+    ``navigated`` sends Mach number and altitude too. ``stall`` is the number of a result behind which the bridge
+    stands still, and for how long [s].
     """
     options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE)
     settings = BusSettings(interface="virtual", channel=channel)
@@ -73,7 +82,7 @@ def live_run(
         time.sleep(0.1)
         bus = open_bus(settings)
         layout = profile_layout(profile, [f"G{i}" for i in range(N_GAUGES)], CYCLE)
-        send_flight(bus, layout, samples=flight(n_cycles), faults=faults)
+        send_flight(bus, layout, samples=flight(n_cycles, navigated), faults=faults)
         time.sleep(0.1)
         bridge.stop()
         thread.join(10.0)

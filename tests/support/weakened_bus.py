@@ -16,10 +16,10 @@ from strainfmu.can.cycle.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Verdict
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
-from strainfmu.can.cycle.dynamic_pressure import HeldPressure
 from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.judgement import CycleJudge
-from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, pressure_max_age, sender_clock
+from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, sender_clock
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import Reception
@@ -223,25 +223,25 @@ class NeverFrozen(GaugeChecks):
         return 0.0
 
 
-# --- dynamic pressure -----------------------------------------------------------------------------------------
+# --- flow and navigation --------------------------------------------------------------------------------------
 
 
-class HoldsNoValueCodes(HeldPressure):
+class HoldsNoValueCodes(HeldValue):
     def _has_no_value(self, signal: SignalLayout, code: int) -> bool:
         return False
 
 
-class HoldsAnyRange(HeldPressure):
+class HoldsAnyRange(HeldValue):
     def _is_out_of_range(self, signal: SignalLayout, code: int, value: float) -> bool:
         return False
 
 
-class HoldsWhateverStatus(HeldPressure):
+class HoldsWhateverStatus(HeldValue):
     def _is_refused_by_sender(self, raw: IntArray) -> bool:
         return False
 
 
-class HoldsForEver(HeldPressure):
+class HoldsForEver(HeldValue):
     def _is_old(self, now: float) -> bool:
         return False
 
@@ -302,11 +302,18 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
             clock=around(whole.clock),
             decoder=chosen(StrainDecoder)(layout),
             gauges=chosen(GaugeChecks)(layout.n_gauges, layout.cycle_time, settings),
-            pressure=chosen(HeldPressure)(
-                layout.pressure_frame,
+            flow=HeldFlow(
+                [
+                    chosen(HeldValue)(
+                        frame,
+                        source,
+                        max_age=flow_max_age(layout, frame, source, settings),
+                        clock=around(sender_clock(frame, layout.cycle_time, settings)),
+                    )
+                    for frame in layout.flow_frames
+                    for source in frame.flow
+                ],
                 None,
-                max_age=pressure_max_age(layout, settings),
-                clock=around(sender_clock(layout.pressure_frame, layout.cycle_time, settings)),
             ),
         )
         judge = chosen(CycleJudge)(layout, step, settings, parts)

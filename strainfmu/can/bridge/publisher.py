@@ -16,13 +16,15 @@ from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.cosim.step import health_name
+from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 LAYOUT_PERIOD = 1.0
 """Period of the datagrams with the positions of the gauges [s]: the longest wait of a new display."""
 
+_LIMIT = re.compile(r"OUTSIDE above (\S+)")
 _PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) deg)?")
 
 
@@ -55,6 +57,40 @@ def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
     return tuple(found.get(name, GaugePosition(name)) for name in gauge_names_of(fmu))
 
 
+def envelope_score_limit(fmu: Path) -> float | None:
+    """Return the envelope score above which an estimator FMU says OUTSIDE, None if it states none.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged.
+    """
+    from strainfmu.cosim.instance import read_description
+
+    for variable in read_description(fmu).modelVariables:
+        match = _LIMIT.search(variable.description or "")
+        if variable.name == ENVELOPE_SCORE and match:
+            return _finite(float(match[1]))
+    return None
+
+
+def health_text(result: CycleResult, score_limit: float | None) -> str | None:
+    """Return what is outside in a result of health OUTSIDE, None of others.
+
+    The state alone does not tell. A score above its limit shows that the coefficients are outside; below it, it is
+    the flow.
+    """
+    if result.health != HealthState.OUTSIDE:
+        return None
+    if score_limit is None or not isfinite(result.envelope_score):
+        return "outside what the map covers"
+    if result.envelope_score > score_limit:
+        return "the coefficients are outside what the map covers"
+    if isfinite(result.mach_number) or isfinite(result.altitude):
+        return "dynamic pressure, Mach number or altitude is outside the map's range, or they do not agree"
+    return "the dynamic pressure is outside the map's range"
+
+
 def parsed_address(text: str, option: str) -> tuple[str, int]:
     """Return host and port of "host:port".
 
@@ -77,6 +113,7 @@ class Publisher:
     address : host and port.
     gauges : n_d positions, order of the strains.
     account, bus_state : return the present account and state.
+    score_limit : envelope score above which the estimator says OUTSIDE, None if it is not known.
 
     Raises
     ------
@@ -91,6 +128,7 @@ class Publisher:
         rate: float,
         account: Callable[[], FrameAccount],
         bus_state: Callable[[], BusState],
+        score_limit: float | None = None,
     ) -> None:
         try:
             family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
@@ -101,6 +139,7 @@ class Publisher:
         self._target = target
         self._gauges, self._period = tuple(gauges), 1.0 / rate
         self._account, self._bus_state = account, bus_state
+        self._score_limit = score_limit
         self._next = self._next_layout = float("-inf")
         self._quality: Quality | None = None
         self.sent = self.dropped = 0
@@ -132,10 +171,15 @@ class Publisher:
             "sigma": _named(result.coefficients_std.tolist()),
             "strain_um_per_m": dict(zip((g.name for g in self._gauges), micro, strict=True)),
             "dynamic_pressure_Pa": _finite(result.dynamic_pressure),
+            "mach_number": _finite(result.mach_number),
+            "altitude_m": _finite(result.altitude),
             "age_ms": _finite(1e3 * result.age),
             "health": result.health,
             "health_name": None if result.health is None else health_name(result.health),
+            "health_text": health_text(result, self._score_limit),
             "chi_square": _finite(result.chi_square),
+            "envelope_score": _finite(result.envelope_score),
+            "envelope_score_limit": self._score_limit,
             "bus_state": self._bus_state().name,
             "account": {**dict(account.rows()), "not accounted for": account.unaccounted},
             "datagrams": {"sent": self.sent, "dropped": self.dropped},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,13 +47,16 @@ class FrameQueue:
     capacity : frames.
     cycle : frames of a cycle. So many are dropped at once, so that one cycle is lost and not parts of two, and so
         many are taken at once.
+    uncounted : keys of frames that a cycle may have or not. They count neither for a cycle nor, up to twice the
+        capacity, for the queue.
     """
 
-    def __init__(self, capacity: int, cycle: int) -> None:
+    def __init__(self, capacity: int, cycle: int, uncounted: Collection[int] = ()) -> None:
         # Held while frames are stamped and queued, so that no frame is older than a time already returned.
         self.lock = threading.RLock()
         self._items: deque[Frame | BusFault] = deque()
         self._capacity, self._cycle = max(capacity, cycle), cycle
+        self._uncounted, self._counted = frozenset(uncounted), 0
         self._ready = threading.Condition(self.lock)
         self.highest = 0
 
@@ -62,10 +65,10 @@ class FrameQueue:
         with self._ready:
             dropped = 0
             for item in items:
-                if len(self._items) >= self._capacity:
-                    oldest = [self._items.popleft() for _ in range(self._cycle)]
-                    dropped += sum(isinstance(old, Frame) for old in oldest)
+                if self._counted >= self._capacity or len(self._items) >= 2 * self._capacity:
+                    dropped += sum(isinstance(old, Frame) for old in self._oldest_cycle())
                 self._items.append(item)
+                self._counted += self._counts(item)
                 self.highest = max(self.highest, len(self._items))
             self._ready.notify()
         return dropped
@@ -75,8 +78,21 @@ class FrameQueue:
         with self._ready:
             if not self._items and timeout > 0.0:
                 self._ready.wait(timeout)
-            items = [self._items.popleft() for _ in range(min(self._cycle, len(self._items)))]
+            items = self._oldest_cycle()
             return items, self._items[0].time if self._items else clock()
+
+    def _oldest_cycle(self) -> list[Frame | BusFault]:
+        """Take out the oldest cycle; the lock must be held."""
+        items: list[Frame | BusFault] = []
+        left = self._cycle
+        while self._items and left:
+            items.append(self._items.popleft())
+            counts = self._counts(items[-1])
+            left, self._counted = left - counts, self._counted - counts
+        return items
+
+    def _counts(self, item: Frame | BusFault) -> bool:
+        return isinstance(item, BusFault) or item.key not in self._uncounted
 
 
 class Receiver:

@@ -20,6 +20,8 @@ from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 _NOTHING = [nan] * 5
+_LARGEST_SCORE = 25.4
+"""Largest envelope score of a classic frame; it stands for all above."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,6 +31,7 @@ class BridgeStatus:
     Attributes
     ----------
     last_valid : the last result of quality VALID or UNPROTECTED, or None.
+    envelope_score : of the last result [1], NaN for none.
     account : of all frames so far.
     cycles : number of results so far.
     """
@@ -42,6 +45,7 @@ class BridgeStatus:
     send_failures: int
     reconnects: int
     drift_ppm: float
+    envelope_score: float = nan
 
 
 class ResultFrames:
@@ -111,6 +115,7 @@ def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
         "AnsweredCounter": result.counter or 0,
         "Configuration": configuration,
         "UsedPressure": result.dynamic_pressure,
+        "EnvelopeScore8": nan if isnan(result.envelope_score) else min(result.envelope_score, _LARGEST_SCORE),
     }
 
 
@@ -138,5 +143,6 @@ def _status_values(status: BridgeStatus, configuration: int) -> dict[str, float]
         "SendFailures": status.send_failures % 2**16,
         "Reconnects": min(status.reconnects, 255),
         "Drift": status.drift_ppm,
+        "EnvelopeScore": status.envelope_score,
         "Configuration": configuration,
     }

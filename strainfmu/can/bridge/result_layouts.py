@@ -129,6 +129,14 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
         SignalLayout(name="Reconnects", start=432, length=8),
         SignalLayout(name="Configuration", start=448, length=16),
         _drift(464, LITTLE),
+        SignalLayout(
+            name="EnvelopeScore",
+            start=480,
+            length=32,
+            byte_order=LITTLE,
+            kind=FLOAT,
+            comment="Deviations by which the last result leaves what the map covers, 0 inside; NaN: none",
+        ),
     )
     return [
         FrameLayout(
@@ -183,6 +191,14 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
             SignalLayout(name="AnsweredCounter", start=0, length=8, comment="E2E counter of the strains answered"),
             SignalLayout(name="GaugesUsed", start=0, length=8),
             _health(0, 8),
+            SignalLayout(
+                name="EnvelopeScore8",
+                start=0,
+                length=8,
+                scale=0.1,
+                not_available=255,
+                comment="Deviations by which it leaves what the map covers, 0 inside; 254: 25.4 and above",
+            ),
         ),
         words("LastValid1", *lasts[:3], period=None),
         words("LastValid2", *lasts[3:], last_age, period=None),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
+from math import isfinite
 from time import process_time
 from typing import Any
 
@@ -77,8 +78,8 @@ class Bridge:
         self._frames = ResultFrames(result_layouts, configuration)
         self._own_keys = [layout.key for layout in result_layouts]
         self._transmitter = Transmitter(None if on_sent is None else self._report_sent)
-        n_frames = len(core.layout.frames)
-        self._queue = FrameQueue(queued_cycles * n_frames, n_frames)
+        n_frames = core.layout.cycle_length
+        self._queue = FrameQueue(queued_cycles * n_frames, n_frames, core.layout.optional_keys)
         self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
         self._back_off = BackOff(back_off or BackOffSettings())
         self._on_result, self._on_frame = on_result, on_frame
@@ -96,6 +97,9 @@ class Bridge:
         self._latency: deque[float] = deque(maxlen=_LATENCIES)
         self._last_valid: CycleResult | None = None
         self._last_quality = Quality.NO_DATA
+        self._last_score = float("nan")
+        self._healths: Counter[int] = Counter()
+        self._navigated = 0
         self._last_fault = ""
         self._next_status = clock()
         self._start = clock()
@@ -135,6 +139,8 @@ class Bridge:
             cpu=process_time() - self._cpu,
             account=self.account(),
             qualities=Counter(self._qualities),
+            healths=Counter(self._healths),
+            navigated=self._navigated,
             latency=np.array(self._latency),
             sent=self._transmitter.sent,
             send_failures=self._transmitter.failures,
@@ -178,7 +184,10 @@ class Bridge:
             result = published(judged, self._clock(), limit)
             working = self._transmitter.send(self._frames.of_result(result))
             self._qualities[result.quality] += 1
-            self._last_quality = result.quality
+            self._last_quality, self._last_score = result.quality, result.envelope_score
+            if result.health is not None:
+                self._healths[result.health] += 1
+            self._navigated += isfinite(result.mach_number) and isfinite(result.altitude)
             if result.quality in (Quality.VALID, Quality.UNPROTECTED):
                 self._last_valid = result
             if result.arrival is not None:
@@ -205,6 +214,7 @@ class Bridge:
             send_failures=self._transmitter.failures,
             reconnects=self._back_off.reconnects,
             drift_ppm=self._core.drift_ppm,
+            envelope_score=self._last_score,
         )
         self._transmitter.send(self._frames.of_status(status))
         # Without catching up: a late status is useless.

@@ -15,7 +15,7 @@ from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import Identifiers, configuration_of, profile_layout
 from strainfmu.cosim.step import Step
@@ -90,10 +90,11 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     """
     import_can()
     from strainfmu.cosim.fmu_step import FmuStep
+    from strainfmu.cosim.step import ENVELOPE_SCORE
 
     taps = taps or Taps()
     bus = bus_settings(options)
-    with FmuStep(fmu) as step:
+    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step:
         start = taps.clock()
         core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)
         bridge = Bridge(

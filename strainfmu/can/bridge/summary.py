@@ -11,6 +11,7 @@ import numpy as np
 
 from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Quality
+from strainfmu.cosim.step import health_name
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -27,6 +28,8 @@ class BridgeSummary:
     duration, cpu : of the run, and processor time of the whole process in it [s].
     account : of all frames.
     qualities : results by quality.
+    healths : estimates by state of health.
+    navigated : number of results with both Mach number and altitude.
     latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
     sent, send_failures, malformed, reconnects : frames sent and not sent, failed receptions, buses reopened.
     kernel_drops : datagrams that the system dropped, None where that is not known.
@@ -39,6 +42,8 @@ class BridgeSummary:
     cpu: float
     account: FrameAccount
     qualities: Counter[Quality] = field(default_factory=Counter)
+    healths: Counter[int] = field(default_factory=Counter)
+    navigated: int = 0
     latency: np.ndarray = field(default_factory=lambda: np.empty(0))
     sent: int = 0
     send_failures: int = 0
@@ -56,6 +61,7 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
     load = 100.0 * summary.cpu / summary.duration if summary.duration > 0.0 else 0.0
     rows.append(("processor time", f"{summary.cpu:.2f} s, {load:.1f} % of one core"))
     rows += [(f"results {quality.name}", f"{n}") for quality, n in sorted(summary.qualities.items())]
+    rows += health_rows(summary.healths, summary.navigated)
     rows += [(f"frames: {name}", f"{count}") for name, count in summary.account.rows()]
     rows.append(("frames: not accounted for", f"{summary.account.unaccounted}"))
     if summary.account.unknown:
@@ -73,6 +79,14 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
         rows.append(("sender's clock slower by", f"{summary.drift_ppm:.1f} ppm"))
     if summary.reconnects or summary.last_fault:
         rows.append(("bus reopened", f"{summary.reconnects} times; last fault: {summary.last_fault}"))
+    return rows
+
+
+def health_rows(healths: Counter[int], navigated: int) -> list[tuple[str, str]]:
+    """Return rows of estimates by state of health, and of results with navigation if there are any."""
+    rows = [(f"health {health_name(state)}", f"{n}") for state, n in sorted(healths.items())]
+    if navigated:
+        rows.append(("results with Mach number and altitude", f"{navigated}"))
     return rows
 
 

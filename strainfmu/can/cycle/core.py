@@ -17,7 +17,8 @@ from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
+from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
 from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
 
@@ -139,7 +140,7 @@ class BridgeCore:
     # --- one frame --------------------------------------------------------------------------------------------
 
     def _take(self, frame: Frame, is_answered: bool) -> list[CycleResult]:
-        """Check a frame of the input; put it into its cycle, or hold its dynamic pressure."""
+        """Check a frame of the input; put it into its cycle, or hold its flow or navigation."""
         slot = self._reception.slot_of(frame)
         if slot is None:
             self.account.settle(FrameClass.NOT_USABLE, frame.time)
@@ -151,7 +152,7 @@ class BridgeCore:
             return []
         if slot < self._reception.n_strain or slot == self._reception.trailer:
             return self._offer(arrival, is_answered)
-        self.account.settle(self._judge.take_pressure(arrival), frame.time)
+        self.account.settle(self._judge.take_flow(arrival), frame.time)
         return []
 
     def _offer(self, arrival: Arrival, is_answered: bool) -> list[CycleResult]:
@@ -273,10 +274,13 @@ def bridge_core(
 
 def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure: float | None) -> None:
     """Refuse an input that cannot work."""
-    if layout.pressure_frame is None and dynamic_pressure is None:
+    if layout.frame_of(DYNAMIC_PRESSURE) is None and dynamic_pressure is None:
         raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
-    if dynamic_pressure is not None and not 0.0 < dynamic_pressure < float("inf"):
-        raise InputError(f"dynamic pressure: expected a positive number, got {dynamic_pressure:g} Pa")
+    if dynamic_pressure is not None and not 0.0 < dynamic_pressure <= LARGEST_DYNAMIC_PRESSURE:
+        raise InputError(
+            f"dynamic pressure: expected a positive number up to {LARGEST_DYNAMIC_PRESSURE:g} Pa, "
+            f"got {dynamic_pressure:g} Pa"
+        )
     common = own_keys & {frame.layout.key for frame in layout.frames}
     if common:
         raise InputError(

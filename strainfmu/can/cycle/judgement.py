@@ -8,13 +8,14 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.assembler import Arrival, Cycle
 from strainfmu.can.cycle.decoder import DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.held_flow import FlowState
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import TrailerVerdict
 from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.cosim.step import Step, StepRefused, StepResult
+from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
+from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepRefused, StepResult, further_inputs
 
 _READABLE = (None, FrameClass.NOT_TRUSTED)
 """Verdicts of a trailer with which strains are decoded."""
@@ -35,7 +36,8 @@ class CycleJudge:
 
     def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
         self._layout, self._step, self._settings = layout, step, settings
-        self._reception, self._pressure = parts.reception, parts.pressure
+        self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
+        self._reception, self._flow = parts.reception, parts.flow
         self._clock, self._pace = parts.clock, parts.pace
         self._decoder, self._gauges = parts.decoder, parts.gauges
         self._may_be_held_back = False
@@ -47,7 +49,7 @@ class CycleJudge:
     def forget_sender(self) -> None:
         """Start again with a sender that was restarted."""
         self._reception.forget()
-        self._pressure.reset()
+        self._flow.reset()
         if self._clock is not None:
             self._clock.reset()
 
@@ -56,11 +58,12 @@ class CycleJudge:
         """How much slower than ours the sender's clock runs [ppm]; NaN if not known."""
         return float("nan") if self._clock is None else self._clock.drift_ppm
 
-    def take_pressure(self, arrival: Arrival) -> FrameClass:
-        """Hold the dynamic pressure of a frame; return the frame's class."""
+    def take_flow(self, arrival: Arrival) -> FrameClass:
+        """Hold the flow or navigation of a frame; return the frame's class."""
         if not self._reception.is_trusted(arrival.slot):
             return FrameClass.NOT_TRUSTED
-        usable = self._pressure.take(arrival.raw, arrival.frame.time)
+        frame = self._layout.frames[arrival.slot]
+        usable = self._flow.take(frame, arrival.raw, arrival.frame.time)
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
 
     def keep_pace(self, cycle: Cycle) -> None:
@@ -125,7 +128,7 @@ class CycleJudge:
             if reading.restarted:
                 self._reception.forget()
                 # The clock of q_inf may be so short that a restart looks like a delay.
-                self._pressure.reset()
+                self._flow.reset()
         if age > limit or (self._clock is None and self._may_be_held_back):
             causes |= Cause.OLD
         if self._settings.stuck_cycles:
@@ -154,13 +157,15 @@ class CycleJudge:
         self, cycle: Cycle, now: float, causes: Cause, valid: BoolArray, decoded: DecodedCycle, age: float
     ) -> CycleResult:
         """Return the result of a judged cycle."""
-        pressure = self._pressure.value(now)
-        if np.isnan(pressure):
+        flow = self._flow.state(now)
+        if np.isnan(flow.dynamic_pressure):
             causes |= Cause.DYNAMIC_PRESSURE
+        if flow.is_navigation_lost:
+            causes |= Cause.NAVIGATION
         strain = np.where(valid, decoded.strain, np.nan)
         step, quality = None, Quality.INVALID if self.has_published else Quality.NO_DATA
         if valid.any():
-            step, quality, causes = self._estimate(strain, pressure, now=now, causes=causes)
+            step, quality, causes = self._estimate(strain, flow, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         published = step is not None and quality.has_coefficients
@@ -172,7 +177,9 @@ class CycleJudge:
             causes=causes,
             valid=valid,
             strain=strain,
-            dynamic_pressure=pressure,
+            dynamic_pressure=flow.dynamic_pressure,
+            mach_number=flow.mach_number,
+            altitude=flow.altitude,
             age=age,
             sample_time=named.sample_time,
             counter=named.counter,
@@ -180,21 +187,23 @@ class CycleJudge:
             coefficients_std=step.coefficients_std if step is not None and published else no_numbers(),
             chi_square=np.nan if step is None else step.chi_square,
             health=None if step is None else step.health,
+            envelope_score=np.nan if step is None else step.further.get(ENVELOPE_SCORE, np.nan),
             arrival=max(arrival.frame.time for arrival in cycle.arrivals.values()),
         )
 
     def _estimate(
-        self, strain: FloatArray, pressure: float, now: float, causes: Cause
+        self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
     ) -> tuple[StepResult | None, Quality, Cause]:
         """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
         try:
-            step = self._step(strain, pressure, self._step_size(now))
+            further = {name: getattr(flow, name) for name in self._navigation}
+            step = self._step(strain, flow.dynamic_pressure, self._step_size(now), **further)
         except StepRefused:
             return None, Quality.INVALID, causes | Cause.STEP_FAILED
         quality, causes = self._quality_of(step, causes)
         if quality.has_coefficients and not self._is_finite(step):
             quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
-        if np.isnan(pressure):
+        if np.isnan(flow.dynamic_pressure):
             quality = Quality.INVALID
         return step, quality, causes
 

@@ -12,12 +12,12 @@ from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.assembler import CycleAssembler, Limits
 from strainfmu.can.cycle.decoder import StrainDecoder
-from strainfmu.can.cycle.dynamic_pressure import HeldPressure
+from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception
 from strainfmu.can.e2e.sample_clock import SampleClock
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
+from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FlowSignal, InputFrame, InputLayout
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -33,7 +33,7 @@ class CycleParts:
     clock : age of the strains by the sender's clock; None where frames have no sample time.
     decoder : strains of a closed cycle.
     gauges : plausibility of each gauge.
-    pressure : the dynamic pressure.
+    flow : dynamic pressure and navigation.
     """
 
     acceptance: Acceptance
@@ -43,7 +43,7 @@ class CycleParts:
     clock: SampleClock | None
     decoder: StrainDecoder
     gauges: GaugeChecks
-    pressure: HeldPressure
+    flow: HeldFlow
 
 
 def cycle_parts(
@@ -65,12 +65,7 @@ def cycle_parts(
         clock=strain_clock(layout, settings),
         decoder=StrainDecoder(layout),
         gauges=GaugeChecks(layout.n_gauges, period, settings),
-        pressure=HeldPressure(
-            layout.pressure_frame,
-            dynamic_pressure,
-            max_age=pressure_max_age(layout, settings),
-            clock=sender_clock(layout.pressure_frame, period, settings),
-        ),
+        flow=HeldFlow(held_values(layout, settings), dynamic_pressure),
     )
 
 
@@ -97,13 +92,28 @@ def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SampleClock |
     return sender_clock(frame, layout.cycle_time, settings)
 
 
-def pressure_max_age(layout: InputLayout, settings: BridgeSettings) -> float:
-    """Return for how long a dynamic pressure is held [s].
+def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue]:
+    """Return what holds the quantities of the flow frames."""
+    return [
+        HeldValue(
+            frame,
+            source,
+            max_age=flow_max_age(layout, frame, source, settings),
+            clock=sender_clock(frame, layout.cycle_time, settings),
+        )
+        for frame in layout.flow_frames
+        for source in frame.flow
+    ]
 
-    A frame that is sent more slowly than the strains is held for as many of its own periods.
+
+def flow_max_age(layout: InputLayout, frame: InputFrame, source: FlowSignal, settings: BridgeSettings) -> float:
+    """Return for how long a quantity of the flow is held [s].
+
+    That of a frame that is sent more slowly than the strains is held for as many of its own periods.
     """
-    own_period = 0.0 if layout.pressure_frame is None else layout.pressure_frame.layout.cycle_time or 0.0
-    return settings.pressure_max_age * max(layout.cycle_time, own_period)
+    is_pressure = source.quantity == DYNAMIC_PRESSURE
+    cycles = settings.pressure_max_age if is_pressure else settings.navigation_max_age
+    return cycles * max(layout.cycle_time, frame.layout.cycle_time or 0.0)
 
 
 def sender_clock(frame: InputFrame | None, cycle_time: float, settings: BridgeSettings) -> SampleClock | None:

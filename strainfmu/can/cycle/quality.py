@@ -17,7 +17,8 @@ class Quality(IntEnum):
     DEGRADED = 3
     """Some gauges are left out, or the bridge is at its limits; sigma has grown accordingly."""
     SUSPECT = 4
-    """The strains fit no known pressure, or one gauge does not fit the others. Coefficients for information."""
+    """The strains fit no known pressure, one gauge does not fit the others, or the flight is outside what the map
+    covers, where its sigma need not hold. Coefficients for information."""
     STALE = 5
     """The input is too old, or does not change. No coefficients."""
     INVALID = 6
@@ -30,7 +31,7 @@ class Quality(IntEnum):
 
 
 class Cause(IntFlag):
-    """Why a result is not VALID; 16 bits that go over the bus and never change."""
+    """Why a result is not VALID, or less proven than before; 16 bits that go over the bus and never change."""
 
     NONE = 0
     PARTIAL_CYCLE = 1 << 0
@@ -61,3 +62,6 @@ class Cause(IntFlag):
     """Frames were dropped or shed because time was short."""
     BUS = 1 << 13
     """The bus is passive, off, or was reopened."""
+    NAVIGATION = 1 << 14
+    """Mach number or altitude was known and is not any more: fewer tests of the envelope, the quality is as
+    before."""

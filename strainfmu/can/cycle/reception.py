@@ -43,7 +43,7 @@ class TrailerVerdict:
 
 
 class Reception:
-    """The frames of a layout by slot: strain frames first, then the trailer, then q_inf, as ``layout.frames``."""
+    """The frames of a layout by slot: strain frames first, then the trailer, then flow, as ``layout.frames``."""
 
     def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
         self._layout = layout

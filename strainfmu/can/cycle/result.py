@@ -28,10 +28,12 @@ class CycleResult:
     valid : (n_d,) gauges that were used.
     strain : (n_d,) strains that were used [m/m]; NaN where not valid.
     dynamic_pressure : q_inf that was used [Pa], or NaN.
+    mach_number, altitude : by navigation at ``time`` [1] and [m], NaN where not known.
     age : of the strains at ``time`` [s]; NaN if there are none.
     sample_time : sender's clock at the sample [ticks], None if not known.
     counter : E2E counter of the cycle it answers, None if not known.
     coefficients, coefficients_std, chi_square, health : the estimate; NaN and None without one.
+    envelope_score : standard deviations by which the coefficients leave what the map covers [1]; NaN if not known.
     arrival : of the last frame of the cycle [s], None of a status without frames.
     """
 
@@ -41,6 +43,8 @@ class CycleResult:
     valid: BoolArray
     strain: FloatArray
     dynamic_pressure: float = np.nan
+    mach_number: float = np.nan
+    altitude: float = np.nan
     age: float = np.nan
     sample_time: int | None = None
     counter: int | None = None
@@ -48,6 +52,7 @@ class CycleResult:
     coefficients_std: FloatArray = field(default_factory=no_numbers)
     chi_square: float = np.nan
     health: int | None = None
+    envelope_score: float = np.nan
     arrival: float | None = None
 
 
@@ -71,7 +76,8 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
 
 
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
-_SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT})
+_SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})
+"""The deviations need not hold: OUTSIDE comes ahead of INCONSISTENT and SUSPECT, so it is no better than they."""
 _DEGRADING = (
     Cause.PARTIAL_CYCLE
     | Cause.GAUGE_INVALID

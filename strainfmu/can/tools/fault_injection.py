@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 from dataclasses import dataclass, replace
 from itertools import count
+from math import nan
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame
-from strainfmu.can.wire.frame_layout import FLOAT, InputFrame, InputLayout
+from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FLOAT, NAVIGATION, InputFrame, InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
 
 
@@ -29,6 +30,8 @@ class Sample:
     counter: int
     sample_time: float
     status: int = 0
+    mach_number: float = nan
+    altitude: float = nan
 
 
 class FaultySender:
@@ -56,7 +59,16 @@ class FaultySender:
         self._release = 0.0
         self.bus_off = False
 
-    def cycle(self, number: int, time: float, strain: FloatArray, dynamic_pressure: float) -> list[Frame]:
+    def cycle(
+        self,
+        number: int,
+        time: float,
+        strain: FloatArray,
+        dynamic_pressure: float,
+        *,
+        mach_number: float = nan,
+        altitude: float = nan,
+    ) -> list[Frame]:
         """Return the frames that go out from ``time`` [s] until a cycle later, with their times, in order.
 
         Parameters
@@ -64,6 +76,7 @@ class FaultySender:
         number : of the cycle; one more each call.
         strain : (n_d,) true strains [m/m].
         dynamic_pressure : true q_inf [Pa].
+        mach_number, altitude : true Mach number [1] and altitude [m], NaN where the vehicle has no navigation.
         """
         self._activate(number)
         sample = Sample(
@@ -71,6 +84,8 @@ class FaultySender:
             dynamic_pressure=dynamic_pressure,
             counter=number + self._counter_shift,
             sample_time=time + self._clock_shift,
+            mach_number=mach_number,
+            altitude=altitude,
         )
         for fault in self._active:
             self._falsify(fault, number, time=time, sample=sample)
@@ -80,6 +95,8 @@ class FaultySender:
             cycle=sample.counter,
             sample_time=sample.sample_time,
             status=sample.status,
+            mach_number=sample.mach_number,
+            altitude=sample.altitude,
         )
         spacing = 0.2 * self._layout.cycle_time / len(frames)
         frames = [replace(frame, time=time + index * spacing) for index, frame in enumerate(frames)]
@@ -136,7 +153,9 @@ class FaultySender:
                 self._clock_shift += float(random.uniform(5.0, 1000.0)) * self._layout.cycle_time
                 sample.sample_time = time + self._clock_shift
             case FaultKind.PRESSURE_NONE:
-                sample.dynamic_pressure = float("nan")
+                sample.dynamic_pressure = nan
+            case FaultKind.NAVIGATION_NONE:
+                sample.mach_number = sample.altitude = nan
             case _:
                 return
 
@@ -163,8 +182,10 @@ class FaultySender:
                 old = self._history[int(random.integers(len(self._history)))]
                 shift = 0.5 * self._layout.cycle_time
                 return [*frames, *(replace(f, time=time + shift + i * 1e-6) for i, f in enumerate(old))]
-            case FaultKind.PRESSURE_SILENCE if self._layout.pressure_frame is not None:
-                return [frame for frame in frames if frame.key != self._layout.pressure_frame.layout.key]
+            case FaultKind.PRESSURE_SILENCE:
+                return self._without(frames, DYNAMIC_PRESSURE)
+            case FaultKind.NAVIGATION_SILENCE:
+                return self._without(frames, *NAVIGATION)
             case FaultKind.DELAY:
                 self._release = max(self._release, (fault.start + fault.cycles) * self._layout.cycle_time)
                 held = max(self._release, time)
@@ -175,6 +196,12 @@ class FaultySender:
                 return [replace(frame, time=frame.time + jitter) for frame in frames]
             case _:
                 return self._insert(fault, time, frames=frames, random=random)
+
+    def _without(self, frames: list[Frame], *quantities: str) -> list[Frame]:
+        """Return ``frames`` but for those that hold one of ``quantities``."""
+        held = [self._layout.frame_of(quantity) for quantity in quantities]
+        keys = {frame.layout.key for frame in held if frame is not None}
+        return [frame for frame in frames if frame.key not in keys]
 
     def _insert(self, fault: Fault, time: float, frames: list[Frame], random: np.random.Generator) -> list[Frame]:
         """Change frames one by one, or insert others."""

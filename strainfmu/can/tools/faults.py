@@ -78,6 +78,10 @@ class FaultKind(Enum):
     """The dynamic pressure is not sent."""
     PRESSURE_NONE = "pressure-none"
     """The dynamic pressure is "not available"."""
+    NAVIGATION_SILENCE = "navigation-silence"
+    """Mach number and altitude are not sent."""
+    NAVIGATION_NONE = "navigation-none"
+    """Mach number and altitude are "not available"."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,9 @@ LOG_COLUMNS = (
     ("age", "s"),
     ("counter", "1"),
     ("sample_time", "tick"),
+    ("mach_number", "1"),
+    ("altitude", "m"),
+    ("health.envelope_score", "1"),
 )
 """Columns of a replay's output."""
 
@@ -89,4 +92,7 @@ def _row(result: CycleResult) -> list[float]:
         result.age,
         nan if result.counter is None else result.counter,
         nan if result.sample_time is None else result.sample_time,
+        result.mach_number,
+        result.altitude,
+        result.envelope_score,
     ]

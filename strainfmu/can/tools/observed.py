@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu.can.bridge.publisher import Publisher, gauge_positions, parsed_address
+from strainfmu.can.bridge.publisher import Publisher, envelope_score_limit, gauge_positions, parsed_address
 from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import monotonic
@@ -85,7 +85,12 @@ def observed_bridge(
         if address is not None:
             bridge = ready.bridge
             publisher = Publisher(
-                address, positions, rate=publish_rate, account=bridge.account, bus_state=lambda: bridge.bus_state
+                address,
+                positions,
+                rate=publish_rate,
+                account=bridge.account,
+                bus_state=lambda: bridge.bus_state,
+                score_limit=envelope_score_limit(fmu),
             )
             watchers.append(publisher.result)
             stack.callback(publisher.close)

@@ -7,6 +7,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ class ReplaySummary:
     Attributes
     ----------
     duration : of the log [s].
-    account, qualities : as of a live run.
+    account, qualities, healths, navigated : as of a live run.
     compared, equal : number of result frames in the log, and of those that the replay repeated bit by bit, except
         for the age at the time of sending and the CRC over it.
     notes : lines for the user.
@@ -49,6 +50,8 @@ class ReplaySummary:
     duration: float = 0.0
     account: FrameAccount = field(default_factory=FrameAccount)
     qualities: Counter[Quality] = field(default_factory=Counter)
+    healths: Counter[int] = field(default_factory=Counter)
+    navigated: int = 0
     compared: int = 0
     equal: int = 0
     notes: list[str] = field(default_factory=list)
@@ -95,6 +98,9 @@ def replay_log(
     def give(results: list[CycleResult]) -> None:
         for result in results:
             summary.qualities[result.quality] += 1
+            if result.health is not None:
+                summary.healths[result.health] += 1
+            summary.navigated += isfinite(result.mach_number) and isfinite(result.altitude)
             comparison.replayed(result)
             on_result(result)
 

@@ -85,7 +85,14 @@ def send_flight(
         if stopped():
             break
         begin = cycle * layout.cycle_time
-        frames = sender.cycle(cycle, begin, strain=sample.strain, dynamic_pressure=sample.dynamic_pressure)
+        frames = sender.cycle(
+            cycle,
+            begin,
+            strain=sample.strain,
+            dynamic_pressure=sample.dynamic_pressure,
+            mach_number=sample.mach_number,
+            altitude=sample.altitude,
+        )
         for index, frame in enumerate(frames):
             wait = start + frame.time - clock()
             if wait > _SHORTEST_SLEEP:

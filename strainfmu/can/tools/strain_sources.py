@@ -6,12 +6,14 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from math import nan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, NAVIGATION
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.fmi_variables import strain_names
@@ -26,11 +28,14 @@ class FlownSample:
     strain : (n_d,) [m/m].
     dynamic_pressure : q_inf [Pa].
     truth : (5,) true coefficients C_A, C_N, C_Y, M_P, M_Y [1], NaN where they are not known.
+    mach_number, altitude : by navigation [1] and [m], NaN where they are not known.
     """
 
     strain: FloatArray
     dynamic_pressure: float
     truth: FloatArray
+    mach_number: float = nan
+    altitude: float = nan
 
 
 @contextmanager
@@ -66,8 +71,9 @@ def plant_samples(
 
 
 def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:
-    """Return strains, dynamic pressure and, where there are all of them, true coefficients."""
-    found = {v.name: v for v in description.modelVariables if v.causality == "output"}
+    """Return strains, dynamic pressure and, where there are any, navigation and all true coefficients."""
+    # Mach number and altitude of a plant may be inputs, which keep their start values here.
+    found = {v.name: v for v in description.modelVariables if v.causality == "output" or v.name in NAVIGATION}
     names = [*strain_names(n_gauges), "dynamic_pressure"]
     missing = [name for name in names if name not in found]
     if missing:
@@ -75,7 +81,8 @@ def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:
     if f"strain[{n_gauges + 1}]" in found:
         raise InputError(f"{path}: expected a plant of {n_gauges} gauges, got output 'strain[{n_gauges + 1}]'")
     truth = [name for name in COEFFICIENT_NAMES if name in found]
-    return [found[name] for name in (*names, *(truth if len(truth) == 5 else ()))]
+    navigation = [name for name in NAVIGATION if name in found]
+    return [found[name] for name in (*names, *navigation, *(truth if len(truth) == 5 else ()))]
 
 
 def _stepped(
@@ -83,7 +90,9 @@ def _stepped(
 ) -> Iterator[FlownSample]:
     blocks = instance.block("Get", variables, range(len(variables)))
     step = instance.stepper()
-    values = np.full(n_gauges + 6, np.nan)
+    values = np.full(len(variables), np.nan)
+    column = {variable.name: index for index, variable in enumerate(variables)}
+    truth = [column[name] for name in COEFFICIENT_NAMES] if COEFFICIENT_NAMES[0] in column else []
     for cycle in range(n_cycles):
         if cycle:
             begin, end = (cycle - 1) * cycle_time, cycle * cycle_time
@@ -91,7 +100,12 @@ def _stepped(
         for block in blocks:
             block.call()
             values[block.columns] = block.buffer
-        yield FlownSample(values[:n_gauges].copy(), float(values[n_gauges]), values[n_gauges + 1 :].copy())
+        yield FlownSample(
+            values[:n_gauges].copy(),
+            float(values[n_gauges]),
+            values[truth] if truth else np.full(5, np.nan),
+            **{name: float(values[column[name]]) for name in NAVIGATION if name in column},
+        )
 
 
 @contextmanager
@@ -116,7 +130,9 @@ def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Itera
     strain = np.column_stack([recording[f"plant.{name}"] for name in strain_names(n_gauges)])
     truth = np.column_stack([recording[f"plant.{name}"] for name in COEFFICIENT_NAMES])
     pressure = recording["plant.dynamic_pressure"]
-    yield (FlownSample(d, float(q), c) for d, q, c in zip(strain, pressure, truth, strict=True))
+    # The short period has both for the whole flight.
+    navigation = {name: float(getattr(scenario.start, name)) for name in NAVIGATION}
+    yield (FlownSample(d, float(q), c, **navigation) for d, q, c in zip(strain, pressure, truth, strict=True))
 
 
 @contextmanager
@@ -134,16 +150,16 @@ def recorded_samples(
     from strainfmu.recorded.strain_files import open_strains
 
     unknown = np.full(5, np.nan)
-    # The bus carries strains and q_inf alone: no other column matters here.
+    # The bus carries strains, q_inf and navigation alone: no other column matters here.
     wanted = Wanted(
         gauge_names=tuple(gauge_names),
         fixed_pressure=dynamic_pressure,
-        flow=("dynamic_pressure",),
+        flow=FLOW_QUANTITIES,
         ignored=("*",),
     )
     with open_strains(path, wanted) as opened:
         yield (
-            FlownSample(d, float(q), unknown)
+            FlownSample(d, float(q), unknown, **{name: float(block.flow[name][row]) for name in block.flow})
             for block, _ in opened.blocks
-            for d, q in zip(block.strain, block.dynamic_pressure, strict=True)
+            for row, (d, q) in enumerate(zip(block.strain, block.dynamic_pressure, strict=True))
         )

@@ -17,6 +17,8 @@ START_VALUE = "GenSigStartValue"
 _TABLES = {
     "strain",
     "dynamic_pressure",
+    "mach_number",
+    "altitude",
     "units",
     "end_to_end",
     "sample_time",
@@ -100,11 +102,16 @@ class MappedDatabase:
                 )
         return message
 
-    def factor(self, message: Any, signal: Any, units: Mapping[str, float], what: str) -> float:
-        """Return the factor to SI of a signal's unit; the mapping takes precedence over the DBC file."""
+    def factor(
+        self, message: Any, signal: Any, units: Mapping[str, float], what: str, unless_stated: str = ""
+    ) -> float:
+        """Return the factor to SI of a signal's unit; the mapping takes precedence over the DBC file.
+
+        A signal without a unit has that of ``unless_stated``.
+        """
         path = f"{message.name}.{signal.name}"
         self.signals_with_unit.add(path)
-        unit = self.table("units", optional=True).get(path, signal.unit or "")
+        unit = self.table("units", optional=True).get(path, signal.unit or unless_stated)
         if not isinstance(unit, str) or unit.strip() not in units:
             raise InputError(
                 f"{self._name}: signal '{path}': unit: expected {what} ({', '.join(units)}), got {unit!r}; "

@@ -14,10 +14,26 @@ from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
 from strainfmu.can.wire.dbc_signals import period, selector_value, signal_layout
 from strainfmu.can.wire.frame import FD_LENGTHS
-from strainfmu.can.wire.frame_layout import FrameLayout, InputFrame, InputLayout
+from strainfmu.can.wire.frame_layout import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    FLOW_QUANTITIES,
+    MACH_NUMBER,
+    FlowSignal,
+    FrameLayout,
+    InputFrame,
+    InputLayout,
+)
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
-from strainfmu.units import PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
+
+_UNITS_OF = {
+    DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
+    MACH_NUMBER: (NUMBER_UNITS | {"Mach": 1.0, "Ma": 1.0}, "a number", "1"),
+    ALTITUDE: (LENGTH_UNITS, "a unit of length", ""),
+}
+"""Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 
 def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> InputLayout:
@@ -67,12 +83,14 @@ class _Mapper:
             raise InputError(
                 f"{self._name}: sample_time: expected one for every frame of strains, got none for '{missing}'"
             )
-        pressure = self._pressure_frame()
-        if pressure is not None and pressure.layout.key in {frame.layout.key for frame in frames}:
-            raise InputError(
-                f"{self._name}: dynamic_pressure: expected a frame of its own, got '{pressure.layout.name}', "
-                "which holds strains"
-            )
+        of_flow = self._flow_frames()
+        of_strain = {frame.layout.key for frame in frames}
+        for frame in of_flow:
+            if frame.layout.key in of_strain:
+                raise InputError(
+                    f"{self._name}: {frame.flow[0].quantity}: expected a frame without strains, "
+                    f"got '{frame.layout.name}', which holds some"
+                )
         for table in ("sample_time", "status", "configuration", "end_to_end"):
             self._file.check_keys(table, "frame", self._frames_in_use)
         self._file.check_keys("units", "signal", self._file.signals_with_unit)
@@ -80,7 +98,7 @@ class _Mapper:
             name=self._name,
             n_gauges=len(self._names),
             strain_frames=frames,
-            pressure_frame=pressure,
+            flow_frames=of_flow,
             cycle_time=self._cycle_time(frames),
         )
 
@@ -107,26 +125,38 @@ class _Mapper:
             configuration=indices.get("configuration"),
         )
 
-    def _pressure_frame(self) -> InputFrame | None:
-        """Return the frame of q_inf, None if the mapping names none."""
-        table = self._file.table("dynamic_pressure", optional=True)
-        if not table:
-            return None
-        if set(table) != {"signal"}:
-            raise InputError(f"{self._name}: dynamic_pressure: expected 'signal', got {', '.join(table)}")
-        message, signal = self._file.signal(table["signal"], "dynamic_pressure")
-        factor = self._file.factor(message, signal, units=PRESSURE_UNITS, what="a unit of pressure")
-        selector = selector_value(signal, self._name)
-        extra, indices = self._extras(message, selector, 1)
-        layout = self._frame_layout(
-            message, [signal, *extra], selector=selector, measured=[signal], indices=indices
-        )
+    def _flow_frames(self) -> tuple[InputFrame, ...]:
+        """Return the frames of q_inf, Mach number and altitude; quantities of one frame are decoded together."""
+        by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
+        for quantity in FLOW_QUANTITIES:
+            table = self._file.table(quantity, optional=True)
+            if not table:
+                continue
+            if set(table) != {"signal"}:
+                raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
+            message, signal = self._file.signal(table["signal"], quantity)
+            by_frame.setdefault((message.name, selector_value(signal, self._name)), []).append((quantity, signal))
+        return tuple(self._flow_frame(*key, items) for key, items in by_frame.items())
+
+    def _flow_frame(self, message_name: str, selector: int | None, items: list[tuple[str, Any]]) -> InputFrame:
+        """Return one frame of quantities of the flow."""
+        message = self._database.get_message_by_name(message_name)
+        used = [signal for _, signal in items]
+        flow = []
+        for index, (quantity, signal) in enumerate(items):
+            units, what, unless_stated = _UNITS_OF[quantity]
+            factor = self._file.factor(message, signal, units=units, what=what, unless_stated=unless_stated)
+            flow.append(FlowSignal(quantity=quantity, index=index, to_si=factor))
+        if len({signal.name for signal in used}) < len(used):
+            names = " and ".join(quantity for quantity, _ in items)
+            raise InputError(f"{self._name}: {names}: signal '{message_name}.{used[-1].name}' found for both")
+        extra, indices = self._extras(message, selector, len(used))
+        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, indices=indices)
         return InputFrame(
             layout=layout,
-            dynamic_pressure=0,
-            to_pascal=factor,
+            flow=tuple(flow),
             sample_time=indices.get("sample_time"),
-            tick=self._tick(message, extra, indices=indices, first=1),
+            tick=self._tick(message, extra, indices=indices, first=len(used)),
             status=indices.get("status"),
             configuration=indices.get("configuration"),
         )

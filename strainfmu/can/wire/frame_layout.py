@@ -10,6 +10,11 @@ from strainfmu.can.wire.frame import frame_key
 UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
 LITTLE, BIG = "little", "big"
 
+DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE = "dynamic_pressure", "mach_number", "altitude"
+NAVIGATION = (MACH_NUMBER, ALTITUDE)
+FLOW_QUANTITIES = (DYNAMIC_PRESSURE, *NAVIGATION)
+"""What the bridge takes from the bus beside strains, by the names of the FMU's inputs; only q_inf is needed."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SignalLayout:
@@ -94,6 +99,22 @@ class FrameLayout:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FlowSignal:
+    """A signal that holds a quantity of the flow or of navigation.
+
+    Attributes
+    ----------
+    quantity : one of :data:`FLOW_QUANTITIES`.
+    index : of the signal in its frame.
+    to_si : factor from the signal's unit to Pa, 1 or m.
+    """
+
+    quantity: str
+    index: int
+    to_si: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class InputFrame:
     """A frame that the bridge reads, and the roles of its signals; indices are those of ``layout.signals``.
 
@@ -103,7 +124,7 @@ class InputFrame:
     indices : (k,) indices of the strain signals.
     gauges : (k,) gauge of each, from 0.
     to_strain : (k,) factor from the signal's unit to m/m.
-    dynamic_pressure : index of q_inf, or None; ``to_pascal`` its factor to Pa.
+    flow : its signals of flow and navigation.
     sample_time : index of the sender's clock, or None; ``tick`` its unit [s], its range is its length in bits.
     status : index of the sender's own status (0 good, 1 degraded, others: do not use), or None.
     configuration : index of the number that must equal its signal's ``initial``, or None.
@@ -114,8 +135,7 @@ class InputFrame:
     indices: tuple[int, ...] = ()
     gauges: tuple[int, ...] = ()
     to_strain: tuple[float, ...] = ()
-    dynamic_pressure: int | None = None
-    to_pascal: float = 1.0
+    flow: tuple[FlowSignal, ...] = ()
     sample_time: int | None = None
     tick: float = 1e-6
     status: int | None = None
@@ -132,7 +152,7 @@ class InputLayout:
     name : of the profile or the DBC file.
     n_gauges : n_d; every gauge has one signal.
     strain_frames : one cycle of strains.
-    pressure_frame : the frame of q_inf, or None.
+    flow_frames : the frames of q_inf, Mach number and altitude; each of these is in one of them or in none.
     trailer : the frame that ends a cycle, or None.
     cycle_time : nominal period [s].
     """
@@ -140,14 +160,33 @@ class InputLayout:
     name: str
     n_gauges: int
     strain_frames: tuple[InputFrame, ...]
-    pressure_frame: InputFrame | None = None
+    flow_frames: tuple[InputFrame, ...] = ()
     trailer: InputFrame | None = None
     cycle_time: float = 0.01
     frames: tuple[InputFrame, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        others = [frame for frame in (self.trailer, self.pressure_frame) if frame is not None]
-        object.__setattr__(self, "frames", (*self.strain_frames, *others))
+        trailer = () if self.trailer is None else (self.trailer,)
+        object.__setattr__(self, "frames", (*self.strain_frames, *trailer, *self.flow_frames))
+
+    @property
+    def cycle_length(self) -> int:
+        """Number of frames of a cycle without those of :attr:`optional_keys`."""
+        return sum(frame.layout.key not in self.optional_keys for frame in self.frames)
+
+    @property
+    def optional_keys(self) -> frozenset[int]:
+        """Keys of the frames of navigation alone, which need not be sent."""
+        alone = [frame for frame in self.flow_frames if all(s.quantity in NAVIGATION for s in frame.flow)]
+        needed = {frame.layout.key for frame in self.frames if frame not in alone}
+        return frozenset(frame.layout.key for frame in alone) - needed
+
+    def frame_of(self, quantity: str) -> InputFrame | None:
+        """Return the frame that holds a quantity of :data:`FLOW_QUANTITIES`, or None."""
+        for frame in self.flow_frames:
+            if any(signal.quantity == quantity for signal in frame.flow):
+                return frame
+        return None
 
     @property
     def is_timed(self) -> bool:
@@ -158,5 +197,4 @@ class InputLayout:
     def is_protected(self) -> bool:
         """A CRC with counter covers every byte that affects the result."""
         strains = self.trailer is not None or all(frame.layout.protection for frame in self.strain_frames)
-        pressure = self.pressure_frame is None or self.pressure_frame.layout.protection is not None
-        return strains and pressure
+        return strains and all(frame.layout.protection is not None for frame in self.flow_frames)

@@ -18,6 +18,12 @@ LARGEST_FLOAT_STRAIN = 50_000.0
 LARGEST_DYNAMIC_PRESSURE = 1e7
 """Maximum dynamic pressure [Pa]; Mach 10 at sea level has 7.1 MPa."""
 
+MACH_SCALE = 1e-3
+ALTITUDE_SCALE, LOWEST_ALTITUDE = 2.0, -2000.0
+"""Scale of Mach number [1 per bit] and altitude [m per bit], and the altitude of the number 0 [m]."""
+
+_NO_NAVIGATION = 65535
+
 
 def strain_signal(name: str, start: int, byte_order: str) -> SignalLayout:
     """Return a strain of 16 bits."""
@@ -125,4 +131,38 @@ def pressure_signal(start: int, byte_order: str) -> SignalLayout:
         minimum=1e-6,
         maximum=LARGEST_DYNAMIC_PRESSURE,
         comment="Free-stream dynamic pressure; NaN not available",
+    )
+
+
+def mach_signal(start: int, byte_order: str) -> SignalLayout:
+    """Return the Mach number, 16 bits."""
+    return SignalLayout(
+        name="MachNumber",
+        start=start,
+        length=16,
+        byte_order=byte_order,
+        scale=MACH_SCALE,
+        minimum=MACH_SCALE,
+        maximum=65534 * MACH_SCALE,
+        not_available=_NO_NAVIGATION,
+        initial=_NO_NAVIGATION,
+        comment="Mach number by navigation; 65535 not available",
+    )
+
+
+def altitude_signal(start: int, byte_order: str) -> SignalLayout:
+    """Return the altitude, 16 bits."""
+    return SignalLayout(
+        name="Altitude",
+        start=start,
+        length=16,
+        byte_order=byte_order,
+        scale=ALTITUDE_SCALE,
+        offset=LOWEST_ALTITUDE,
+        unit="m",
+        minimum=LOWEST_ALTITUDE + ALTITUDE_SCALE,
+        maximum=LOWEST_ALTITUDE + 65534 * ALTITUDE_SCALE,
+        not_available=_NO_NAVIGATION,
+        initial=_NO_NAVIGATION,
+        comment="Geopotential altitude by navigation; 65535 not available",
     )

@@ -14,18 +14,24 @@ from dataclasses import dataclass
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import EXTENDED_FLAG
 from strainfmu.can.wire.frame_layout import (
+    ALTITUDE,
     BIG,
+    DYNAMIC_PRESSURE,
     LITTLE,
+    MACH_NUMBER,
+    FlowSignal,
     FrameLayout,
     InputFrame,
     InputLayout,
     SignalLayout,
 )
 from strainfmu.can.wire.profile_signals import (
+    altitude_signal,
     configuration_signal,
     float_strain_signal,
     header_1,
     header_5,
+    mach_signal,
     pressure_signal,
     sample_time_signal,
     status_signal,
@@ -40,9 +46,11 @@ GAUGES_PER_FD_FRAME = 27
 SENDER = "StrainSender"
 BRIDGE = "StrainBridge"
 
+_NAVIGATION_DATA_ID = 0x5200
 _PRESSURE_DATA_ID = 0x5300
 _STRAIN_DATA_ID = 0x5301
 _MICRO = 1e-6
+_NAVIGATION_TEXT = "Mach number and altitude by navigation; optional: a sender without them does not send it"
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class Identifiers:
 
     Attributes
     ----------
-    base : identifier of the frame of q_inf; strain frames and the trailer follow.
+    base : identifier of the frame of q_inf; strain frames, the trailer and the frame of navigation follow.
     result_base : identifier of the first result frame.
     is_extended : 29 bit identifiers.
     """
@@ -170,12 +178,32 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
         sender=SENDER,
         comment="Dynamic pressure; send it ahead of the strains of the same time",
     )
-    pressure_frame = InputFrame(layout=pressure, dynamic_pressure=4, sample_time=3, status=2, configuration=5)
+    navigation = FrameLayout(
+        name="Navigation",
+        identifier=identifiers.base + 1 + len(frames),
+        length=16,
+        signals=(
+            *head,
+            mach_signal(64, LITTLE),
+            altitude_signal(80, LITTLE),
+            configuration_signal(96, configuration),
+        ),
+        is_extended=identifiers.is_extended,
+        is_fd=True,
+        protection=Protection(5, _NAVIGATION_DATA_ID),
+        cycle_time=cycle_time,
+        sender=SENDER,
+        comment=_NAVIGATION_TEXT,
+    )
+    flow_frames = (
+        InputFrame(layout=pressure, flow=_pressure_at(4), sample_time=3, status=2, configuration=5),
+        InputFrame(layout=navigation, flow=_navigation_at(4), sample_time=3, status=2, configuration=6),
+    )
     return InputLayout(
         name="fd64",
         n_gauges=len(names),
         strain_frames=tuple(frames),
-        pressure_frame=pressure_frame,
+        flow_frames=flow_frames,
         cycle_time=cycle_time,
     )
 
@@ -232,14 +260,7 @@ def _classic(
             *header_1(),
             status_signal(12, 4),
             pressure_signal(23 if order == BIG else 16, order),
-            SignalLayout(
-                name="SampleTime",
-                start=55 if order == BIG else 48,
-                length=16,
-                byte_order=order,
-                scale=0.1,
-                unit="ms",
-            ),
+            _short_sample_time(order),
         ),
         is_extended=identifiers.is_extended,
         protection=Protection(1, _PRESSURE_DATA_ID),
@@ -247,11 +268,47 @@ def _classic(
         sender=SENDER,
         comment="Dynamic pressure; send it ahead of the strains of the same time",
     )
+    navigation = FrameLayout(
+        name="Navigation",
+        identifier=identifiers.base + 2 + len(frames),
+        length=8,
+        signals=(
+            *header_1(),
+            status_signal(12, 4),
+            mach_signal(23 if order == BIG else 16, order),
+            altitude_signal(39 if order == BIG else 32, order),
+            _short_sample_time(order),
+        ),
+        is_extended=identifiers.is_extended,
+        protection=Protection(1, _NAVIGATION_DATA_ID),
+        cycle_time=cycle_time,
+        sender=SENDER,
+        comment=_NAVIGATION_TEXT,
+    )
     return InputLayout(
         name=profile,
         n_gauges=len(names),
         strain_frames=tuple(frames),
-        pressure_frame=InputFrame(layout=pressure, dynamic_pressure=3, sample_time=4, tick=1e-4, status=2),
+        flow_frames=(
+            InputFrame(layout=pressure, flow=_pressure_at(3), sample_time=4, tick=1e-4, status=2),
+            InputFrame(layout=navigation, flow=_navigation_at(3), sample_time=5, tick=1e-4, status=2),
+        ),
         trailer=InputFrame(layout=trailer, sample_time=3, status=2, is_trailer=True),
         cycle_time=cycle_time,
+    )
+
+
+def _pressure_at(index: int) -> tuple[FlowSignal, ...]:
+    return (FlowSignal(quantity=DYNAMIC_PRESSURE, index=index),)
+
+
+def _navigation_at(index: int) -> tuple[FlowSignal, ...]:
+    """Return Mach number and altitude, side by side from ``index`` on."""
+    return FlowSignal(quantity=MACH_NUMBER, index=index), FlowSignal(quantity=ALTITUDE, index=index + 1)
+
+
+def _short_sample_time(order: str) -> SignalLayout:
+    """Return the sender's clock of 16 bits at the end of a frame of 8 bytes."""
+    return SignalLayout(
+        name="SampleTime", start=55 if order == BIG else 48, length=16, byte_order=order, scale=0.1, unit="ms"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite, nan
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,29 +11,49 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import FloatArray
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.wire.frame_layout import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    MACH_NUMBER,
+    FrameLayout,
+    InputFrame,
+    InputLayout,
+)
 from strainfmu.can.wire.signal_plan import SignalPlan
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Sample:
-    """Values of one cycle: (n_d,) strains [m/m], q_inf [Pa], sender's clock [s], sender's status."""
+    """Values of one cycle: (n_d,) strains [m/m], flow by quantity [SI], sender's clock [s], sender's status."""
 
     strain: FloatArray
-    dynamic_pressure: float
+    flow: dict[str, float]
     sample_time: float
     status: int
 
 
 class StrainEncoder:
-    """Composes the frames of successive cycles in the order of their transmission: q_inf, strains, trailer."""
+    """Composes the frames of successive cycles in the order of their transmission: flow, strains, trailer.
+
+    A frame of navigation is left out until something in it was known; from then on it is sent every cycle.
+    """
 
     def __init__(self, layout: InputLayout) -> None:
         self._layout = layout
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
+        self._first_of_flow = len(layout.frames) - len(layout.flow_frames)
+        self._sent = [_holds_pressure(frame) for frame in layout.flow_frames]
 
     def encode(
-        self, strain: ArrayLike, dynamic_pressure: float, cycle: int, sample_time: float, status: int = 0
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: float,
+        cycle: int,
+        sample_time: float,
+        status: int = 0,
+        *,
+        mach_number: float = nan,
+        altitude: float = nan,
     ) -> list[Frame]:
         """Return the frames of one cycle.
 
@@ -43,6 +64,7 @@ class StrainEncoder:
         cycle : number of the cycle; the counter of every frame.
         sample_time : sender's clock [s].
         status : 0 good, 1 degraded, 2 do not use.
+        mach_number, altitude : by navigation [1] and [m], NaN for "not available".
 
         Raises
         ------
@@ -51,13 +73,15 @@ class StrainEncoder:
         """
         sample = _Sample(
             strain=np.asarray(strain, dtype=float),
-            dynamic_pressure=dynamic_pressure,
+            flow={DYNAMIC_PRESSURE: dynamic_pressure, MACH_NUMBER: mach_number, ALTITUDE: altitude},
             sample_time=sample_time,
             status=status,
         )
         layout, frames, covered = self._layout, [], b""
-        if layout.pressure_frame is not None:
-            frames.append(self._frame(len(layout.frames) - 1, sample, cycle))
+        for number, item in enumerate(layout.flow_frames):
+            self._sent[number] |= any(isfinite(sample.flow[signal.quantity]) for signal in item.flow)
+            if self._sent[number]:
+                frames.append(self._frame(self._first_of_flow + number, sample, cycle))
         for slot in range(len(layout.strain_frames)):
             frames.append(self._frame(slot, sample, cycle))
             covered += frames[-1].data
@@ -72,14 +96,14 @@ class StrainEncoder:
         values = np.array([float(s.initial or 0) * s.scale + s.offset for s in layout.signals])
         if item.indices:
             values[list(item.indices)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
-        if item.dynamic_pressure is not None:
-            values[item.dynamic_pressure] = sample.dynamic_pressure / item.to_pascal
+        for signal in item.flow:
+            values[signal.index] = sample.flow[signal.quantity] / signal.to_si
         if item.status is not None:
             values[item.status] = sample.status
         if item.sample_time is not None:
-            signal = layout.signals[item.sample_time]
-            ticks = round(sample.sample_time / item.tick) % (1 << signal.length)
-            values[item.sample_time] = ticks * signal.scale + signal.offset
+            clock = layout.signals[item.sample_time]
+            ticks = round(sample.sample_time / item.tick) % (1 << clock.length)
+            values[item.sample_time] = ticks * clock.scale + clock.offset
         if layout.multiplexer is not None:
             selector, number = layout.multiplexer
             values[layout.index_of(selector.name)] = number * selector.scale + selector.offset
@@ -87,6 +111,10 @@ class StrainEncoder:
         if layout.protection is not None:
             data = protect(data, layout.protection, counter=cycle, covered=covered)
         return frame_of(layout, data)
+
+
+def _holds_pressure(frame: InputFrame) -> bool:
+    return any(signal.quantity == DYNAMIC_PRESSURE for signal in frame.flow)
 
 
 def frame_of(layout: FrameLayout, data: bytes) -> Frame:

@@ -182,6 +182,7 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[st
     from time import perf_counter
 
     from strainfmu.can.bridge.setup import BridgeOptions
+    from strainfmu.can.bridge.summary import health_rows
     from strainfmu.can.tools.log_estimates import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
@@ -195,6 +196,8 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[st
     table.add_row("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast")
     for quality, number in sorted(summary.qualities.items()):
         table.add_row(f"results {quality.name}", str(number))
+    for name, text in health_rows(summary.healths, summary.navigated):
+        table.add_row(name, text)
     for name, number in summary.account.rows():
         table.add_row(f"frames: {name}", str(number))
     table.add_row("frames: not accounted for", str(summary.account.unaccounted))

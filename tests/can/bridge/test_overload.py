@@ -56,20 +56,26 @@ class Overloaded:
         return [(r.time - r.arrival) / CYCLE for r in self.answers if r.arrival is not None]
 
 
-def run(profile: str, service: float, n_cycles: int, stall: tuple[int, float] = (-1, 0.0)) -> Overloaded:
+def run(
+    profile: str, service: float, n_cycles: int, stall: tuple[int, float] = (-1, 0.0), mach_number: float = np.nan
+) -> Overloaded:
     """Wire queue, backlog and core as the bridge does, an answer taking ``service`` [cycles].
+
+    With a ``mach_number`` a frame of navigation is sent, which a cycle need not have.
 
     ``stall`` is a cycle at which the bridge stands still, and for how long [cycles].
     """
     layout, truth, step = layout_of(profile, N), Truth(N, 1), Projection(N)
-    encoder, per_cycle = StrainEncoder(layout), len(layout.frames)
+    encoder, per_cycle = StrainEncoder(layout), layout.cycle_length
     frames = [
         replace(frame, time=k * CYCLE + 1e-5 * index)
         for k in range(n_cycles)
-        for index, frame in enumerate(encoder.encode(*truth.cycle(k), cycle=k, sample_time=k * CYCLE))
+        for index, frame in enumerate(
+            encoder.encode(*truth.cycle(k), cycle=k, sample_time=k * CYCLE, mach_number=mach_number)
+        )
     ]
     clock, index = Time(), 0
-    queue = FrameQueue(QUEUED_CYCLES * per_cycle, per_cycle)
+    queue = FrameQueue(QUEUED_CYCLES * per_cycle, per_cycle, layout.optional_keys)
     backlog = Backlog(SETTINGS.max_age, CYCLE)
     over = Overloaded(bridge_core(layout, step, SETTINGS, start=0.0), sent=len(frames))
     while True:
@@ -128,9 +134,14 @@ def test_a_bridge_that_keeps_up_answers_every_cycle(profile: str) -> None:
 
 
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
-@pytest.mark.parametrize(("service", "valid"), [(1.3, 0.8), (1.6, 0.7), (2.3, 0.45)])
-def test_an_overloaded_bridge_answers_the_newest_cycles(profile: str, service: float, valid: float) -> None:
-    over = run(profile, service, 600)
+@pytest.mark.parametrize(
+    ("service", "valid", "mach_number"),
+    [(1.3, 0.8, np.nan), (1.6, 0.7, np.nan), (1.6, 0.7, 4.0), (2.3, 0.45, np.nan), (2.3, 0.45, 4.0)],
+)
+def test_an_overloaded_bridge_answers_the_newest_cycles(
+    profile: str, service: float, valid: float, mach_number: float
+) -> None:
+    over = run(profile, service, 600, mach_number=mach_number)
     assert over.overrun == 0, "long before the queue is full"
     assert over.core.account.classes[FrameClass.SKIPPED] > 0
     # All but the first three have coefficients; those that follow a gap report it.

@@ -176,7 +176,7 @@ SCENARIOS: dict[str, tuple[Callable[[MakeCore], Campaign], Callable[[Campaign], 
 def pressure_used_twice(run: Campaign) -> bool:
     """Return whether more frames of q_inf were used than were sent: one per cycle, on an identifier of its own."""
     used = count(run, FrameClass.USED)
-    sent = len(run.core.layout.frames) * (40 + 80 + 12)
+    sent = run.core.layout.cycle_length * (40 + 80 + 12)
     return used > sent - 9
 
 

@@ -31,7 +31,8 @@ def run(seconds: float, checks: int) -> list[int]:
     core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(), start=0.0)
     encoder, truth = StrainEncoder(layout), Truth(N_GAUGES, 1)
     patterns = [encoder.encode(*truth.cycle(k), cycle=0, sample_time=0.0) for k in range(1000)]
-    protections = [frame.layout.protection for frame in (layout.frames[-1], *layout.frames[:-1])]
+    pressure = layout.frame_of("dynamic_pressure")
+    protections = [frame.layout.protection for frame in (pressure, *layout.strain_frames) if frame is not None]
     n_cycles, valid, memory = round(seconds / CYCLE), 0, []
     for k in range(n_cycles):
         time = k * CYCLE * (1.0 + DRIFT)

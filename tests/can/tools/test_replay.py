@@ -13,12 +13,14 @@ from bus_run import CYCLE, LiveRun, live_run
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.summary import summary_rows
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.recording import LOG_SUFFIXES
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
+from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError
 
@@ -38,9 +40,9 @@ def recorded(options: BridgeOptions | None) -> BridgeOptions:
 
 def replayed(log: Path, fmu: Path) -> tuple[list[CycleResult], ReplaySummary]:
     results: list[CycleResult] = []
-    with FmuStep(fmu) as step:
+    with open_step(fmu) as ready:
         summary = replay_log(
-            log, fmu, step=step, gauge_names=step.gauge_names, options=recorded, on_result=results.append
+            log, fmu, step=ready.step, gauge_names=ready.gauge_names, options=recorded, on_result=results.append
         )
     return results, summary
 
@@ -90,6 +92,25 @@ def test_replay_of_a_classic_profile(synthetic: SyntheticFiles, tmp_path: Path) 
     check_equal(run, results)
     assert summary.compared > 100  # five frames per result
     assert summary.equal >= 0.9 * summary.compared
+
+
+def test_navigation_is_replayed_counted_and_written(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    log, out = tmp_path / "run.blf", tmp_path / "run.h5"
+    live = live_run(synthetic.estimator_1, "replay_nav", 40, record=log, navigated=True)
+    known = [result for result in live.results if np.isfinite(result.mach_number)]
+    assert len(known) > 30
+    rows = dict(summary_rows(live.summary))
+    assert rows["results with Mach number and altitude"] == str(len(known))
+    assert int(rows["health OK"]) > 30
+    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out)
+    assert (code, errors) == (0, "")
+    assert "results with Mach number and altitude" in printed
+    assert "health OK" in printed
+    with h5py.File(out) as file:
+        np.testing.assert_array_equal(file["mach_number"][()], [r.mach_number for r in live.results])
+        np.testing.assert_array_equal(file["altitude"][()], [r.altitude for r in live.results])
+        np.testing.assert_array_equal(file["health.envelope_score"][()], [r.envelope_score for r in live.results])
+        assert file["altitude"].attrs["unit"] == "m"
 
 
 def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(

@@ -73,7 +73,7 @@ def test_every_cycle_goes_out_at_its_own_time() -> None:
     clock = Time()
     bus = Bus(clock)
     sent = send_flight(bus, LAYOUT, samples=samples(50), faults=(), clock=clock, sleep=clock.sleep)
-    per_cycle = len(LAYOUT.frames)
+    per_cycle = LAYOUT.cycle_length
     assert (sent.cycles, sent.frames, sent.not_sent) == (50, 50 * per_cycle, 0)
     first = np.array([time for time, _ in bus.sent[::per_cycle]])
     # Delays do not add up over the cycles: a sleep ends at most 0.1 ms early, by _SHORTEST_SLEEP.
@@ -142,6 +142,9 @@ def test_plant_samples_are_those_of_a_simulation(synthetic: SyntheticFiles) -> N
     np.testing.assert_array_equal(np.array([sample.strain for sample in given]), strain)
     np.testing.assert_array_equal([s.dynamic_pressure for s in given], reference["plant.dynamic_pressure"])
     np.testing.assert_array_equal([s.truth[3] for s in given], reference["plant.M_P"])
+    np.testing.assert_array_equal([s.mach_number for s in given], reference["plant.mach_number"])
+    np.testing.assert_array_equal([s.altitude for s in given], reference["plant.altitude"])
+    assert given[0].mach_number == 5.0
 
 
 def test_a_plant_of_other_gauges_is_refused(synthetic: SyntheticFiles) -> None:
@@ -162,6 +165,7 @@ def test_a_scenario_is_flown_at_the_rate_of_the_bus(tmp_path: Path) -> None:
         given = list(opened)
     assert len(given) == 51
     assert all(np.isfinite(sample.truth).all() and np.isfinite(sample.strain).all() for sample in given)
+    assert {(sample.mach_number, sample.altitude) for sample in given} == {(6.0, 20e3)}
     # The angle of attack is commanded away from where it starts, so that strains move.
     assert np.ptp([sample.strain for sample in given], axis=0).max() > 0.0
 
@@ -174,6 +178,18 @@ def test_recorded_rows_are_sent_one_per_cycle(tmp_path: Path) -> None:
     np.testing.assert_allclose([s.strain for s in given], [[100e-6, 1e-6], [200e-6, np.nan]])
     assert [s.dynamic_pressure for s in given] == [9e4, 9e4]
     assert np.isnan(given[0].truth).all()
+    assert np.isnan([given[0].mach_number, given[0].altitude]).all()
+
+
+def test_navigation_of_recorded_rows_is_sent(tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text(
+        "time,G0,G1,dynamic_pressure,mach_number,altitude [km]\n0,1e-4,1e-6,9e4,6,20\n1,1e-4,2e-6,9e4,,21\n"
+    )
+    with recorded_samples(path, ["G0", "G1"], None) as opened:
+        given = list(opened)
+    np.testing.assert_array_equal([s.mach_number for s in given], [6.0, np.nan])
+    np.testing.assert_allclose([s.altitude for s in given], [20e3, 21e3])
 
 
 def test_score_by_hand() -> None:
@@ -230,5 +246,5 @@ def test_send_over_a_virtual_bus(run: Run, synthetic: SyntheticFiles) -> None:
     while (message := ears.recv(0.0)) is not None:
         heard.append(message.arbitration_id)
     ears.shutdown()
-    # q_inf, two frames of 4 and 2 gauges, the trailer.
-    assert heard == [0x300, 0x301, 0x302, 0x303] * 10
+    # q_inf, navigation of the plant, two frames of 4 and 2 gauges, the trailer.
+    assert heard == [0x300, 0x304, 0x301, 0x302, 0x303] * 10

@@ -28,6 +28,7 @@ from strainfmu.can.wire.dbc_writer import dbc_text
 from strainfmu.can.wire.frame import Frame, from_message
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import PROFILES, Identifiers, configuration_of
+from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "howto" / "can_cantools_example.py"
@@ -363,6 +364,45 @@ def test_results_are_read_by_cantools(form: str, example: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+def test_a_result_outside_the_map_says_so(form: str) -> None:
+    layouts = result_layouts(form, Identifiers(), CYCLE)
+    database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")
+    outside = replace(RESULT, quality=Quality.SUSPECT, health=7)
+    for score, shown in ((0.0, 0.0), (4.26, 4.3), (25.4, 25.4), (1e6, 25.4), (np.nan, "NotAvailable")):
+        values: dict = {}
+        for frame in ResultFrames(layouts, 1).of_result(replace(outside, envelope_score=score)):
+            values |= database.decode_message(frame.identifier, frame.data)
+        assert (str(values["Quality"]), str(values["Health"])) == ("Suspect", "Outside")
+        if form != "fd":
+            found = values["EnvelopeScore8"]
+            assert str(found) == shown if isinstance(shown, str) else found == pytest.approx(shown)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_navigation_is_that_of_the_dbc_file(profile: str) -> None:
+    database = cantools.database.load_string(text_of(profile, 6), "dbc")
+    layout = layout_of(profile, 6)
+    encoder = StrainEncoder(layout)
+    message = database.get_message_by_name("Navigation")
+    assert message.frame_id == max(frame.layout.identifier for frame in layout.frames)
+    assert message.get_signal_by_name("Altitude").raw_initial == 65535
+    for cycle, (mach, altitude) in enumerate([(6.02, 20e3), (np.nan, -150.0), (70.0, 2e5)]):
+        frames = encoder.encode(
+            np.zeros(6), 9e4, cycle=cycle, sample_time=0.0, mach_number=mach, altitude=altitude
+        )
+        data = next(frame.data for frame in frames if frame.identifier == message.frame_id)
+        values = message.decode(data)
+        if cycle == 2:
+            assert str(values["MachNumber"]) == str(values["Altitude"]) == "NotAvailable"
+            continue
+        assert values["Altitude"] == altitude
+        if cycle == 0:
+            assert values["MachNumber"] == pytest.approx(6.02)
+        else:
+            assert str(values["MachNumber"]) == "NotAvailable"
+
+
+@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
 @pytest.mark.parametrize("quality", [q for q in Quality if not q.has_coefficients])
 def test_no_coefficients_go_out_without_quality(form: str, quality: Quality) -> None:
     """Even if a result held some by mistake: NaN, or the raw value for "not available"."""
@@ -394,6 +434,7 @@ def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -
         send_failures=6,
         reconnects=7,
         drift_ppm=12.3,
+        envelope_score=5.5,
     )
     values: dict = {}
     for frame in ResultFrames(layouts, 1).of_status(status):
@@ -403,4 +444,6 @@ def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -
     assert age == pytest.approx(1012.3, abs=0.5 if form == "fd" else 5.0)
     assert values["last_C_N"] == pytest.approx(0.61, abs=2.6e-4)
     assert (values["Quality"], values["BusState"], values["Reconnects"]) == (5, 2, 7)
+    if form == "fd":
+        assert values["EnvelopeScore"] == 5.5
     assert values["Rejected" if form == "fd" else "Rejected16"] == (70_000 if form == "fd" else 70_000 % 65536)

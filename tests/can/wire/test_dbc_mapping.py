@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -136,6 +137,85 @@ def test_value_names_and_converter_ends_hold_for_the_dynamic_pressure(code: int,
         assert result.dynamic_pressure == expected
 
 
+NAVIGATION = """BO_ 257 Air: 8 A
+ SG_ q : 0|16@1+ (10,0) [0|0] "Pa" B
+ SG_ M : 16|16@1+ (0.001,0) [0|0] "" B
+ SG_ h : 32|16@1+ (10,-10000) [0|0] "ft" B
+BO_ 258 Nav: 8 A
+ SG_ h : 0|32@1- (1,0) [0|0] "km" B
+ SG_ M : 32|32@1- (1,0) [0|0] "Mach" B
+SIG_VALTYPE_ 258 h : 1;
+SIG_VALTYPE_ 258 M : 1;
+VAL_ 257 M 65000 "SNA" ;
+"""
+
+
+def navigated(frame: Callable[[int], Frame], **tables: Any) -> list[CycleResult]:
+    """Return the results of 20 cycles with a further frame ahead of each; q_inf is fixed unless it is mapped."""
+    layout = layout_from(RACK + NAVIGATION, **tables)
+    frames = [one for k in range(20) for one in (frame(k), rack(k))]
+    return results_of(layout, frames, None if "dynamic_pressure" in tables else 9e4)
+
+
+AIR_TABLES = {
+    "dynamic_pressure": {"signal": "Air.q"},
+    "mach_number": {"signal": "Air.M"},
+    "altitude": {"signal": "Air.h"},
+}
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [
+        ((9000, 5250, 7562), (9e4, 5.25, 0.3048 * 65620.0)),
+        ((9000, 65000, 7562), (9e4, None, 0.3048 * 65620.0)),
+        ((9000, 0, 65535), (9e4, None, None)),
+        ((65535, 5250, 0), (None, 5.25, None)),
+    ],
+)
+def test_dynamic_pressure_and_navigation_of_one_frame_are_judged_one_by_one(
+    codes: tuple[int, int, int], expected: tuple[float | None, ...]
+) -> None:
+    def air(number: int) -> Frame:
+        last = (9000, 5250, 7562) if number < 19 else codes
+        return Frame(identifier=257, data=struct.pack("<3H2x", *last), time=number * CYCLE)
+
+    result = navigated(air, **AIR_TABLES)[-1]
+    for value, known in zip((result.dynamic_pressure, result.mach_number, result.altitude), expected, strict=True):
+        assert value == (pytest.approx(known, rel=1e-12) if known is not None else pytest.approx(nan, nan_ok=True))
+    assert bool(result.causes & Cause.NAVIGATION) is (None in expected[1:])
+    assert result.quality is (Quality.INVALID if expected[0] is None else Quality.UNPROTECTED)
+
+
+@pytest.mark.parametrize(
+    ("altitude", "mach", "expected"),
+    [
+        (20.0, 6.0, (20e3, 6.0)),
+        (1e9, 6.0, (nan, 6.0)),
+        (-9.0, 1e30, (nan, nan)),
+        (float("inf"), nan, (nan, nan)),
+        (20.0, -0.5, (20e3, nan)),
+    ],
+)
+def test_absurd_navigation_of_a_frame_of_its_own_is_not_known(
+    altitude: float, mach: float, expected: tuple[float, float]
+) -> None:
+    def nav(number: int) -> Frame:
+        values = (20.0, 6.0) if number < 19 else (altitude, mach)
+        return Frame(identifier=258, data=struct.pack("<2f", *values), time=number * CYCLE)
+
+    result = navigated(nav, mach_number={"signal": "Nav.M"}, altitude={"signal": "Nav.h"})[-1]
+    assert (result.altitude, result.mach_number) == pytest.approx(expected, nan_ok=True)
+    assert result.quality is Quality.UNPROTECTED
+
+
+def test_navigation_alone_need_not_come() -> None:
+    layout = layout_from(RACK + NAVIGATION, altitude={"signal": "Nav.h"})
+    results = results_of(layout, [rack(k) for k in range(20)])
+    assert results[-1].quality is Quality.UNPROTECTED
+    assert not results[-1].causes
+
+
 @pytest.mark.parametrize("status", [0, 1, 2, (1 << 62), (1 << 63), (1 << 64) - 1])
 def test_a_status_of_64_bits_counts_with_its_top_bit(status: int) -> None:
     text = HEAD + RACK.replace("BO_ 256 R: 8", "BO_ 256 R: 12").replace("32|16@1+", "32|64@1+")
@@ -229,6 +309,29 @@ def refused(text: str, **tables: Any) -> Callable[[], InputLayout]:
             r"units: expected a signal in use \(.*R\.S1, R\.S2\), got 'R\.S3'$",
         ),
         (refused(RACK, units={"R.St": "us"}), r"units: expected a signal in use .*, got 'R\.St'"),
+        (
+            refused(RACK + NAVIGATION, altitude={"signal": "R.St"}),
+            r"'R\.St': unit: expected a unit of length \(m, km, ft\), got ''",
+        ),
+        (
+            refused(RACK + NAVIGATION, mach_number={"signal": "Air.q"}),
+            r"'Air\.q': unit: expected a number \(.*\), got 'Pa'",
+        ),
+        (
+            refused(RACK + NAVIGATION, mach_number={"signal": "R.St"}),
+            "mach_number: expected a frame without strains, got 'R', which holds some",
+        ),
+        (
+            refused(
+                RACK + NAVIGATION,
+                mach_number={"signal": "Air.M"},
+                altitude={"signal": "Air.M"},
+                units={"Air.M": "1"},
+            ),
+            r"'Air\.M': unit: expected a unit of length",
+        ),
+        (refused(RACK + NAVIGATION, altitude="Nav.h"), r"expected a table \[altitude\]"),
+        (refused(RACK + NAVIGATION, altitude={"sig": "Nav.h"}), "altitude: expected 'signal', got sig"),
         (
             refused(RACK, configuration={"R": "R.St"}),
             r"\(GenSigStartValue\) of 'St': expected .* 0 to 65535, got none",

@@ -1,0 +1,164 @@
+"""Flow and navigation of a step: the last received values while they may be used, or a dynamic pressure fixed for
+the run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, isnan, nan
+
+from strainfmu.arrays import IntArray
+from strainfmu.can.cycle.decoder import STATUS_DEGRADED, converter_ends
+from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.wire.frame_layout import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    MACH_NUMBER,
+    NAVIGATION,
+    FlowSignal,
+    InputFrame,
+    SignalLayout,
+)
+from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
+from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
+
+_SENSIBLE = {
+    DYNAMIC_PRESSURE: (0.0, LARGEST_DYNAMIC_PRESSURE),
+    MACH_NUMBER: (0.0, 100.0),
+    ALTITUDE: (-2e3, 2e5),
+}
+"""Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowState:
+    """What is known of the flow at one time; NaN where it is not.
+
+    Attributes
+    ----------
+    dynamic_pressure : q_inf [Pa].
+    mach_number, altitude : by navigation [1] and [m].
+    is_navigation_lost : Mach number or altitude was known before and is not any more.
+    """
+
+    dynamic_pressure: float
+    mach_number: float = nan
+    altitude: float = nan
+    is_navigation_lost: bool = False
+
+
+class HeldValue:
+    """Holds one quantity between its frames, up to a maximum age.
+
+    Parameters
+    ----------
+    frame, source : the frame, and the signal of it that holds the quantity.
+    max_age : maximum time for which a value is held [s].
+    clock : follows the sample times of the frame; None if it has none. No other value may use it.
+    """
+
+    def __init__(self, frame: InputFrame, source: FlowSignal, max_age: float, clock: SampleClock | None) -> None:
+        self._frame, self._source = frame, source
+        self._max_age, self._clock = max_age, clock
+        self._value = nan
+        self._sampled = nan
+        self._plan = SignalPlan(frame.layout)
+        self.quantity = source.quantity
+        self.was_known = False
+        """A value has been taken since the start or the last reset."""
+
+    def reset(self) -> None:
+        """Forget the sender."""
+        self._value = self._sampled = nan
+        self.was_known = False
+        if self._clock is not None:
+            self._clock.reset()
+
+    def is_in(self, frame: InputFrame) -> bool:
+        """Return whether ``frame`` holds the quantity."""
+        return frame is self._frame
+
+    def take(self, raw: IntArray, time: float) -> bool:
+        """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used."""
+        index = self._source.index
+        value = self._plan.value(raw, index)
+        delay = 0.0
+        if self._clock is not None and self._frame.sample_time is not None:
+            reading = self._clock.read(time, int(raw[self._frame.sample_time]))
+            if reading.jumped:
+                return False  # a repeated old frame or a restart: the next frames decide
+            delay = reading.age
+        signal, code = self._frame.layout.signals[index], int(raw[index])
+        bad = (
+            not isfinite(value)
+            or self._has_no_value(signal, code)
+            or self._is_out_of_range(signal, code, value)
+            or self._is_refused_by_sender(raw)
+        )
+        self._value, self._sampled = (nan, nan) if bad else (value * self._source.to_si, time - delay)
+        self.was_known |= not bad
+        return not bad
+
+    def value(self, now: float) -> float:
+        """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
+        return nan if self._is_old(now) else self._value
+
+    def _is_old(self, now: float) -> bool:
+        return now - self._sampled > self._max_age
+
+    def _has_no_value(self, signal: SignalLayout, code: int) -> bool:
+        """Return whether the raw number ``code`` stands for "no value"."""
+        return code in signal.no_value_codes
+
+    def _is_out_of_range(self, signal: SignalLayout, code: int, value: float) -> bool:
+        """Return whether a value is outside the limits, or at either end of its converter's range."""
+        low = -float("inf") if signal.minimum is None else signal.minimum
+        high = float("inf") if signal.maximum is None else signal.maximum
+        smallest, largest = _SENSIBLE[self.quantity]
+        sensible = smallest <= value * self._source.to_si <= largest
+        # As of strains: a converter at either end is overdriven, or its wire is broken.
+        return not (low <= value <= high and sensible) or code in (converter_ends(signal) or ())
+
+    def _is_refused_by_sender(self, raw: IntArray) -> bool:
+        """Return whether the sender's own status forbids to use the value."""
+        status = self._frame.status
+        return status is not None and unsigned(raw, status) > STATUS_DEGRADED
+
+
+class HeldFlow:
+    """Holds q_inf, Mach number and altitude, each for itself.
+
+    Parameters
+    ----------
+    values : those that the bus gives, at most one of each quantity.
+    fixed : q_inf of the whole run [Pa]; None to take it from the bus.
+    """
+
+    def __init__(self, values: Sequence[HeldValue], fixed: float | None) -> None:
+        self._values, self._fixed = tuple(values), fixed
+        self._by_quantity = {value.quantity: value for value in values}
+        self._navigation = tuple(value for value in values if value.quantity in NAVIGATION)
+
+    def reset(self) -> None:
+        """Forget the sender."""
+        for value in self._values:
+            value.reset()
+
+    def take(self, frame: InputFrame, raw: IntArray, time: float) -> bool:
+        """Take in the raw numbers of ``frame``, received at ``time`` [s]; return whether any value may be used."""
+        usable = [value.take(raw, time) for value in self._values if value.is_in(frame)]
+        return any(usable)
+
+    def state(self, now: float) -> FlowState:
+        """Return what is known at ``now`` [s]."""
+        lost = [value.was_known and isnan(value.value(now)) for value in self._navigation]
+        return FlowState(
+            dynamic_pressure=self._at(DYNAMIC_PRESSURE, now) if self._fixed is None else self._fixed,
+            mach_number=self._at(MACH_NUMBER, now),
+            altitude=self._at(ALTITUDE, now),
+            is_navigation_lost=any(lost),
+        )
+
+    def _at(self, quantity: str, now: float) -> float:
+        value = self._by_quantity.get(quantity)
+        return nan if value is None else value.value(now)
