@@ -22,9 +22,12 @@ from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-MIN_WHITENED_STRAIN = 10.0
-"""Strain of a mode over gauge noise [1] from which it is a free state; 3 costs a factor 1.65 in C_A, 1 one of
-2.5."""
+MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS = 10.0, 3.0
+"""Strain of a mode over the gauges' noise, and over all errors together, from which it is a free state [1].
+
+Without hardware errors a limit of 3 costs a factor 1.65 in sigma of C_A, one of 1 a factor 2.5. With them, modes
+between the two limits carry more error than knowledge.
+"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -175,22 +178,25 @@ def ordered_modes(problem: Problem) -> tuple[PressureModes, ModeOrder]:
 def observable_modes(problem: Problem, modes: PressureModes) -> list[int]:
     """Return the modes, by falling energy, that the gauges observe beside those before them.
 
-    A mode counts if its strain at one standard deviation, in units of the gauges' own noise and without the part
-    that modes before it explain, is at least :data:`MIN_WHITENED_STRAIN`. A weaker one, kept as a free state,
-    would let noise into the loads; it stays with the truncated modes.
+    A mode counts if its strain at one standard deviation, without the part that modes before it explain, is at
+    least :data:`MIN_STRAIN_OVER_NOISE` times the gauges' own noise and :data:`MIN_STRAIN_OVER_ERRORS` times all
+    errors together. A weaker one, kept as a free state, would let noise into the loads; it stays with the
+    truncated modes.
     """
-    own = problem.noise[0].strain
-    whitened = np.linalg.solve(own, problem.strain_operator @ (modes.modes * modes.coefficient_std()))
+    of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std())
+    roots = (problem.noise[0].strain, np.linalg.cholesky(NoiseModel(problem.noise).covariance))
+    whitened = [np.linalg.solve(root, of_modes) for root in roots]
+    bases = [np.empty((len(root), 0)) for root in roots]
+    minima = (MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS)
     found: list[int] = []
-    basis = np.empty((len(own), 0))
-    for mode in range(whitened.shape[1]):
-        if basis.shape[1] >= problem.entry.modes:
+    for mode in range(of_modes.shape[1]):
+        if len(found) >= problem.entry.modes:
             break
-        rest = whitened[:, mode] - basis @ (basis.T @ whitened[:, mode])
-        size = float(np.linalg.norm(rest))
-        if size >= MIN_WHITENED_STRAIN:
+        new = [one[:, mode] - basis @ (basis.T @ one[:, mode]) for one, basis in zip(whitened, bases, strict=True)]
+        sizes = [float(np.linalg.norm(part)) for part in new]
+        if all(size >= minimum for size, minimum in zip(sizes, minima, strict=True)):
             found.append(mode)
-            basis = np.column_stack([basis, rest / size])
+            bases = [np.column_stack([b, part / size]) for b, part, size in zip(bases, new, sizes, strict=True)]
     return found
 
 

@@ -1,0 +1,206 @@
+"""The shipped vehicle's map on data of the independent model, as built: coverage, altitudes, false alarms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.inverse.build import build_inverse_map
+from builder.pipeline.stages import solve_structure
+from builder.structure.fourier.model import StructuralModel
+from builder.truth.alarm_levels import alarm_ratios, gauge_noise
+from builder.truth.as_built import drawn, exactly_built
+from builder.truth.flow_table import FlowTable, load_flow_table
+from builder.truth.held_out import held_out_conditions
+from builder.truth.strain import TrueStructure, true_flights, true_strain, true_structure
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.step import Estimator
+from strainfmu.flight_condition import FlightCondition
+
+ALTITUDES = (12e3, 15e3, 20e3, 25e3, 30e3)
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Vehicle:
+    return load_vehicle(IC3X)
+
+
+@pytest.fixture(scope="module")
+def flows(ic3x_demo: Path) -> FlowTable:
+    return load_flow_table(ic3x_demo / "independent_flows.h5")
+
+
+@pytest.fixture(scope="module")
+def whole(shipped: Vehicle) -> TrueStructure:
+    return true_structure(shipped)
+
+
+@pytest.fixture(scope="module")
+def inverse_map(ic3x_demo: Path) -> InverseMap:
+    return load_inverse_map(ic3x_demo / "map.h5")
+
+
+def flown(
+    inverse_map: InverseMap,
+    vehicle: Vehicle,
+    structure: TrueStructure,
+    flows: FlowTable,
+    conditions: list[FlightCondition],
+    vehicles: int,
+    seed: int = 5,
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return errors and sigmas (n, 5) of the coefficients and health (n,); 0 vehicles stands for the exact one."""
+    random, n = np.random.default_rng(seed), inverse_map.n_gauges
+    flights, estimator = true_flights(vehicle, structure, flows, conditions), Estimator(inverse_map)
+    built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 10
+    found = []
+    for one in built:
+        strain = true_strain(structure, flights, one)
+        strain = strain + gauge_noise(inverse_map, random, strain.shape)
+        found.append(
+            estimator.estimate(
+                strain,
+                flights.dynamic_pressure * (1.0 + one.dynamic_pressure),
+                mach_number=np.array([condition.mach_number for condition in conditions]),
+                altitude=np.array([condition.altitude for condition in conditions]),
+            )
+        )
+    error = np.concatenate([one.coefficients - flights.coefficients for one in found])
+    sigma = np.concatenate([one.coefficients_std for one in found])
+    return error, sigma, np.concatenate([one.health for one in found])
+
+
+def held_out(
+    vehicle: Vehicle, flows: FlowTable, count: int, altitude: float | None = None
+) -> list[FlightCondition]:
+    conditions = held_out_conditions(vehicle, flows, count, np.random.default_rng(3))
+    return conditions if altitude is None else [replace(one, altitude=altitude) for one in conditions]
+
+
+def covered(error: FloatArray, sigma: FloatArray) -> FloatArray:
+    return np.asarray(np.mean(np.abs(error) <= 3.0 * sigma, axis=0))
+
+
+def test_three_sigma_cover_the_truth_with_hardware_errors_drawn(
+    inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
+) -> None:
+    """200 conditions x 50 vehicles, each with its own errors: 99 to 100 % of every coefficient."""
+    error, sigma, health = flown(inverse_map, shipped, whole, flows, held_out(shipped, flows, 200), vehicles=50)
+    assert np.all(covered(error, sigma) >= 0.99)
+    assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
+    silent = np.any(np.abs(error) > 3.0 * sigma, axis=1) & (health == HealthState.OK)
+    assert np.mean(silent) <= 0.03
+
+
+@pytest.mark.parametrize("altitude", ALTITUDES)
+def test_one_map_holds_at_every_altitude(
+    altitude: float, inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
+) -> None:
+    """The map is of 20 km: 3 sigma hold at least 99 % of every coefficient from 12 to 30 km."""
+    conditions = held_out(shipped, flows, 200, altitude)
+    for vehicles in (30, 0):
+        error, sigma, health = flown(inverse_map, shipped, whole, flows, conditions, vehicles)
+        assert np.all(covered(error, sigma) >= 0.99)
+        assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
+
+
+@pytest.fixture(scope="module")
+def snapshots(ic3x_demo: Path) -> Snapshots:
+    return load_snapshots(ic3x_demo / "snapshots.h5")
+
+
+@pytest.fixture(scope="module")
+def fourier(shipped: Vehicle) -> StructuralModel:
+    found = solve_structure(shipped)
+    assert isinstance(found, StructuralModel)
+    return found
+
+
+def with_noise(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
+    """Return the vehicle with the map's gauge noise as a number, which is the same at every altitude."""
+    noise = vehicle.noise.model_copy(
+        update={"percent_of_median_strain": None, "std_um_per_m": 1e6 * float(inverse_map.noise_std[0])}
+    )
+    return vehicle.model_copy(update={"noise": noise})
+
+
+def moved(snapshots: Snapshots, altitude: float) -> Snapshots:
+    """Return the same flows at another altitude: pressure over p_inf does not change."""
+    condition = snapshots.condition.copy()
+    condition[:, 3] = altitude
+    before = np.array([one.ambient_pressure for one in snapshots.conditions()])
+    after = np.array([FlightCondition(*map(float, row)).ambient_pressure for row in condition])
+    ratio = after / before
+    return replace(
+        snapshots,
+        condition=condition,
+        pressure=ratio[:, None] * snapshots.pressure,
+        internal_pressure=ratio * snapshots.internal_pressure,
+    )
+
+
+@pytest.mark.parametrize("altitude", [12e3, 30e3])
+def test_accuracy_is_that_of_a_map_built_for_the_altitude(
+    altitude: float,
+    inverse_map: InverseMap,
+    shipped: Vehicle,
+    whole: TrueStructure,
+    flows: FlowTable,
+    snapshots: Snapshots,
+    fourier: StructuralModel,
+) -> None:
+    """Rms errors of every coefficient within 2 %, at the same flights."""
+    own = build_inverse_map(with_noise(shipped, inverse_map), moved(snapshots, altitude), fourier)
+    conditions = held_out(shipped, flows, 200, altitude)
+    rms = [
+        np.sqrt(np.mean(flown(one, shipped, whole, flows, conditions, vehicles=30)[0] ** 2, axis=0))
+        for one in (inverse_map, own)
+    ]
+    np.testing.assert_allclose(rms[0], rms[1], rtol=0.02)
+
+
+def test_a_map_of_sideslip_to_one_side_holds_on_both(
+    shipped: Vehicle, whole: TrueStructure, flows: FlowTable, snapshots: Snapshots, fourier: StructuralModel
+) -> None:
+    """Conditions with sideslip 0 and 5 deg alone, flown from -5 to 5 deg."""
+    angles = snapshots.condition[:, 2]
+    rows = np.flatnonzero((angles >= 0.0) & (angles < np.deg2rad(6.0)) & (snapshots.condition[:, 1] < 0.15))
+    number = {int(old): new for new, old in enumerate(rows)}
+    first = np.array(
+        [number.get(int(one), number[int(row)]) for row, one in zip(rows, snapshots.flow[rows], strict=True)]
+    )
+    few = replace(
+        snapshots,
+        **{
+            name: getattr(snapshots, name)[rows]
+            for name in ("condition", "pressure", "internal_pressure", "solved", "momentum_error", "repairs")
+        },
+        mass_error=None if snapshots.mass_error is None else snapshots.mass_error[rows],
+        flow=first,
+    )
+    one_sided = build_inverse_map(shipped, few, fourier)
+    random = np.random.default_rng(8)
+    conditions = [
+        FlightCondition(float(mach), float(alpha), float(beta), 20e3)
+        for mach, alpha, beta in random.uniform([5.3, 0.0, -0.087], [6.7, 0.13, 0.087], size=(200, 3))
+    ]
+    error, sigma, health = flown(one_sided, shipped, whole, flows, conditions, vehicles=30)
+    assert np.all(covered(error, sigma) >= 0.99)
+    assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
+
+
+@pytest.mark.slow
+def test_false_alarms_are_as_stated(
+    inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
+) -> None:
+    """1e6 samples, every one of a vehicle of its own, seeds that the levels were not set with: a factor 2."""
+    chi_square, outlier = alarm_ratios(inverse_map, shipped, whole, flows, seed=999, vehicles=1000)
+    rate = np.mean((chi_square > 1.0) | (outlier > 1.0))
+    assert 0.5 * FALSE_ALARM_PROBABILITY <= rate <= 2.0 * FALSE_ALARM_PROBABILITY
