@@ -4,7 +4,7 @@ at.
 Surface pressure over p_inf depends on Mach number and incidence alone. In form "dynamic_pressure" every snapshot
 is taken to the nominal dynamic pressure; with the internal pressure ambient, it is p - p_inf that scales. A flow
 round a body of revolution is valid at every roll angle, and its mirror image is one of these. The members of a
-rolled ensemble are the distinct flows at ``ROLLS`` roll angles; means and modes are those of all roll angles.
+rolled ensemble are the distinct flows at some 24 roll angles; means and modes are those of all roll angles.
 """
 
 from __future__ import annotations
@@ -25,7 +25,12 @@ from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 ROLLS = 24
-"""Roll angles at which strain and coefficients of a rolled ensemble are taken."""
+"""Roll angles at which strain and coefficients of a rolled ensemble are taken, if they divide the roll angles of
+the
+nodes; else the divisor that is nearest to it."""
+
+MIN_ROLLS = 12
+"""Fewer roll angles than this, 30 degrees apart, leave gaps in the disc of total incidence."""
 
 _NEGLIGIBLE = 3e-4
 """Standard deviation, relative to the largest, below which a mode is left out: together 1e-5 of the variance."""
@@ -57,20 +62,25 @@ class Ensemble:
     grid: SurfaceGrid | None
 
     @cached_property
+    def rolls(self) -> int:
+        """Number of roll angles that members are taken at; 1 as listed."""
+        return 1 if self.grid is None else rolls_of(self.grid.n_roll)
+
+    @cached_property
     def weight(self) -> FloatArray:
         """(N,) roll angles that a flow stands for: 1 where the wind is along the axis."""
         if self.grid is None:
             return np.ones(len(self.conditions))
         inclined = np.array([condition.total_incidence > 1e-9 for condition in self.conditions])
-        return np.where(inclined, float(ROLLS), 1.0)
+        return np.where(inclined, float(self.rolls), 1.0)
 
     @cached_property
     def member_weight(self) -> FloatArray:
         """(n,) weight of each member in a mean over all of them; adds up to 1."""
         if self.grid is None:
             return np.full(len(self.conditions), 1.0 / len(self.conditions))
-        each = self.weight / ROLLS
-        return np.tile(each, ROLLS) / (ROLLS * each.sum())
+        each = self.weight / self.rolls
+        return np.tile(each, self.rolls) / (self.rolls * each.sum())
 
     def members(self) -> Iterator[FloatArray]:
         """Return the members' pressure in blocks (N, n_p) [Pa], as ``pressure``: one block, or one per roll
@@ -80,8 +90,8 @@ class Ensemble:
             return
         n_roll = self.grid.n_roll
         rings = self.pressure.reshape(len(self.pressure), -1, n_roll)
-        for roll in range(ROLLS):
-            yield np.roll(rings, round(roll * n_roll / ROLLS), axis=2).reshape(self.pressure.shape)
+        for roll in range(self.rolls):
+            yield np.roll(rings, roll * n_roll // self.rolls, axis=2).reshape(self.pressure.shape)
 
     def responses(self, operator: FloatArray) -> FloatArray:
         """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member."""
@@ -101,6 +111,12 @@ class Ensemble:
         return np.repeat(mean.reshape(-1, self.grid.n_roll).mean(axis=1), self.grid.n_roll)
 
 
+def rolls_of(n_roll: int) -> int:
+    """Return the divisor of ``n_roll`` nearest to :data:`ROLLS`."""
+    divisors = [one for one in range(1, n_roll + 1) if n_roll % one == 0]
+    return min(divisors, key=lambda one: (abs(one - ROLLS), -one))
+
+
 def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
     """Return the pressure fields of ``snapshots`` as the sections [map] and [structure] want them used.
 
@@ -111,7 +127,7 @@ def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
     """
     entry, conditions = vehicle.map, snapshots.conditions()
     grid, rows = None, np.arange(len(conditions))
-    if entry.symmetry == "full" and snapshots.grid is not None and snapshots.grid.n_roll % ROLLS == 0:
+    if entry.symmetry == "full" and snapshots.grid is not None and rolls_of(snapshots.grid.n_roll) >= MIN_ROLLS:
         grid = snapshots.grid
         rows = np.unique(snapshots.flow)
     chosen = tuple(conditions[row] for row in rows)

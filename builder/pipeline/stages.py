@@ -222,6 +222,10 @@ def map_from(
     inverse_map = build_inverse_map(vehicle, snapshots, structure)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
+    if held["symmetry"] != vehicle.map.symmetry:
+        reporter.note(
+            "map.symmetry: 'full' needs snapshots on stations times roll angles; the angles are taken as listed"
+        )
     if held.get("modes_skipped"):
         listed = ", ".join(map(str, held["modes_skipped"]))
         reporter.note(

@@ -36,10 +36,14 @@ _OF_CONDITIONS = (
     ("Mach number", "mach_number", "1", 1.0),
     ("angle of attack", "angle_of_attack_deg", "deg", 1.0),
     ("sideslip angle", "sideslip_angle_deg", "deg", 1.0),
+    ("total incidence, at any roll angle", "total_incidence_deg", "deg", 1.0),
     ("altitude", "altitude_m", "km", 1e-3),
     ("dynamic pressure", "dynamic_pressure_Pa", "kPa", 1e-3),
 )
 """Quantity, its name in a map's provenance, unit for the reader, factor to that unit."""
+
+
+_LISTED_ANGLES = ("angle_of_attack_deg", "sideslip_angle_deg")
 
 
 def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
@@ -66,11 +70,24 @@ def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
 
 
 def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
-    """Return flight conditions and strains that the snapshots of ``inverse_map`` cover."""
-    names = [name for _, name, _, _ in _OF_CONDITIONS]
+    """Return the flight conditions and strains that ``inverse_map`` holds for.
+
+    With full symmetry it is the disc of total incidence, whatever the signs of the angles that were listed;
+    altitude and dynamic pressure are those that the form of the map allows.
+    """
+    names = [name for _, name, _, _ in _OF_CONDITIONS if name != "total_incidence_deg"]
     held = {name: inverse_map.provenance[name] for name in names if name in inverse_map.provenance}
     # Earlier maps hold the altitude as one number.
     ranges = {name: value if isinstance(value, list) else [value, value] for name, value in held.items()}
+    stated = {
+        "mach_number": inverse_map.mach_number_range,
+        "altitude_m": inverse_map.altitude_range,
+        "dynamic_pressure_Pa": inverse_map.dynamic_pressure_range,
+    }
+    ranges |= {name: value.tolist() for name, value in stated.items() if value is not None}
+    if inverse_map.provenance.get("symmetry") == "full":
+        ranges = {name: value for name, value in ranges.items() if name not in _LISTED_ANGLES}
+        ranges["total_incidence_deg"] = inverse_map.provenance["total_incidence_deg"]
     strain = 1e6 * float(np.max(inverse_map.strain_range))
     return [
         *valid_conditions(ranges),
