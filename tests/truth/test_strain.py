@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ensembles import listed_ensemble
 
 from builder.aero.loads import coefficients_of, load_operator
+from builder.inverse.hardware_errors import hardware_errors
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -257,3 +259,43 @@ def test_a_vehicle_is_drawn_at_the_stated_sizes() -> None:
     assert np.ptp(one.gauge_gain) > 0.0
     none = drawn(entry.without_hardware_errors(), 50, random)
     assert not any(np.any(getattr(none, name)) for name in vars(none))
+
+
+@pytest.mark.parametrize(
+    ("name", "errors", "tolerance"),
+    [
+        ("gauge gain", {"gauge_gain": 0.01}, 1e-9),
+        ("common gain", {"common_gain": 0.01}, 1e-9),
+        ("wall thickness", {"wall_thickness": 0.01}, 3e-3),
+        ("layout roll", {"layout_roll": radians(0.5)}, 3e-3),
+        ("gauge position, axial", {"axial_shift": 1e-3}, 3e-3),
+        ("gauge position, circumferential", {"circumferential_shift": 1e-3}, 3e-3),
+        ("gauge orientation", {"orientation": radians(1.0)}, 3e-3),
+    ],
+)
+def test_operators_of_hardware_errors_predict_vehicles_built_so(
+    name: str,
+    errors: dict[str, float],
+    tolerance: float,
+    vehicle: Vehicle,
+    true_model: TrueStructure,
+    flights: TrueFlights,
+    pressure: FloatArray,
+) -> None:
+    """One standard deviation of each error, gauges of random signs: change of strain, 3e-3 in norm."""
+    layout = vehicle.gauges.layout
+    model = structural_model(vehicle, vehicle.resolution.map, [layout])
+    net = pressure - np.array([[one.ambient_pressure] for one in CONDITIONS])
+    found = hardware_errors(vehicle, model, model.strain_operator(layout), listed_ensemble(net))
+    assert len(found) == 7
+    error = next(one for one in found if one.name == name)
+    (entry, size), sign = *errors.items(), np.ones(N_GAUGES)
+    if not error.common:
+        sign = np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES)
+    value = size if error.common else size * sign
+    # Half the difference of both signs: without what is of second order.
+    above, below = (true_strain(true_model, flights, built(**{entry: way * value})) for way in (1.0, -1.0))
+    change = 0.5 * (above - below)
+    # Beside the slope break strain bends within a step of any size.
+    away = np.abs(true_model.placed.x - 1.75) > 0.1
+    assert np.linalg.norm((sign * error.strain - change)[:, away]) < tolerance * np.linalg.norm(change[:, away])
