@@ -21,11 +21,10 @@ from builder.reporting import Reporter
 from builder.stress.flows import stress_flow_inputs, stress_flows
 from builder.stress.kinds import all_kinds
 from builder.stress.score import Effort, Range, Score
-from builder.structure.fourier.model import refuse_beyond_fourier
-from builder.structure.gauge_checks import check_gauges
+from builder.structure.fourier.model import place_layouts, refuse_beyond_fourier
+from builder.structure.gauge_placement import gauge_mesh
 from builder.truth import flow_table as flow_table_file
 from builder.truth.flow_table import load_flow_table, save_flow_table
-from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
@@ -96,7 +95,7 @@ def run_stress(
         inverse_map = load_inverse_map(map_path)
         vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
-        check_gauges(vehicle)
+        check_fit(vehicle, inverse_map)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
         schema, version = inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION
         pipeline.use(MAP, map_path, content_hash_of(map_path, schema, version))
@@ -140,7 +139,6 @@ def _flows(pipeline: Pipeline, vehicle: Vehicle) -> None:
 def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effort: Effort) -> None:
     def write(path: Path) -> None:
         structure = true_structure_of(pipeline)
-        check_fit(vehicle, inverse_map, structure)
         table = load_flow_table(pipeline.path(FLOWS))
         trial = Range(vehicle=vehicle, structure=structure, table=table, inverse_map=inverse_map, effort=effort)
         entries = [score.entry() for score in scores(trial, pipeline.reporter)]
@@ -156,18 +154,20 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effor
     pipeline.make(JSON, "flagged and silent shares of every kind of error", inputs, write)
 
 
-def check_fit(vehicle: Vehicle, inverse_map: InverseMap, structure: TrueStructure) -> None:
-    """Refuse a map whose gauges or references are not those of ``vehicle``.
+def check_fit(vehicle: Vehicle, inverse_map: InverseMap) -> None:
+    """Refuse a map whose gauges or references are not those of ``vehicle``, before anything is solved.
 
     Raises
     ------
     InputError
-        Names what differs.
+        Names what differs, or a gauge is not on the vehicle's surface.
     """
-    if inverse_map.gauge_names != structure.names:
+    layout = vehicle.gauges.layout
+    names = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[0][layout].names
+    if inverse_map.gauge_names != names:
         raise InputError(
-            f"map: expected the {len(structure.names)} gauges of layout '{vehicle.gauges.layout}', got "
-            f"{inverse_map.n_gauges} gauges, the first named {inverse_map.gauge_names[0]}"
+            f"map: expected the {len(names)} gauges of layout '{layout}', got {inverse_map.n_gauges} gauges, the "
+            f"first named {inverse_map.gauge_names[0]}"
         )
     reference = vehicle.reference_quantities()
     for name, expected, found in (

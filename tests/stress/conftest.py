@@ -1,0 +1,45 @@
+"""The shipped vehicle at a coarse resolution, a map of few conditions, and flows beyond its envelope."""
+
+from __future__ import annotations
+
+import pytest
+from coarse_vehicle import COARSE
+
+from builder.campaign.scheduling import Scheduling
+from builder.inverse.build import build_inverse_map
+from builder.pipeline.stages import take_snapshots
+from builder.reporting import Silent
+from builder.stress import flights
+from builder.stress.flows import stress_flows
+from builder.stress.score import Effort, Range
+from builder.structure.fourier.model import structural_model
+from builder.truth.flow_table import FlowTable
+from builder.truth.strain import true_structure
+from builder.vehicle.file import Vehicle
+
+
+@pytest.fixture(scope="session")
+def flown(vehicle: Vehicle) -> Vehicle:
+    """The coarse vehicle with every second listed angle and Mach number."""
+    listed = {"mach_number": [5.0, 6.0, 7.0], "angle_of_attack_deg": [0.0, 3.0, 7.0, 10.0]}
+    return vehicle.model_copy(update={"conditions": vehicle.conditions.model_copy(update=listed)})
+
+
+@pytest.fixture(scope="session")
+def flow_beyond(flown: Vehicle, compiled_solver: None) -> FlowTable:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(flights, "MACH_KNOTS", 5)
+        patched.setattr(flights, "INCIDENCE_KNOTS", 6)
+        return stress_flows(flown, Silent(), scheduling=Scheduling(workers=0))
+
+
+@pytest.fixture(scope="session")
+def trial(flown: Vehicle, flow_beyond: FlowTable) -> Range:
+    structure = structural_model(flown, COARSE, [flown.gauges.layout])
+    return Range(
+        vehicle=flown,
+        structure=true_structure(flown),
+        table=flow_beyond,
+        inverse_map=build_inverse_map(flown, take_snapshots(flown), structure),
+        effort=Effort(conditions=50, draws=6),
+    )
