@@ -15,8 +15,8 @@ KNOWN = {
     ("another engine", "newtonian"): 20.0,
     ("local pressure, windward", "+100 % of p_inf"): 16.0,
 }
-"""Kinds beyond the envelope whose silent share is above 5 %, with what it may be at most [%]; measured 10.9, 17.4 and
-12.9. A linear map of five states fits their strain within the stated errors of the hardware."""
+"""Kinds beyond the envelope whose silent share is above 5 %, with what it may be at most [%]. Measured: 10.9, 17.4
+and 12.9. The five states of the map fit their strain within the stated errors of the hardware."""
 
 
 @pytest.mark.slow
