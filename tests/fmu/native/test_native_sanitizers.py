@@ -25,7 +25,9 @@ def checked(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
 
 def test_two_hundred_instances(case: NativeCase, checked: list[str]) -> None:
     # States move between instances; each gives the outputs of the one they come from; leaks are errors too.
-    assert run_host(checked, case, "many", 10).startswith(b"many: same")
+    # Each set of gauges of form "dynamic_pressure" computes levels first, which takes long under sanitizers.
+    steps = 10 if case.inverse_map.form == "absolute" else 1
+    assert run_host(checked, case, "many", steps).startswith(b"many: same")
 
 
 @pytest.mark.parametrize("names", [("few gauges", "case 1"), ("case 1", "case 2")])
@@ -48,7 +50,8 @@ def test_memory_does_not_grow(cases: dict[str, NativeCase], tmp_path: Path) -> N
 
 def test_threads(case: NativeCase, tmp_path: Path) -> None:
     host = host_by_clang(tmp_path / "host", "-fsanitize=thread", "-DHOST_THREADS", "-pthread")
-    assert run_host([str(host)], case, "threads", 300).startswith(b"threads: done")
+    steps = 300 if case.inverse_map.form == "absolute" else 20
+    assert run_host([str(host)], case, "threads", steps).startswith(b"threads: done")
 
 
 def test_valgrind(small: NativeCase, tmp_path: Path) -> None:
