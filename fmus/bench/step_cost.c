@@ -95,7 +95,7 @@ int main(int count, char **words)
     LOAD(fmi2FreeInstance);
     fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
     double start = now();
-    fmi2Component fmu = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 1);
+    fmi2Component fmu = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 0);
     double instantiation = now() - start;
     if (!fmu) return 1;
     fmi2SetupExperiment(fmu, 0, 0.0, 0.0, 0, 0.0);

@@ -23,9 +23,19 @@ _LIMITS = (
     "Outputs belong to the inputs last set: right after initialization, after any set, after a step and without "
     "one. An importer that holds inputs over a step records at its end what belongs to its start: estimates then "
     "lag by one communication step. So does every connection of a master that steps all FMUs at once.",
+    "dynamic_pressure_std, mach_number and altitude need not be known: NaN, or their start value -1e9. "
+    "dynamic_pressure must be 1e-6 to 1e7 Pa. Where Mach number and altitude are known, it must agree with "
+    "0.7 M² p(h) of the US Standard Atmosphere 1976; if not, or if the flight or the estimated coefficients leave "
+    "what the map covers, health.state is OUTSIDE.",
     "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
     "any time; a value outside min and max is refused.",
 )
+
+_WEIGHTS = {
+    "absolute": "by one fixed affine map",
+    "dynamic_pressure": "by an affine map whose weights follow the dynamic pressure, so that one map serves any "
+    "altitude",
+}
 
 _CITATION = """@misc{strainload,
   title  = {Real-time aerodynamic load estimation for hypersonics via strain-based inverse maps},
@@ -41,8 +51,8 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             "What it computes",
             [
                 f"From the strains of {inverse_map.n_gauges} gauges it estimates the aerodynamic forces and "
-                "moments by one fixed affine map, and from those and the dynamic pressure the coefficients, each "
-                "with its standard deviation. A state of health states how far they can be trusted.",
+                f"moments {_WEIGHTS[inverse_map.form]}, and from those and the dynamic pressure the coefficients, "
+                "each with its standard deviation. A state of health states how far they can be trusted.",
                 f"Vehicle: {escape(inverse_map.vehicle)}. S = {inverse_map.reference_area:.6g} m², "
                 f"L = {inverse_map.reference_length:.6g} m. Map: <code>{content_hash}</code>.",
                 "Body axes: x aft from the nose tip, y starboard, z up. SI units; strain in m/m.",

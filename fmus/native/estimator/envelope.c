@@ -2,7 +2,31 @@
 
 #include <math.h>
 
+#include "dense.h"
 #include "wide.h"
+
+#define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
+
+size_t half_space_doubles(const Envelope *envelope) {
+    return dense_rows(envelope->n_half_spaces) * (dense_columns(N_ENTRIES) + 1);
+}
+
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles) {
+    const size_t m = envelope->n_half_spaces, rows = dense_rows(m), columns = dense_columns(N_ENTRIES);
+    spaces->products = *doubles;
+    spaces->variance = spaces->products + rows * columns;
+    *doubles += half_space_doubles(envelope);
+    for (size_t j = 0; j < m; j++) {
+        double *panel = spaces->products + j / ROWS * ROWS * columns + j % ROWS;
+        size_t at = 0;
+        for (size_t i = 0; i < N_LOADS; i++) {
+            for (size_t k = i; k < N_LOADS; k++) {
+                const double product = envelope->direction[i * m + j] * envelope->direction[k * m + j];
+                panel[ROWS * at++] = i == k ? product : 2.0 * product;
+            }
+        }
+    }
+}
 
 /* p(h) [Pa]; NaN where h is not known or outside the table. */
 static double ambient_pressure(const Envelope *envelope, double altitude) {
@@ -70,24 +94,43 @@ static double form_of(const Envelope *envelope, size_t j, const double *matrix) 
     return sum;
 }
 
-double envelope_score(const Envelope *envelope, int wide, const double *coefficients, const double *covariance,
-                      size_t *worst) {
-    double score = 0.0;
+/* Squares of (n'C - limit) / sigma in place of the variances, 0 for half-spaces that C does not leave. */
+EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficients, double *restrict variance) {
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        const double excess = excess_of(envelope, coefficients, j), square = excess * excess / variance[j];
+        variance[j] = excess > 0.0 ? square : 0.0;
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void square_scores_avx2(const Envelope *envelope, const double *coefficients, double *variance) {
+    square_scores(envelope, coefficients, variance);
+}
+#endif
+
+double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
+                      const double *covariance, size_t *worst) {
     *worst = SIZE_MAX;
     if (!CHOSEN(wide, beyond)(envelope, coefficients)) {
-        return score;
+        return 0.0;
     }
-    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
-        const double excess = excess_of(envelope, coefficients, j);
-        if (excess > 0.0) {
-            const double deviations = excess / sqrt(form_of(envelope, j, covariance));
-            if (deviations > score) {
-                score = deviations;
-                *worst = j;
-            }
+    double entries[N_ENTRIES + 1] = {0.0};
+    size_t at = 0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t k = i; k < N_LOADS; k++) {
+            entries[at++] = covariance[i * N_LOADS + k];
         }
     }
-    return score;
+    dense_times(wide, envelope->n_half_spaces, N_ENTRIES, spaces->products, entries, spaces->variance);
+    CHOSEN(wide, square_scores)(envelope, coefficients, spaces->variance);
+    double largest = 0.0;
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        if (spaces->variance[j] > largest) {
+            largest = spaces->variance[j];
+            *worst = j;
+        }
+    }
+    return sqrt(largest);
 }
 
 double envelope_score_derivative(const Envelope *envelope, size_t worst, double score, const double *covariance,

@@ -24,7 +24,8 @@ static int allocate(Estimator *e) {
     const size_t n = map->n_gauges;
     const size_t n_inputs = n + N_SCALAR_INPUTS;
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + n
-                           + 3 * panel_length(n) + (map->scaled ? scaled_doubles(map) : 0);
+                           + 3 * panel_length(n) + half_space_doubles(&map->envelope)
+                           + (map->scaled ? scaled_doubles(map) : 0);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
     const size_t n_bytes = n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float);
     e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 2) * n);
@@ -40,7 +41,8 @@ static int allocate(Estimator *e) {
         e->cache[k].mask = flags + (size_t)k * n;
         masked_map_arrays(map, &e->cache[k], &doubles, &indices);
     }
-    if (map->scaled) { /* before the workspace, whose size is that of no cache line */
+    half_space_arrays(&map->envelope, &e->half_spaces, &doubles);
+    if (map->scaled) {
         scaled_arrays(e, &doubles, &indices);
     }
     workspace_arrays(map, &e->work, &doubles, &indices);

@@ -55,6 +55,7 @@ typedef struct {
     double *input;        /* (n_gauges + N_SCALAR_INPUTS) strains [1], then the scalars */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
+    HalfSpaces half_spaces;
     Flow flow;            /* of the inputs since output was computed */
     size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */

@@ -64,7 +64,8 @@ void set_envelope_score(Estimator *e, const LoadStatistics *found) {
     }
     double coefficients[N_LOADS], covariance[N_LOADS * N_LOADS];
     map_coefficients(e, found, coefficients, covariance);
-    e->output[ENVELOPE_SCORE] = envelope_score(&e->map.envelope, e->wide, coefficients, covariance, &e->worst);
+    e->output[ENVELOPE_SCORE] = envelope_score(&e->map.envelope, &e->half_spaces, e->wide, coefficients,
+                                               covariance, &e->worst);
 }
 
 double derive_envelope_score(const Estimator *e, const LoadStatistics *found, const LoadStatistics *change,
