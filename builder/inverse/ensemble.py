@@ -168,9 +168,16 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
     ----------
     ensemble : the flows, with a grid.
     weights : (n_p,) of the inner product, the same round a ring; None for the Euclidean one.
+
+    Raises
+    ------
+    InputError
+        Fewer than two flows.
     """
     grid = ensemble.grid
     assert grid is not None
+    if len(ensemble.pressure) < 2:
+        raise InputError(f"{len(ensemble.pressure)} flow found, at least 2 are needed")
     n_roll, n, mean = grid.n_roll, len(ensemble.pressure), ensemble.mean()
     rings = (ensemble.pressure - mean).reshape(n, -1, n_roll)
     spectrum = np.fft.rfft(rings, axis=2) / n_roll

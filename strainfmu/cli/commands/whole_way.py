@@ -44,7 +44,10 @@ def demo(
     as_built: Annotated[
         int,
         typer.Option(
-            "--as-built", metavar="SEED", min=0, help="Seed of the hardware errors of the vehicle that flies."
+            "--as-built",
+            metavar="SEED",
+            callback=within(0, 2**31 - 1),
+            help="Seed of the hardware errors of the vehicle that flies.",
         ),
     ] = 1,
 ) -> None:
