@@ -60,8 +60,8 @@ class NativeStep:
             save_inverse_map(inverse_map, Path(folder) / "map.h5")
             export_estimator(Path(folder) / "map.h5", fmu)
             unzipped = Path(extract(str(fmu), str(Path(folder) / "unzipped")))
-            costs = list(host_costs(fmu, unzipped, inverse_map.mean_strain).values())
-        return costs or [float("nan")] * 4
+            costs = list(host_costs(fmu, unzipped, inverse_map).values())
+        return costs or [float("nan")] * 5
 
     def track_bare_product(self, costs: list[float]) -> float:
         return costs[0]
@@ -69,11 +69,14 @@ class NativeStep:
     def track_step(self, costs: list[float]) -> float:
         return costs[1]
 
-    def track_step_with_a_gauge_that_does_not_fit(self, costs: list[float]) -> float:
+    def track_step_at_another_dynamic_pressure(self, costs: list[float]) -> float:
         return costs[2]
 
-    def track_instantiation(self, costs: list[float]) -> float:
+    def track_step_with_a_gauge_that_does_not_fit(self, costs: list[float]) -> float:
         return costs[3]
+
+    def track_instantiation(self, costs: list[float]) -> float:
+        return costs[4]
 
 
 class BusCycles:

@@ -74,8 +74,8 @@ class Estimator:
     >>> estimator = strainfmu.load("demo/map.h5")
     >>> strain = estimator.inverse_map.mean_strain  # in place of a measurement
     >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
-    >>> print(f"{result.C_N:.3f} +- {3 * result.sigma.C_N:.3f}, {result.health.name}")
-    0.335 +- 0.005, OK
+    >>> print(f"{result.C_A:.3f} +- {3 * result.sigma.C_A:.3f}, {result.health.name}")
+    0.021 +- 0.020, OK
     """
 
     def __init__(self, inverse_map: InverseMap, settings: EstimatorSettings | None = None) -> None:

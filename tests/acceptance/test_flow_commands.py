@@ -100,12 +100,12 @@ def test_what_cannot_be_shown_is_refused(run: Run, ogive_demo: Path, tmp_path: P
         assert words in message
 
 
-def test_several_altitudes_are_no_input_of_a_map(
+def test_several_altitudes_are_no_input_of_a_map_in_absolute_form(
     run: Run, vehicle: Path, ogive_demo: Path, tmp_path: Path
 ) -> None:
-    """Vented, the pressure inside follows the altitude; one map has one."""
+    """Vented, the pressure inside follows the altitude; a map in Pa has one."""
     text = vehicle.read_text(encoding="utf-8").replace("= 3000.0", '= "ambient"')
-    vehicle.write_text(text, encoding="utf-8")
+    vehicle.write_text(text.replace("[map]", '[map]\nform = "absolute"', 1), encoding="utf-8")
     run("convert", ogive_demo / "snapshots.h5", "-o", vehicle.parent / "cfd", "--format", "csv")
     manifest = vehicle.parent / "cfd" / "manifest.toml"
     manifest.write_text(

@@ -10,19 +10,24 @@ from inverse_case import Case, snapshots_at
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler.marching_grid import marching_grid_of
-from builder.aero.euler_engine import EulerEngine, pieces
-from builder.aero.surface_pressure import pressure_at_stations
+from builder.aero.euler_engine import EulerEngine
+from builder.aero.loads import coefficient_scale
 from builder.inverse.build import snapshot_coefficients
 from builder.structure.fourier.model import StructuralModel
-from builder.truth.flight_tables import flight_model, pressure_harmonics, truth_engine, truth_keys
+from builder.truth.as_built import exactly_built
+from builder.truth.flight_tables import flight_model
+from builder.truth.flow_table import FlowTable, pressure_harmonics
+from builder.truth.flows import truth_engine, truth_keys
+from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.flight_model import FlightModel, FlightPoint, evaluate
 from strainfmu.flight_condition import FlightCondition
 
 
 @pytest.fixture(scope="module")
-def model(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow], structure: StructuralModel) -> FlightModel:
-    return flight_model(vehicle, truth_flows, structure, 1e-7)
+def model(vehicle: Vehicle, table: FlowTable, true_model: TrueStructure) -> FlightModel:
+    """The vehicle of the file, without hardware errors."""
+    return flight_model(vehicle, table, true_model, exactly_built(len(true_model.names)), 1e-7)
 
 
 def condition(mach_number: float, alpha: float, beta: float) -> FlightCondition:
@@ -53,15 +58,17 @@ def test_knots_are_those_of_the_vehicle_file(vehicle: Vehicle, model: FlightMode
 
 
 @pytest.mark.parametrize(("mach_number", "incidence"), [(5.25, 3.0), (6.25, 5.0), (6.75, 11.0)])
-def test_at_a_knot_strain_is_that_of_the_harmonics(
+def test_at_a_knot_strain_and_loads_are_those_of_the_harmonics(
     mach_number: float,
     incidence: float,
+    vehicle: Vehicle,
     model: FlightModel,
     truth_flows: dict[FlowKey, Flow],
     structure: StructuralModel,
     case: Case,
 ) -> None:
-    """Nodal pressure made of the same harmonics, rolled to (a, b), through Z_p: equal to 1e-9 of the largest."""
+    """Nodal pressure made of the same harmonics, rolled to (a, b), through Z_p and the load operator: equal to
+    1e-9 of the largest."""
     flow = truth_flows[mach_number, round(radians(incidence), 9)]
     harmonics = pressure_harmonics(flow, structure.surface, 10)
     at = condition(mach_number, 0.6 * incidence, -0.8 * incidence)
@@ -77,8 +84,11 @@ def test_at_a_knot_strain_is_that_of_the_harmonics(
     phase = np.outer(np.arange(11), structure.surface.roll_angle - exact.leeward_roll_angle)
     pressure = exact.ambient_pressure * (harmonics @ np.cos(phase)).ravel()
     expected = case.strain_operator @ (pressure - exact.ambient_pressure)
-    found = evaluate(model, exact).strain
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    found = evaluate(model, exact)
+    np.testing.assert_allclose(found.strain, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    scale = coefficient_scale(exact.dynamic_pressure, vehicle.reference_quantities())
+    loads = scale * (case.loads @ (pressure - exact.ambient_pressure))
+    np.testing.assert_allclose(found.coefficients, loads, rtol=0.0, atol=1e-9 * np.abs(loads).max())
 
 
 @pytest.mark.parametrize(("mach_number", "incidence"), [(5.25, 3.0), (6.25, 5.0), (6.75, 11.0)])
@@ -90,12 +100,13 @@ def test_at_a_knot_the_flow_is_met(
     structure: StructuralModel,
     case: Case,
 ) -> None:
-    """Coefficients to 1e-6; strain to 0.2 %, harmonics against interpolated nodes."""
+    """Coefficients and strain to 0.2 % of the force's and the strain's size: harmonics of the cells against nodes
+    interpolated between them."""
     at = condition(mach_number, incidence, 0.0)
     strain, coefficients = direct(vehicle, structure, case, at)
     point = evaluate(model, at)
     assert np.linalg.norm(point.strain - strain) < 2e-3 * np.linalg.norm(strain)
-    np.testing.assert_allclose(point.coefficients, coefficients, rtol=0.0, atol=1e-6 * coefficients[1])
+    np.testing.assert_allclose(point.coefficients, coefficients, rtol=0.0, atol=2e-3 * coefficients[1])
 
 
 @pytest.mark.parametrize(
@@ -166,8 +177,8 @@ def test_quarter_turn_moves_the_strain_to_the_next_row(model: FlightModel) -> No
 
 def test_fixed_internal_pressure(
     vehicle: Vehicle,
-    truth_flows: dict[FlowKey, Flow],
-    structure: StructuralModel,
+    table: FlowTable,
+    true_model: TrueStructure,
     model: FlightModel,
     case: Case,
 ) -> None:
@@ -176,9 +187,10 @@ def test_fixed_internal_pressure(
         update={"structure": vehicle.structure.model_copy(update={"internal_pressure_Pa": 1e5})}
     )
     at = condition(6.0, 4.0, 2.0)
-    vented, closed = evaluate(model, at), evaluate(flight_model(sealed, truth_flows, structure, 1e-7), at)
+    exact = exactly_built(len(true_model.names))
+    vented, closed = evaluate(model, at), evaluate(flight_model(sealed, table, true_model, exact, 1e-7), at)
     difference = 1e5 - at.ambient_pressure
-    uniform = case.strain_operator @ np.ones(structure.surface.n_nodes)
+    uniform = case.strain_operator @ np.ones(true_model.surface.n_nodes)
     size = np.abs(closed.strain).max()
     np.testing.assert_allclose(closed.strain, vented.strain - difference * uniform, rtol=0.0, atol=1e-10 * size)
     area = pi * vehicle.body().base_radius ** 2
@@ -188,14 +200,7 @@ def test_fixed_internal_pressure(
     assert isinstance(vented, FlightPoint)
 
 
-def test_harmonics_are_those_of_the_cells(
-    vehicle: Vehicle, truth_flows: dict[FlowKey, Flow], structure: StructuralModel
-) -> None:
-    """All 16 of 16 cells give the cells' pressure back; without incidence only the mean is left."""
-    flow = truth_flows[6.25, round(radians(5.0), 9)]
-    harmonics = pressure_harmonics(flow, structure.surface, 15)
-    back = harmonics @ np.cos(np.outer(np.arange(16), flow.arrays["roll_angle"]))
-    np.testing.assert_allclose(back, pressure_at_stations(pieces(flow), structure.surface), rtol=1e-12)
-    assert np.all(pressure_harmonics(flow, structure.surface, 20)[:, 16:] == 0.0)
+def test_without_incidence_pressure_is_level_round_the_body(vehicle: Vehicle, true_model: TrueStructure) -> None:
+    """All harmonics but the mean are below 1e-3 of p_inf."""
     level = truth_engine(vehicle).solve((6.25, 0.0))
-    assert np.abs(pressure_harmonics(level, structure.surface, 8)[:, 1:]).max() < 1e-3
+    assert np.abs(pressure_harmonics(level, true_model.surface, 8)[:, 1:]).max() < 1e-3

@@ -19,7 +19,9 @@ from builder.inverse.build import gauge_noise_covariance
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_snapshots
 from builder.structure.fourier.model import StructuralModel, structural_model
-from builder.truth.flows import truth_engine, truth_keys
+from builder.truth.flow_table import FlowTable, flow_table
+from builder.truth.flows import truth_engine, truth_keys, truth_knots
+from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.map_options import MapEntry
@@ -125,3 +127,24 @@ def truth_flows(vehicle: Vehicle, compiled_solver: None) -> dict[FlowKey, Flow]:
     """The flows at the knots of the flight model."""
     solved = solve_flows(truth_engine(vehicle), truth_keys(vehicle), Scheduling(workers=0))
     return {one.flow.key: one.flow for one in solved}
+
+
+@pytest.fixture(scope="session")
+def true_model(vehicle: Vehicle) -> TrueStructure:
+    """The structure of the independent model."""
+    return true_structure(vehicle)
+
+
+@pytest.fixture(scope="session")
+def table(vehicle: Vehicle, true_model: TrueStructure, truth_flows: dict[FlowKey, Flow]) -> FlowTable:
+    """The pressure of the independent model."""
+    mach, incidence = truth_knots(vehicle)
+    return flow_table(
+        vehicle=vehicle.name,
+        mach=mach,
+        incidence=np.array(incidence[1:]),
+        flows=truth_flows,
+        surface=true_model.surface,
+        max_harmonic=vehicle.resolution.truth.harmonics,
+        provenance={},
+    )
