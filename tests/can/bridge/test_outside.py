@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scaled_maps import NOMINAL, scaled_map
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
@@ -183,3 +184,30 @@ def test_an_absurd_dynamic_pressure_gives_no_coefficients(synthetic: SyntheticFi
     assert results[-1].causes & Cause.DYNAMIC_PRESSURE
     assert isnan(results[-1].dynamic_pressure)
     assert np.isnan(results[-1].coefficients).all()
+
+
+@pytest.mark.parametrize("name", ["map.h5", "estimator.fmu"])
+def test_a_map_per_dynamic_pressure_behind_the_bus(tmp_path: Path, name: str) -> None:
+    """Strains in proportion to q_inf: right at twice the nominal one, outside beyond the range, nothing without."""
+    n = 18
+    inverse_map = replace(scaled_map(1, 3, n), dynamic_pressure_range=np.array([0.5, 3.0]) * NOMINAL)
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    if name.endswith(".fmu"):
+        export_estimator(tmp_path / "map.h5", tmp_path / name)
+    layout = profile_layout("fd64", inverse_map.gauge_names, CYCLE)
+    found = {}
+    with opened(tmp_path, name) as step:
+        for factor in (2.0, 3.5, nan):
+            core, encoder = bridge_core(layout, step, BridgeSettings(), start=0.0), StrainEncoder(layout)
+            results: list[CycleResult] = []
+            for k in range(12):
+                strain = 2.0 * inverse_map.mean_strain + 1e-6 * np.random.default_rng(k).normal(size=n)
+                for frame in encoder.encode(strain, factor * NOMINAL, cycle=k, sample_time=k * CYCLE):
+                    results += core.receive(replace(frame, time=k * CYCLE))
+            found[factor] = results[-1]
+    assert [(one.health, one.quality) for one in found.values()] == [
+        (HealthState.OK, Quality.VALID),
+        (HealthState.OUTSIDE, Quality.SUSPECT),
+        (HealthState.NO_COEFFICIENTS, Quality.INVALID),
+    ]
+    assert np.isfinite(found[2.0].coefficients).all()

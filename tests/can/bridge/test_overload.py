@@ -184,3 +184,14 @@ def test_cycles_are_skipped_from_half_the_largest_age_down_to_one_cycle() -> Non
     backlog = Backlog(5.0, 0.01)
     waited = [0.0, 0.024, 0.026, 0.02, 0.011, 0.009, 0.02, 0.024]
     assert [backlog.is_answered(one) for one in waited] == [True, True, False, False, False, True, True, True]
+
+
+def test_frames_that_a_cycle_may_have_or_not_neither_split_it_nor_fill_the_queue() -> None:
+    queue = FrameQueue(capacity=6, cycle=3, uncounted={9})
+    first = [Frame(identifier=identifier, data=b"") for identifier in (0, 9, 1, 2)]
+    assert queue.put(first * 2) == 0
+    assert queue.take(0.0, Time())[0] == first
+    assert queue.put(first) == 0
+    assert queue.put(first[:1]) == 4, "the oldest cycle, whole"
+    assert queue.put([first[1]] * 100) > 80
+    assert queue.highest <= 12
