@@ -188,7 +188,7 @@ def test_an_absurd_dynamic_pressure_gives_no_coefficients(synthetic: SyntheticFi
 
 @pytest.mark.parametrize("name", ["map.h5", "estimator.fmu"])
 def test_a_map_per_dynamic_pressure_behind_the_bus(tmp_path: Path, name: str) -> None:
-    """Strains in proportion to q_inf: right at twice the nominal one, outside beyond the range, nothing without."""
+    """Strains in proportion to q_inf: right at twice the nominal, outside beyond the range, nothing without."""
     n = 18
     inverse_map = replace(scaled_map(1, 3, n), dynamic_pressure_range=np.array([0.5, 3.0]) * NOMINAL)
     save_inverse_map(inverse_map, tmp_path / "map.h5")
