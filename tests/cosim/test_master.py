@@ -19,6 +19,7 @@ from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_
 from strainfmu.cosim.system import Connection, System
 from strainfmu.cosim.trajectory import HEADER, load_trajectory
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.interface.estimator_variables import COEFFICIENTS, LOADS
@@ -136,6 +137,15 @@ def test_cycles_and_double_feeds_are_refused(synthetic: SyntheticFiles) -> None:
         simulate(System(instances, double), 1.0, 0.1)
     with pytest.raises(InputError, match="no output of 'a' has the name of an input of 'b'"):
         matching_connections("a", "b", instances)
+
+
+def test_navigation_goes_from_the_plant_to_the_estimator(synthetic: SyntheticFiles) -> None:
+    """What matches by name carries it: the estimator sees q_inf, Mach number and altitude of one atmosphere."""
+    targets = {connection.target for connection in chain(synthetic).connections}
+    assert {"estimator.dynamic_pressure", "estimator.mach_number", "estimator.altitude"} <= targets
+    assert "estimator.dynamic_pressure_std" not in targets
+    recording = simulate(chain(synthetic, noise_std=0.0), 0.4, 0.1, record=["estimator.health.state"])
+    assert HealthState.OUTSIDE not in recording["estimator.health.state"]
 
 
 @pytest.mark.parametrize(
