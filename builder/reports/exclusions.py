@@ -8,10 +8,14 @@ from builder.vehicle.map_options import Noise
 OPTIONAL_ERRORS = (
     ("apparent_strain_um_per_m", "apparent strain, such as that of an uncompensated temperature"),
     ("gauge_gain_percent", "errors of gauge factor and amplifier gain"),
+    ("common_gain_percent", "errors common to all gains, such as that of Young's modulus"),
     ("gauge_position_mm", "errors of the gauges' positions"),
     ("gauge_orientation_deg", "errors of the gauges' directions"),
+    ("layout_roll_deg", "an error of the whole layout's roll angle"),
+    ("wall_thickness_percent", "an error of the wall's thickness"),
+    ("internal_pressure_percent", "errors of the internal pressure"),
 )
-"""Entries of the section [noise] that are 0 by default, and the error that is then left out."""
+"""Entries of the section [noise], and the error that is left out where one is 0."""
 
 
 def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
@@ -21,9 +25,10 @@ def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
         "Base pressure: C_A is the fore-body's.",
         "Flight conditions that differ from the snapshots', inside or outside the ranges of this page.",
         f"Errors of the flow solution ({engine}): modes and prior come from it.",
-        f"Errors of the structural model ({model}): stiffness, joints, wall thickness, support.",
+        f"Errors of the structural model ({model}): distribution of stiffness and thickness, joints, support.",
         *_absent_noise(vehicle.noise, vehicle.map.case == 1 or vehicle.map.prior_modes is not None),
-        "Errors of the dynamic pressure that turns loads into coefficients: it counts as exact.",
+        "Errors of the dynamic pressure: an estimate adds the deviation that it is told, or "
+        f"{vehicle.noise.dynamic_pressure_percent:g} % (noise.dynamic_pressure_percent).",
         "Vibration and inertia: strain counts as the static response to the current pressure.",
     )
 

@@ -33,6 +33,9 @@ class OneGauge:
     reference_area: float = 0.108
     reference_length: float = 0.371
     nominal_dynamic_pressure: float = 1e5
+    dynamic_pressure_error: float = 0.01
+    form: str = "dynamic_pressure"
+    envelope_score_limit: float = 1.5
     residual_degrees_of_freedom: int = 49
     provenance: dict[str, float] = field(default_factory=lambda: {"moment_station_m": 2.0})
 
@@ -69,9 +72,10 @@ def variable_table(interface: Sequence[Variable], *, arrays: bool = False) -> st
 
 
 def _description(variable: Variable) -> str:
-    """Return the description; position and expected chi-square of the example stand for those of a map."""
+    """Return the description; what is the example's alone stands for that of a map."""
     text = variable.description.replace("x = 1 m", "x = ...").replace("roll angle 180 deg", "roll angle ...")
-    text = text.replace("|", "\\|")
+    text = text.replace("|", "\\|").replace("OUTSIDE above 1.5", "OUTSIDE above the map's limit")
+    text = text.replace("takes 0.01 of", "takes the map's fraction of")
     return text.replace("49 expected", "n - r expected in Case 1").replace("NAME", "of that number")
 
 

@@ -19,7 +19,7 @@ FILE = re.compile(r"`(?:[\w/]+/)?(\w+\.(?:py|c|h))`")
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[\w-]+)?\)")
 
 SCHEMAS = {"strainfmu.inverse_map", "strainfmu.snapshots", "strainfmu.structure", "strainfmu.recording"}
-SCHEMAS |= {"strainfmu.flight_model"}
+SCHEMAS |= {"strainfmu.flight_model", "strainfmu.flow_table"}
 """Names of the files' schemas, which look like modules."""
 
 

@@ -201,6 +201,10 @@ def test_what_is_excluded_follows_the_noise_section(parts: Parts) -> None:
 
     assert "noise.gauge_gain_percent is 0" in excluded()
     assert "noise.gauge_gain_percent" not in excluded(gauge_gain_percent=1.0)
+    for entry in ("common_gain_percent", "layout_roll_deg", "wall_thickness_percent", "internal_pressure_percent"):
+        assert f"noise.{entry} is 0" in excluded()
+        assert f"noise.{entry}" not in excluded(**{entry: 1.0})
+    assert "or 2 % (noise.dynamic_pressure_percent)" in excluded(dynamic_pressure_percent=2.0)
     assert "noise.apparent_strain_um_per_m is 0" in excluded()
     assert "noise.apparent_strain_um_per_m" not in excluded(nuisance_file="thermal.csv")
     assert "Truncated pressure modes" not in excluded()
