@@ -22,7 +22,10 @@ BEYOND = 0.2
 
 FLAGGED = 95.0
 
-NO_STRAIN = "The strain is that of a flight inside: over q_inf, it varies little with M. Navigation tells it."
+NO_NAVIGATION = (
+    "Only strain and q_inf are given. The strain differs from that of the nearest flight inside, but a linear map "
+    "takes part of the difference for another state."
+)
 
 
 def envelope_kinds(vehicle: Vehicle) -> list[Kind]:
@@ -82,8 +85,8 @@ def mach_kinds() -> list[Kind]:
         Kind(
             error=f"Mach number {where}{'' if navigation else ', no navigation'}",
             size=size,
-            group="outside" if navigation else "unobservable",
-            what="The Mach number is given." if navigation else NO_STRAIN,
+            group="outside",
+            what="The Mach number is given." if navigation else NO_NAVIGATION,
             flights=flights,
             build=as_stated,
             navigation=navigation,

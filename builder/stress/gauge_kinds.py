@@ -136,9 +136,9 @@ def unit_kinds() -> list[Kind]:
         Kind(
             error="unit of all strains",
             size="times 0.001",
-            group="unobservable",
-            what="Readings in mm/m taken for um/m, or an amplifier without supply. A flight without incidence "
-            "reads as little, within apparent strain and internal pressure. A whole recording tells it.",
+            group="outside",
+            what="Readings in mm/m taken for um/m, or an amplifier without supply: nearly the strain of a flight "
+            f"without incidence, which is small. {SENSORS}",
             readings=scaled(None, 1e-3),
         ),
     ]

@@ -35,7 +35,7 @@ from strainfmu.files import content_hash_of, write_bytes_atomically
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
 VERSION = 1
-"""Raised whenever the kinds of error or their scores change, so that they are made again."""
+"""Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 CSV_COLUMNS = ("error", "size", "class", "flagged_percent", "silent_percent", "wrong_percent", "samples", "missed")
 
@@ -97,8 +97,7 @@ def run_stress(
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
         check_fit(vehicle, inverse_map)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
-        schema, version = inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION
-        pipeline.use(MAP, map_path, content_hash_of(map_path, schema, version))
+        pipeline.use(MAP, map_path, _content(map_path))
     _flows(pipeline, vehicle)
     _scores(pipeline, vehicle, inverse_map, effort)
     entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))
@@ -106,6 +105,11 @@ def run_stress(
     _figure(pipeline, entries)
     names = [name for name in (JSON, CSV, FIGURE) if pipeline.path(name).is_file()]
     return StressResult(vehicle=vehicle.name, entries=entries, files=[pipeline.path(name) for name in names])
+
+
+def _content(path: Path) -> str:
+    """Return the content hash of a map, so that any change of it renews the scores."""
+    return content_hash_of(path, inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION)
 
 
 def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
@@ -146,7 +150,8 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effor
 
     inputs = {
         "version": VERSION,
-        "map": pipeline.made_from(MAP),
+        "kinds": [(kind.error, kind.size, kind.group, kind.what) for kind in all_kinds(vehicle)],
+        "map": _content(pipeline.path(MAP)),
         "flows": pipeline.made_from(FLOWS),
         "effort": asdict(effort),
         "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
