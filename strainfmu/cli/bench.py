@@ -21,6 +21,9 @@ COMMUNICATION_STEP_SIZE = 1e-3
 SERIES = 10_000
 """Samples of the series that is estimated in one call."""
 
+FEWEST_CALLS, LONGEST_REPEAT = 50, 0.05
+"""Calls that a mean is taken of at least; time [s] after which no more are added."""
+
 LOST = 3
 """Gauges that fail, the first ones, where the cost of a step without some is timed."""
 
@@ -68,13 +71,15 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
 
 
 def time_per_call(call: Callable[[], object], repeats: int = 30, calls: int = 500) -> float:
-    """Return the median over ``repeats`` of the mean time of ``calls`` calls [s]."""
-    for _ in range(calls):
+    """Return the median over ``repeats`` of the mean time of ``calls`` calls [s], or of fewer that take long."""
+    start, counted = perf_counter(), 0
+    while counted < calls and (counted < FEWEST_CALLS or perf_counter() - start < LONGEST_REPEAT):
         call()
+        counted += 1
     means = []
     for _ in range(repeats):
         start = perf_counter()
-        for _ in range(calls):
+        for _ in range(counted):
             call()
-        means.append((perf_counter() - start) / calls)
+        means.append((perf_counter() - start) / counted)
     return median(means)
