@@ -178,7 +178,10 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
 
 def make_independent_flows(pipeline: Pipeline) -> None:
-    """Make the flows of the independent model; they set the map's alarm levels, and are what flies."""
+    """Make the flows of the independent model, once per run; they set the map's alarm levels, and are what
+    flies."""
+    if FLOWS in pipeline.files:
+        return
     vehicle = pipeline.vehicle
 
     def write(path: Path) -> None:
