@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.fmu.native_package import shipped_libraries
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
@@ -159,17 +161,27 @@ def _fmus(pipeline: Pipeline) -> None:
         pipeline.make(
             "estimator.fmu",
             "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
-            {"map": pipeline.made_from("map.h5"), "kind": "native"},
+            {"map": pipeline.made_from(MAP), "kind": "native", "library": _digest("estimator")},
             lambda path: export_estimator(workspace.path("map.h5"), path),
         )
         progress(1, 2)
         pipeline.make(
             "plant.fmu",
             "FMI 2.0 co-simulation FMU: the vehicle on its manoeuvre, noisy strains out",
-            {"flight_model": pipeline.made_from("flight_model.h5"), "trajectory": trajectory.read_bytes().hex()},
+            {
+                "flight_model": pipeline.made_from("flight_model.h5"),
+                "trajectory": trajectory.read_bytes().hex(),
+                "library": _digest("plant"),
+            },
             lambda path: export_plant(workspace.path("flight_model.h5"), trajectory, path),
         )
         progress(2, 2)
+
+
+def _digest(library: str) -> str:
+    """Return what identifies the compiled code of ``library`` on all platforms."""
+    found = shipped_libraries(library)
+    return sha256(b"".join(content for _, (_, content) in sorted(found.items()))).hexdigest()
 
 
 def _flight(pipeline: Pipeline) -> Recording:

@@ -100,7 +100,10 @@ def alarm_ratios(
 ) -> tuple[FloatArray, FloatArray]:
     """Return chi-square and the squared largest |z| (n,) of independent samples, each over its level."""
     random, n_gauges = np.random.default_rng(seed), inverse_map.n_gauges
-    conditions = held_out_conditions(vehicle, table, CONDITIONS, random)
+    # A map whose snapshots could not be rolled holds for the listed angles alone.
+    symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
+    as_mapped = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": symmetry})})
+    conditions = held_out_conditions(as_mapped, table, CONDITIONS, random)
     flights = without_faint_harmonics(true_flights(vehicle, structure, table, conditions))
     whole = Estimator(inverse_map).masked_map(np.ones(n_gauges, dtype=bool))
     assert whole is not None
