@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 SCRIPT = Path(__file__).parent / "memory_limited.py"
+SUPPORT = str(Path(__file__).parents[1] / "support")
 MIB = 2**20
 
 
@@ -23,7 +24,7 @@ def limited(what: str, folder: Path) -> subprocess.CompletedProcess[str]:
         capture_output=True,
         text=True,
         check=False,
-        env={**os.environ, **threads},
+        env={**os.environ, **threads, "PYTHONPATH": os.pathsep.join((SUPPORT, os.environ.get("PYTHONPATH", "")))},
     )
 
 
