@@ -19,15 +19,15 @@ from builder.aero.loads import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.pod import PressureModes
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import flow_key
 from builder.vehicle.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 ROLLS = 24
-"""Roll angles at which strain and coefficients of a rolled ensemble are taken, if they divide the roll angles of
-the
-nodes; else the divisor that is nearest to it."""
+"""Roll angles at least at which strain and coefficients of a rolled ensemble are taken; those of the nodes if
+fewer."""
 
 MIN_ROLLS = 12
 """Fewer roll angles than this, 30 degrees apart, leave gaps in the disc of total incidence."""
@@ -112,9 +112,8 @@ class Ensemble:
 
 
 def rolls_of(n_roll: int) -> int:
-    """Return the divisor of ``n_roll`` nearest to :data:`ROLLS`."""
-    divisors = [one for one in range(1, n_roll + 1) if n_roll % one == 0]
-    return min(divisors, key=lambda one: (abs(one - ROLLS), -one))
+    """Return the smallest divisor of ``n_roll`` from :data:`ROLLS` on, ``n_roll`` itself if that is smaller."""
+    return next((one for one in range(ROLLS, n_roll + 1) if n_roll % one == 0), n_roll)
 
 
 def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
@@ -129,7 +128,7 @@ def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
     grid, rows = None, np.arange(len(conditions))
     if entry.symmetry == "full" and snapshots.grid is not None and rolls_of(snapshots.grid.n_roll) >= MIN_ROLLS:
         grid = snapshots.grid
-        rows = np.unique(snapshots.flow)
+        rows = _distinct_flows(conditions, entry.form == "absolute")
     chosen = tuple(conditions[row] for row in rows)
     pressure = snapshots.pressure[rows]
     dynamic = np.array([condition.dynamic_pressure for condition in chosen])
@@ -210,6 +209,18 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
         n_snapshots=n,
         weights=weights,
     )
+
+
+def _distinct_flows(conditions: list[FlightCondition], by_altitude: bool) -> IntArray:
+    """Return the first condition of each Mach number and total incidence: at every roll angle they are one flow.
+
+    At one pressure level altitude does not matter; ``by_altitude`` tells altitudes apart where it does.
+    """
+    first: dict[tuple[float, ...], int] = {}
+    for row, condition in enumerate(conditions):
+        key = (*flow_key(condition), condition.altitude if by_altitude else 0.0)
+        first.setdefault(key, row)
+    return np.array(sorted(first.values()), dtype=np.int64)
 
 
 def _one_internal_pressure(vehicle: Vehicle, conditions: list[FlightCondition]) -> float:

@@ -77,10 +77,11 @@ def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDer
             )
         return structure.strain_operator(name)
 
+    along = central_difference(of(displaced.AFT), of(displaced.FORE), displaced.STEP)
     around = central_difference(of(displaced.AROUND), of(displaced.BACK), displaced.STEP)
     position = structure.layouts[layout].position
     return GaugeDerivatives(
-        axial=central_difference(of(displaced.AFT), of(displaced.FORE), displaced.STEP),
+        axial=along,
         circumferential=around,
         orientation=of(displaced.TURNED_AROUND) - of(displaced.TURNED_BACK),
         layout_roll=np.hypot(position[:, 1], position[:, 2])[:, None] * around,

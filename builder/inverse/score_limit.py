@@ -15,7 +15,7 @@ from strainfmu.estimator.step import Estimator
 FALSE_OUTSIDE = 5e-4
 """Rate of flights inside the envelope that are taken to be outside it."""
 
-SAMPLES, SEED = 40_000, 77
+SAMPLES, SEED = 12_000, 77
 SMALLEST_LIMIT = 1.0
 
 

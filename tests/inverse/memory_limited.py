@@ -78,7 +78,7 @@ def build(folder: Path) -> dict[str, object]:
     names = tuple(f"G{i}" for i in range(n_d))
     layout = GaugeLayout(names, random.normal(size=(n_d, 3)), random.normal(size=(n_d, 3)))
     name = vehicle.gauges.layout
-    operator = 1e-12 * random.normal(size=(n_d, n_p))
+    operator = 1e-9 * random.normal(size=(n_d, n_p))
     structure = MappedStructure(
         surface=grid, description="random", layouts={name: layout}, operators={name: operator}
     )
@@ -106,7 +106,7 @@ def field(_: Path) -> dict[str, object]:
     n_p, n, n_d = 500_000, 12, 6
     random = np.random.default_rng(0)
     pressure = random.normal(1e4, 1e3, size=(n, n_p))
-    operator, loads = 1e-12 * random.normal(size=(n_d, n_p)), 1e-6 * random.normal(size=(5, n_p))
+    operator, loads = 1e-9 * random.normal(size=(n_d, n_p)), 1e-6 * random.normal(size=(5, n_p))
     noise, area = (gauge_noise(1e-14 * np.eye(n_d)),), np.ones(n_p)
     allow(GIB)
     entries = (

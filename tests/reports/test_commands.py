@@ -75,9 +75,11 @@ def inspected(case: ReportCase, folder: Path, figures: Path | None = None) -> st
 def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
     """Headings in brackets and names with brackets are no markup."""
     printed = inspected(case, tmp_path)
-    for text in ("A [deg] B", "G[deg]", "roll [deg]", "x [m]", "sigma [um/m]", "fraction [%]", "angle of attack"):
+    for text in ("A [deg] B", "G[deg]", "roll [deg]", "x [m]", "sigma [um/m]", "fraction [%]"):
         assert text in printed
-    assert "0 to 6 deg" in printed
+    listed = case.inverse_map.provenance["symmetry"] == "listed"
+    assert ("angle of attack" if listed else "total incidence, at any roll angle") in printed
+    assert ("0 to 6 deg" if listed else "0 to 6.70575 deg") in printed
     lines = [line.split() for line in printed.splitlines()]
     row = next(line for line in lines if line[:1] == ["G[deg]"])
     one = case.inverse_map
@@ -113,8 +115,14 @@ def test_eigenvalues_and_biases_of_a_map(parts: Parts, tmp_path: Path) -> None:
 def test_ranges_for_a_reader(case: ReportCase) -> None:
     found = {one.quantity: one for one in valid_ranges(case.inverse_map)}
     assert found["Mach number"].text == "4 to 5"
-    assert found["sideslip angle"].text == "0 to 3 deg"
-    assert found["altitude"].text == "22 km"
+    if case.inverse_map.provenance["symmetry"] == "listed":
+        assert found["sideslip angle"].text == "0 to 3 deg"
+        assert found["altitude"].text == "22 km"
+    else:
+        assert "sideslip angle" not in found
+        assert found["total incidence, at any roll angle"].text == "0 to 6.70575 deg"
+        assert found["altitude"].text == "0 to 40 km"
     assert found["|strain| of the gauge that strains most"].maximum == 1e6 * case.inverse_map.strain_range.max()
-    older = replace(case.inverse_map, provenance={"altitude_m": 22e3})
+    without = {"mach_number_range": None, "altitude_range": None, "dynamic_pressure_range": None}
+    older = replace(case.inverse_map, provenance={"altitude_m": 22e3}, **without)
     assert valid_ranges(older)[0] == ValidRange(quantity="altitude", minimum=22.0, maximum=22.0, unit="km")

@@ -135,7 +135,10 @@ def test_a_body_without_symmetry_has_no_classes(parts: Parts) -> None:
 
 
 def test_removed_variance_is_that_of_snapshots_flown_one_by_one(case: ReportCase) -> None:
-    """Fields estimated from each snapshot's strain, and the noise's part: mean square error over area, 1e-9."""
+    """Fields estimated from each snapshot's strain, and the noise's part: mean square error over area.
+
+    To 1e-5: modes below 3e-4 of the first are left out of a rolled ensemble.
+    """
     problem, solution = case.problem, case.solution
     observed = prior_observability(problem, solution, case.structure.surface)
     ensemble = problem.ensemble
@@ -150,9 +153,9 @@ def test_removed_variance_is_that_of_snapshots_flown_one_by_one(case: ReportCase
     of_noise = sum(np.sum((of_strain @ term.strain) ** 2, axis=1) for term in problem.noise)
     left = weight @ error**2 + of_noise
     before = weight @ (pressure - solution.mean) ** 2
-    assert observed.removed == pytest.approx(1.0 - left @ area / (before @ area), rel=1e-9)
+    assert observed.removed == pytest.approx(1.0 - left @ area / (before @ area), rel=1e-5)
     per_node = 1.0 - left / before
-    np.testing.assert_allclose(observed.node_removed, per_node, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(observed.node_removed, per_node, rtol=1e-4, atol=1e-5)
 
 
 def test_no_linear_map_is_better_than_the_best(parts: Parts) -> None:

@@ -1,0 +1,36 @@
+"""Quantiles in the tail of a sample, and the alarm levels that follow from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, genpareto
+
+from builder.truth.alarm_levels import alarm_levels
+from builder.truth.tail_quantile import tail_quantile
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.mark.parametrize(
+    "law", [chi2(49), genpareto(0.2), genpareto(-0.3)], ids=["chi-square", "heavy", "bounded"]
+)
+@pytest.mark.parametrize("probability", [0.1, 1e-3, 1e-4])
+def test_tail_quantile_is_that_of_the_law(law: object, probability: float) -> None:
+    """200,000 samples: the probability beyond the quantile found is within a factor 1.3 of the one requested."""
+    values = law.rvs(size=200_000, random_state=4)  # type: ignore[attr-defined]  # a frozen law of scipy
+    beyond = law.sf(tail_quantile(np.asarray(values), probability))  # type: ignore[attr-defined]
+    assert probability / 1.3 < beyond < probability * 1.3
+
+
+def test_levels_of_the_theory_are_found_on_data_of_the_theory() -> None:
+    """Chi-square and the largest of 54 squared normals, independent: the rate of any alarm is the stated one."""
+    random, n, freedom = np.random.default_rng(3), 300_000, 49
+    chi_square = random.chisquare(freedom, size=n) / chi_square_limit(freedom)
+    outlier = np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
+    levels = alarm_levels(chi_square, outlier)
+    assert levels.chi_square_scale == pytest.approx(1.0, abs=0.06)
+    assert levels.outlier_scale == pytest.approx(1.0, abs=0.12)
+    rate = np.mean((chi_square > levels.chi_square_scale) | (outlier > levels.outlier_scale))
+    assert 0.5 * FALSE_ALARM_PROBABILITY < rate < 2.0 * FALSE_ALARM_PROBABILITY
