@@ -471,7 +471,7 @@ def test_operators_of_both_models_agree(both_maps: tuple[Path, Path]) -> None:
 
 
 def test_maps_of_both_models_agree(both_maps: tuple[Path, Path]) -> None:
-    """Load per strain, row by row. Found: 0.5 %, and 2.5 % for the axial force, which the gauges hardly observe."""
+    """Load per strain, row by row. Found: 0.5 %; 2.5 % of the axial force, which the gauges hardly observe."""
     fourier, solid = (load_inverse_map(folder / "map.h5") for folder in both_maps)
     gain, other = (one.load_gain for one in (fourier, solid))
     apart = np.linalg.norm(other - gain, axis=1) / np.linalg.norm(gain, axis=1)
