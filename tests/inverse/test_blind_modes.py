@@ -8,7 +8,7 @@ from coarse_vehicle import with_paper_map
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_map_of, inverse_problem
-from builder.inverse.solution import MIN_WHITENED_STRAIN, ordered_modes, pressure_modes, solve
+from builder.inverse.solution import MIN_STRAIN_OVER_NOISE, ordered_modes, pressure_modes, solve
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
@@ -46,7 +46,7 @@ def test_the_published_prior_builds_with_few_modes(
     std = np.sqrt(np.diag(problem.noise[0].strain @ problem.noise[0].strain.T))
     new = _new_strain(problem.strain_operator @ (whole.modes * whole.coefficient_std()) / std[:, None], kept)
     for mode, size in new.items():
-        assert (size >= MIN_WHITENED_STRAIN) == (mode in kept), mode
+        assert (size >= MIN_STRAIN_OVER_NOISE) == (mode in kept), mode
 
 
 def _new_strain(whitened: np.ndarray, kept: list[int]) -> dict[int, float]:

@@ -156,6 +156,8 @@ class Reference:
             scale = np.abs(theirs).max()
             if name == "chi-square":
                 scale += self.cancelled(sample, theirs.max())
+            if name.startswith("moment"):  # a moved moment is the difference of a moment and a force times its arm
+                scale += np.abs(expected[GROUPS[name.replace("moment", "force")]]).max()
             if name == "envelope score":  # the difference of coefficients and limits, in deviations
                 scale += np.max(np.abs(expected[:5])) / np.min(expected[5:10])
             assert np.abs(ours - theirs).max() <= tolerance * scale, (name, ours, theirs)
