@@ -125,7 +125,7 @@ class ReceivesAnyCounter(Reception):
 class ReceivesAnyConfiguration(Reception):
     """Takes frames of another gauge assignment."""
 
-    def _is_of_other_configuration(self, slot: int, raw: IntArray) -> bool:
+    def _is_of_other_configuration(self, arrival: Arrival) -> bool:
         return False
 
 

@@ -11,29 +11,39 @@ from enum import Enum
 
 from strainfmu.arrays import IntArray
 from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.signal_plan import SignalPlan
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(eq=False, slots=True, kw_only=True)  # not frozen: one is made for every frame, and that costs thrice
 class Arrival:
-    """A strain frame or trailer that passed its own checks.
+    """A frame of the input, of which only the numbers about it have been read.
 
     Attributes
     ----------
     slot : index of the frame in its cycle.
     frame : the frame.
-    raw : (k,) raw numbers of its k signals.
+    plan : its signals.
     sample_time : sender's clock [ticks], None if the frame has none.
     counter : E2E counter, None if the frame has none.
+    status : sender's own status, 0 if the frame has none.
+    configuration : number of the gauge assignment, None if the frame has none.
     """
 
     slot: int
     frame: Frame
-    raw: IntArray
+    plan: SignalPlan
     sample_time: int | None = None
     counter: int | None = None
+    status: int = 0
+    configuration: int | None = None
+
+    @property
+    def raw(self) -> IntArray:
+        """(k,) raw numbers of its k signals."""
+        return self.plan.raw(self.frame.data)
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Cycle:
     """Frames of one cycle by slot; ``first_time`` is the arrival of the first [s]."""
 
@@ -80,7 +90,11 @@ class CycleAssembler:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
+        self._is_timed = limits.clock_bits is not None
+        self._half = 1 << ((limits.clock_bits or 1) - 1)
         self._open: Cycle | None = None
+        self.deadline: float | None = None
+        """Time at which the open cycle ends [s], None if none is open."""
         self._newest: int | None = None
         self._late = 0
 
@@ -89,11 +103,6 @@ class CycleAssembler:
         self._newest, self._late = None, 0
         return self._close()
 
-    @property
-    def deadline(self) -> float | None:
-        """Time at which the open cycle ends [s], None if none is open."""
-        return None if self._open is None else self._open.first_time + self._limits.deadline
-
     def due(self, now: float) -> list[Cycle]:
         """Return the open cycle if its deadline is over at ``now`` [s]."""
         deadline = self.deadline
@@ -101,10 +110,11 @@ class CycleAssembler:
 
     def offer(self, arrival: Arrival) -> tuple[Verdict, list[Cycle]]:
         """Take in a frame; return its fate and the cycles that it closes, the older first."""
-        verdict, closed = Verdict.ACCEPTED, list[Cycle]()
-        if self._limits.clock_bits is not None:
+        verdict = Verdict.ACCEPTED
+        closed: list[Cycle] = []
+        if self._is_timed:
             verdict = self._in_time(arrival)
-            if verdict in (Verdict.LATE, Verdict.REPEATED):
+            if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
                 return verdict, closed
         elif self._open is not None and arrival.slot in self._open.arrivals:
             closed += self._close()
@@ -112,6 +122,7 @@ class CycleAssembler:
             closed += self._close()
         if self._open is None:
             self._open = Cycle(arrival.frame.time)
+            self.deadline = arrival.frame.time + self._limits.deadline
             self._newest = arrival.sample_time
         self._late = 0
         self._open.arrivals[arrival.slot] = arrival
@@ -121,15 +132,14 @@ class CycleAssembler:
 
     def _is_new(self, arrival: Arrival) -> bool:
         """Return whether a frame belongs to another cycle than the open one, by its sample time."""
-        return self._limits.clock_bits is not None and arrival.sample_time != self._newest
+        return self._is_timed and arrival.sample_time != self._newest
 
     def _in_time(self, arrival: Arrival) -> Verdict:
         """Compare the sample time of ``arrival`` with that of the newest cycle."""
-        assert self._limits.clock_bits is not None
         assert arrival.sample_time is not None
         if self._newest is None:
             return Verdict.ACCEPTED
-        half = 1 << (self._limits.clock_bits - 1)
+        half = self._half
         ahead = (arrival.sample_time - self._newest + half) % (2 * half) - half
         if ahead > 0:
             return Verdict.ACCEPTED
@@ -140,5 +150,5 @@ class CycleAssembler:
 
     def _close(self) -> list[Cycle]:
         closed = [] if self._open is None else [self._open]
-        self._open = None
+        self._open = self.deadline = None
         return closed

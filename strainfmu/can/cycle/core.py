@@ -70,12 +70,14 @@ class BridgeCore:
         A cycle that ends with it while ``is_answered`` is False has no result, because there is no time for one:
         its counters and CRCs are checked, so that later cycles are trusted, but the estimator is not stepped.
         """
-        results = self.advance(frame.time)
-        self._remember(frame.time, is_answered)
+        results = self.advance(frame.time) if frame.time >= self.next_event else []
+        if not is_answered or self._skipping:
+            self._remember(frame.time, is_answered)
         self.account.received += 1
         refused = self._acceptance.refused(frame)
         if refused is None:
-            return results + self._take(frame, is_answered)
+            taken = self._take(frame, is_answered)
+            return results + taken if results else taken
         self.account.refuse(refused, frame.key, frame.time)
         if refused is FrameClass.ERROR_FRAME:
             self.bus_state = state_after(self.bus_state, frame)
@@ -103,7 +105,7 @@ class BridgeCore:
     def next_event(self) -> float:
         """Latest time at which :meth:`advance` has something to do [s]."""
         deadline = self._assembler.deadline
-        return self._next_status if deadline is None else min(deadline, self._next_status)
+        return self._next_status if deadline is None or self._next_status < deadline else deadline
 
     def note(self, cause: Cause) -> None:
         """Put ``cause`` into the next result, for what the core cannot observe, such as a full queue."""
@@ -162,11 +164,11 @@ class BridgeCore:
         if verdict is Verdict.RESTARTED:
             self._judge.forget_sender()
             self.note(Cause.CLOCK_JUMP)
-        if verdict in (Verdict.LATE, Verdict.REPEATED):
+        if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
             self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
         else:
             self.account.pending += 1
-        return self._close(closed, time, is_answered)
+        return self._close(closed, time, is_answered) if closed else []
 
     # --- one cycle --------------------------------------------------------------------------------------------
 
@@ -202,7 +204,13 @@ class BridgeCore:
         """Have a closed cycle judged, and settle its frames."""
         noted, self._noted = self._noted, Cause.NONE
         result, classes = self._judge.judge(cycle, now, noted)
-        for arrival, kind in zip(cycle.arrivals.values(), classes, strict=True):
+        arrivals = cycle.arrivals.values()
+        if isinstance(classes, FrameClass):
+            times = [arrival.frame.time for arrival in arrivals]
+            self.account.pending -= len(times)
+            self.account.settle(classes, times[0], len(times), last=times[-1])
+            return result
+        for arrival, kind in zip(arrivals, classes, strict=True):
             self._settle(kind, arrival.frame.time)
         return result
 

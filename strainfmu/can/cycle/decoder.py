@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.can.cycle.assembler import Arrival
-from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, InputFrame, InputLayout, SignalLayout
-from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
+from strainfmu.can.wire.cycle_plan import CyclePlan, InnerRange, raw_ends
+from strainfmu.can.wire.frame_layout import InputLayout
 
 STATUS_DEGRADED = 1
 """Sender's status 1; 0 is good, above 1 is not to be used."""
@@ -28,6 +27,7 @@ class DecodedCycle:
     present : (n_d,) gauges whose frame has arrived.
     refused : (n_d,) gauges without a value, or outside their signal's limits.
     status : worst status of the sender.
+    is_clean : all gauges are present and none is refused; may be False where that is so.
     """
 
     strain: FloatArray
@@ -35,35 +35,30 @@ class DecodedCycle:
     present: BoolArray
     refused: BoolArray
     status: int = 0
+    is_clean: bool = False
 
 
 class StrainDecoder:
-    """Decodes the strain frames of a layout: raw numbers frame by frame, then all gauges at once."""
+    """Decodes the strain frames of a layout, all gauges at once. Its arrays are not to be written to."""
 
     def __init__(self, layout: InputLayout) -> None:
         frames = layout.strain_frames
-        self._n_gauges = layout.n_gauges
-        self._nothing = [np.zeros(len(frame.layout.signals), dtype=np.int64) for frame in frames]
-        self._status = [frame.status for frame in frames]
-        self._plans = [SignalPlan(frame.layout) for frame in frames]
-        self._is_linear = [_is_linear(frame) for frame in frames]
-        # Position of each gauge in the raw numbers of all frames.
-        columns = np.cumsum([0, *(len(raw) for raw in self._nothing)])[:-1].tolist()
+        self._n_gauges, self._n_frames = layout.n_gauges, len(frames)
+        self._nothing = [bytes(frame.layout.length) for frame in frames]
         owners = {
             gauge: (slot, index, factor)
             for slot, frame in enumerate(frames)
             for index, gauge, factor in zip(frame.indices, frame.gauges, frame.to_strain, strict=True)
         }
         by_gauge = [owners[gauge] for gauge in range(layout.n_gauges)]
-        signals = [frames[slot].layout.signals[index] for slot, index, _ in by_gauge]
+        self._plan = CyclePlan([f.layout for f in frames], [(slot, index) for slot, index, _ in by_gauge])
+        signals = self._plan.signals
+        self._inner = InnerRange(signals)
         self._slot = np.array([slot for slot, _, _ in by_gauge], dtype=np.intp)
-        self._column = np.array([columns[slot] + index for slot, index, _ in by_gauge], dtype=np.intp)
-        self._scale = np.array([signal.scale for signal in signals])
-        self._offset = np.array([signal.offset for signal in signals])
         self._to_strain = np.array([factor for _, _, factor in by_gauge])
         self._low = np.array([-np.inf if s.minimum is None else s.minimum for s in signals])
         self._high = np.array([np.inf if s.maximum is None else s.maximum for s in signals])
-        ends = [converter_ends(signal) for signal in signals]
+        ends = [raw_ends(signal) for signal in signals]
         self._has_ends = np.array([end is not None for end in ends])
         self._first, self._last = np.array([end or (0, 0) for end in ends], dtype=np.int64).T
         # (m, n_d) codes for "no value"; a gauge with fewer than m of them repeats its last one.
@@ -71,49 +66,60 @@ class StrainDecoder:
         self._none = np.array([bool(own) for own in codes])
         rows = [[(own or (0,))[min(row, len(own) - 1)] for own in codes] for row in range(max(map(len, codes)))]
         self._no_value = np.array(rows, dtype=np.int64).reshape(-1, len(signals))
+        self._everywhere, self._nowhere = (
+            np.ones(layout.n_gauges, dtype=bool),
+            np.zeros(layout.n_gauges, dtype=bool),
+        )
+        for shared in (self._everywhere, self._nowhere):
+            shared.setflags(write=False)
 
     def empty(self) -> DecodedCycle:
         """Return a cycle without frames."""
         n = self._n_gauges
-        absent = np.zeros(n, dtype=bool)
+        absent = self._nowhere
         return DecodedCycle(
-            strain=np.full(n, np.nan), raw=np.zeros(n, dtype=np.int64), present=absent, refused=absent.copy()
+            strain=np.full(n, np.nan), raw=np.zeros(n, dtype=np.int64), present=absent, refused=absent
         )
 
     def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
         """Return the decoded ``arrivals`` of a cycle; ``trailer_status`` is the status in the trailer, or 0."""
-        raws, status = list(self._nothing), self._worst_status(arrivals, trailer_status)
+        data, status = list(self._nothing), self._worst_status(arrivals, trailer_status)
         for arrival in arrivals:
-            raws[arrival.slot] = arrival.raw
-        raw = np.concatenate(raws)[self._column]
-        value = self._values(raws, raw)
-        refused = self._without_value(raw) | self._out_of_range(raw, value)
+            data[arrival.slot] = arrival.frame.data
+        raw = self._plan.raw(data)
+        value = self._plan.physical(raw)
         strain = value * self._to_strain
-        present = np.ones(self._n_gauges, dtype=bool)
-        if len(arrivals) < len(raws):
-            here = np.zeros(len(raws), dtype=bool)
+        is_whole = len(arrivals) == self._n_frames
+        if is_whole and status <= STATUS_DEGRADED and self._inner.holds(raw):
+            return DecodedCycle(
+                strain=strain,
+                raw=raw,
+                present=self._everywhere,
+                refused=self._nowhere,
+                status=status,
+                is_clean=True,
+            )
+        refused = self._without_value(raw) | self._out_of_range(raw, value)
+        present = self._everywhere
+        if not is_whole:
+            here = np.zeros(self._n_frames, dtype=bool)
             here[[arrival.slot for arrival in arrivals]] = True
             present = here[self._slot]
             strain[~present] = np.nan
             refused &= present
         if status > STATUS_DEGRADED:
             refused |= present
-        return DecodedCycle(strain=strain, raw=raw, present=present, refused=refused, status=status)
-
-    def _values(self, raws: Sequence[IntArray], raw: IntArray) -> FloatArray:
-        """Return (n_d,) the gauges' values in their signals' units."""
-        if all(self._is_linear):
-            return raw * self._scale + self._offset
-        plans = zip(self._plans, raws, strict=True)
-        return np.concatenate([plan.physical(own) for plan, own in plans])[self._column]
+        is_clean = is_whole and not refused.any()
+        return DecodedCycle(
+            strain=strain, raw=raw, present=present, refused=refused, status=status, is_clean=is_clean
+        )
 
     def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
         """Return the worst status of the sender in a cycle."""
         status = trailer_status
         for arrival in arrivals:
-            index = self._status[arrival.slot]
-            if index is not None:
-                status = max(status, unsigned(arrival.raw, index))
+            if arrival.status > status:
+                status = arrival.status
         return status
 
     def _without_value(self, raw: IntArray) -> BoolArray:
@@ -125,19 +131,3 @@ class StrainDecoder:
         outside = ~((value >= self._low) & (value <= self._high))
         # A converter at either end is overdriven, or its wire is broken.
         return outside | self._has_ends & ((raw == self._first) | (raw == self._last))
-
-
-def _is_linear(frame: InputFrame) -> bool:
-    """Return whether the values of all strains are int64 times a scale plus an offset, and none overflows."""
-    signals = [frame.layout.signals[index] for index in frame.indices]
-    whole = all(s.kind == SIGNED or (s.kind == UNSIGNED and s.length < 64) for s in signals)
-    return whole and all(isfinite(abs(s.scale) * 2.0**s.length + abs(s.offset)) for s in signals)
-
-
-def converter_ends(signal: SignalLayout) -> tuple[int, int] | None:
-    """Return the first and the last raw number of an integer; None of a float, or of 64 bits, which none fills."""
-    if signal.kind == FLOAT or signal.length >= 64:
-        return None
-    if signal.kind == SIGNED:
-        return -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
-    return 0, (1 << signal.length) - 1

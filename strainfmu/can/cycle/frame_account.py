@@ -58,11 +58,12 @@ class FrameAccount:
     first_time: dict[FrameClass, float] = field(default_factory=dict)
     last_time: dict[FrameClass, float] = field(default_factory=dict)
 
-    def settle(self, kind: FrameClass, time: float, count: int = 1) -> None:
-        """Put ``count`` received frames into their class at ``time`` [s]."""
+    def settle(self, kind: FrameClass, time: float, count: int = 1, last: float | None = None) -> None:
+        """Put ``count`` received frames into their class, from ``time`` to ``last`` [s], or all at ``time``."""
         self.classes[kind] += count
-        self.first_time.setdefault(kind, time)
-        self.last_time[kind] = time
+        if kind not in self.first_time:
+            self.first_time[kind] = time
+        self.last_time[kind] = time if last is None else last
 
     def refuse(self, kind: FrameClass, key: int, time: float) -> None:
         """Put a refused frame into its class; count its key if that is unknown."""

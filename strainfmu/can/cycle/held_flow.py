@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
 from strainfmu.arrays import IntArray
-from strainfmu.can.cycle.decoder import STATUS_DEGRADED, converter_ends
+from strainfmu.can.cycle.decoder import STATUS_DEGRADED
 from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.wire.cycle_plan import raw_ends
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
@@ -117,7 +118,7 @@ class HeldValue:
         smallest, largest = _SENSIBLE[self.quantity]
         sensible = smallest <= value * self._source.to_si <= largest
         # As of strains: a converter at either end is overdriven, or its wire is broken.
-        return not (low <= value <= high and sensible) or code in (converter_ends(signal) or ())
+        return not (low <= value <= high and sensible) or code in (raw_ends(signal) or ())
 
     def _is_refused_by_sender(self, raw: IntArray) -> bool:
         """Return whether the sender's own status forbids to use the value."""

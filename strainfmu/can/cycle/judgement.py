@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite, isnan
+
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
@@ -70,7 +72,7 @@ class CycleJudge:
         """Note the arrival of a closed cycle, before it is judged or skipped."""
         self._may_be_held_back = self._pace.take(cycle.first_time)
 
-    def judge(self, cycle: Cycle, now: float, causes: Cause) -> tuple[CycleResult, list[FrameClass]]:
+    def judge(self, cycle: Cycle, now: float, causes: Cause) -> tuple[CycleResult, FrameClass | list[FrameClass]]:
         """Step the estimator with what is valid of a closed cycle.
 
         Parameters
@@ -80,7 +82,7 @@ class CycleJudge:
 
         Returns
         -------
-        The result, and the class of each of the cycle's frames in their order.
+        The result, and the class of each of the cycle's frames in their order, or of all of them.
         """
         reception, arrivals = self._reception, cycle.arrivals
         if reception.miss(arrivals):
@@ -88,10 +90,16 @@ class CycleJudge:
         trailer = reception.check_trailer(arrivals)
         # Strains whose CRC fits are checked even while they are not trusted yet.
         readable = trailer.refused in _READABLE
-        strains = [a for a in arrivals.values() if a.slot < reception.n_strain and readable]
+        n_strain = reception.n_strain
+        strains = [a for a in arrivals.values() if a.slot < n_strain] if readable else []
         decoded = self._decoder.decode(strains, trailer.status)
         plausible = self._gauges.update(
-            decoded.strain, decoded.raw, present=decoded.present, refused=decoded.refused, now=cycle.first_time
+            decoded.strain,
+            decoded.raw,
+            present=decoded.present,
+            refused=decoded.refused,
+            now=cycle.first_time,
+            is_clean=decoded.is_clean,
         )
         age, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
         trusted = reception.trusted_gauges(arrivals)
@@ -99,13 +107,17 @@ class CycleJudge:
             causes |= trailer.cause | of_time
         if decoded.status:
             causes |= Cause.SENDER_STATUS
-        if (decoded.present & ~trusted).any():
+        all_trusted, all_plausible = _is_full(trusted), _is_full(plausible)
+        if not all_trusted and (decoded.present & ~trusted).any():
             causes |= Cause.NOT_TRUSTED
-        if (decoded.present & ~plausible).any():
+        if not all_plausible and (decoded.present & ~plausible).any():
             causes |= Cause.GAUGE_INVALID
         refused = trailer.refused or (FrameClass.TOO_OLD if of_time else None)
-        valid = np.zeros_like(plausible) if refused else plausible & trusted
-        classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
+        classes: FrameClass | list[FrameClass] = FrameClass.USED
+        valid = plausible
+        if refused or not (all_trusted and all_plausible):
+            valid = np.zeros_like(plausible) if refused else plausible & trusted
+            classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
         return self._answer(cycle, now, causes=causes, valid=valid, decoded=decoded, age=age), classes
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
@@ -158,13 +170,13 @@ class CycleJudge:
     ) -> CycleResult:
         """Return the result of a judged cycle."""
         flow = self._flow.state(now)
-        if np.isnan(flow.dynamic_pressure):
+        if isnan(flow.dynamic_pressure):
             causes |= Cause.DYNAMIC_PRESSURE
         if flow.is_navigation_lost:
             causes |= Cause.NAVIGATION
-        strain = np.where(valid, decoded.strain, np.nan)
+        strain = decoded.strain if _is_full(valid) else np.where(valid, decoded.strain, np.nan)
         step, quality = None, Quality.INVALID if self.has_published else Quality.NO_DATA
-        if valid.any():
+        if np.count_nonzero(valid):
             step, quality, causes = self._estimate(strain, flow, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
@@ -188,7 +200,7 @@ class CycleJudge:
             chi_square=np.nan if step is None else step.chi_square,
             health=None if step is None else step.health,
             envelope_score=np.nan if step is None else step.further.get(ENVELOPE_SCORE, np.nan),
-            arrival=max(arrival.frame.time for arrival in cycle.arrivals.values()),
+            arrival=max([arrival.frame.time for arrival in cycle.arrivals.values()]),
         )
 
     def _estimate(
@@ -203,7 +215,7 @@ class CycleJudge:
         quality, causes = self._quality_of(step, causes)
         if quality.has_coefficients and not self._is_finite(step):
             quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
-        if np.isnan(flow.dynamic_pressure):
+        if isnan(flow.dynamic_pressure):
             quality = Quality.INVALID
         return step, quality, causes
 
@@ -213,10 +225,15 @@ class CycleJudge:
 
     def _is_finite(self, step: StepResult) -> bool:
         """Return whether coefficients and their standard deviations are finite."""
-        return bool(np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all())
+        return all(map(isfinite, (*step.coefficients.tolist(), *step.coefficients_std.tolist())))
 
     def _step_size(self, now: float) -> float:
         """Return the time since the last step [s], in whole cycles."""
         cycles = 1 if self._last_step is None else round((now - self._last_step) / self._layout.cycle_time)
         self._last_step = now
         return min(max(cycles, 1), _LONGEST_STEP) * self._layout.cycle_time
+
+
+def _is_full(mask: BoolArray) -> bool:
+    """Return whether all of a mask is True."""
+    return int(np.count_nonzero(mask)) == len(mask)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, IntArray
+from strainfmu.arrays import BoolArray
 from strainfmu.can.cycle.assembler import Arrival
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause
@@ -17,7 +17,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
-from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
+from strainfmu.can.wire.signal_plan import SignalPlan, number_reader
 
 _CLASS_OF_STATUS = {
     E2EStatus.ERROR: FrameClass.CORRUPT,
@@ -42,6 +42,11 @@ class TrailerVerdict:
     status: int = 0
 
 
+_NOTHING_TO_CHECK = TrailerVerdict()
+_ALL_BITS = (1 << 64) - 1
+"""Of a number that a plan returns as int64."""
+
+
 class Reception:
     """The frames of a layout by slot: strain frames first, then the trailer, then flow, as ``layout.frames``."""
 
@@ -54,9 +59,19 @@ class Reception:
             self._slots.setdefault(frame.layout.key, []).append(slot)
         self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
+        # Status, sample time and configuration: all that is read of a frame before its cycle is closed.
+        self._numbers = [
+            number_reader(f.layout, (f.status, f.sample_time, f.configuration)) for f in layout.frames
+        ]
         self._selectors = [_selector(frame) for frame in layout.frames]
-        protections = [frame.layout.protection for frame in layout.frames]
-        self._checks = [None if p is None else self.new_check(p, settings.max_delta) for p in protections]
+        self._has_selectors = any(self._selectors)
+        configurations = [(f.layout, f.configuration) for f in layout.frames]
+        self._expected = [None if at is None else own.signals[at].initial for own, at in configurations]
+        self._n_slots = self.n_strain + (layout.trailer is not None)
+        self._every_gauge = np.ones(layout.n_gauges, dtype=bool)
+        self._every_gauge.setflags(write=False)
+        self._protections = [frame.layout.protection for frame in layout.frames]
+        self._checks = [None if p is None else self.new_check(p, settings.max_delta) for p in self._protections]
         self._machines = [E2EStateMachine(settings.state_machine) for _ in layout.frames]
 
     def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
@@ -65,20 +80,28 @@ class Reception:
 
     def slot_of(self, frame: Frame) -> int | None:
         """Return the slot of a frame, None if its multiplexer's value belongs to no frame of the layout."""
-        for slot in self._slots[frame.key]:
+        slots = self._slots[frame.key]
+        if not self._has_selectors:
+            return slots[0]
+        for slot in slots:
             selector = self._selectors[slot]
             if selector is None or int(selector[0].raw(frame.data)[0]) == selector[1]:
                 return slot
         return None
 
     def arrival(self, slot: int, frame: Frame) -> Arrival:
-        """Return a frame decoded."""
-        item = self._layout.frames[slot]
-        raw = self._plans[slot].raw(frame.data)
-        sample_time = None if item.sample_time is None else int(raw[item.sample_time])
-        protection = item.layout.protection
-        counter = None if protection is None else counter_in(frame.data, protection)
-        return Arrival(slot=slot, frame=frame, raw=raw, sample_time=sample_time, counter=counter)
+        """Return a frame with the numbers about it."""
+        status, sample_time, configuration = self._numbers[slot](frame.data)
+        protection = self._protections[slot]
+        return Arrival(
+            slot=slot,
+            frame=frame,
+            plan=self._plans[slot],
+            sample_time=sample_time,
+            counter=None if protection is None else counter_in(frame.data, protection),
+            status=0 if status is None else status & _ALL_BITS,
+            configuration=None if configuration is None else configuration & _ALL_BITS,
+        )
 
     def check(self, arrival: Arrival) -> FrameClass | None:
         """Check a frame by itself; return its class if it is refused."""
@@ -87,15 +110,17 @@ class Reception:
             return None  # its CRC covers frames that may not have come yet
         check = self._checks[slot]
         status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
-        wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(slot, arrival.raw)
+        wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(arrival)
         self._machines[slot].add(E2EStatus.ERROR if wrong else status)
+        if status is E2EStatus.OK and not wrong:
+            return None
         return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
 
     def check_trailer(self, arrivals: Mapping[int, Arrival]) -> TrailerVerdict:
         """Check CRC and counter over a closed cycle; without a trailer in the layout there is nothing to check."""
-        slot, trailer = self.trailer, self._layout.trailer
-        if slot is None or trailer is None:
-            return TrailerVerdict()
+        slot = self.trailer
+        if slot is None:
+            return _NOTHING_TO_CHECK
         arrival, check = arrivals.get(slot), self._checks[slot]
         complete = all(index in arrivals for index in range(self.n_strain))
         if arrival is None or check is None or not complete:
@@ -104,13 +129,13 @@ class Reception:
         covered = b"".join(arrivals[index].frame.data for index in range(self.n_strain))
         status = check.check(arrival.frame.data, covered)
         self._machines[slot].add(status)
-        status_of_sender = 0 if trailer.status is None else unsigned(arrival.raw, trailer.status)
+        status_of_sender = arrival.status
         if status not in USABLE:
             kind = FrameClass.UNVERIFIED if status is E2EStatus.ERROR else _CLASS_OF_STATUS[status]
             return TrailerVerdict(kind, Cause.CYCLE_CRC, status_of_sender)
         if not self.is_trusted(slot):
             return TrailerVerdict(FrameClass.NOT_TRUSTED, Cause.NOT_TRUSTED, status_of_sender)
-        return TrailerVerdict(status=status_of_sender)
+        return TrailerVerdict(status=status_of_sender) if status_of_sender else _NOTHING_TO_CHECK
 
     def is_trusted(self, slot: int) -> bool:
         """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
@@ -119,7 +144,9 @@ class Reception:
         return self._machines[slot].state is E2EState.VALID
 
     def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
-        """Return (n_d,) gauges whose frame has arrived and is trusted."""
+        """Return (n_d,) gauges whose frame has arrived and is trusted; the array is not to be written to."""
+        if len(arrivals) == self._n_slots and all(map(self.is_trusted, arrivals)):
+            return self._every_gauge
         trusted = np.zeros(self._layout.n_gauges, dtype=bool)
         for slot in arrivals:
             if slot < self.n_strain and self.is_trusted(slot):
@@ -128,6 +155,8 @@ class Reception:
 
     def miss(self, arrivals: Mapping[int, Arrival]) -> bool:
         """Note which strain frames a closed cycle lacks; return whether it lacks any."""
+        if len(arrivals) == self._n_slots:
+            return False
         missing = [slot for slot in range(self.n_strain) if slot not in arrivals]
         for slot in missing:
             self._machines[slot].add(E2EStatus.NO_NEW_DATA)
@@ -146,11 +175,9 @@ class Reception:
     def _of_strains(self) -> list[E2EStateMachine]:
         return self._machines[: self.n_strain + (self.trailer is not None)]
 
-    def _is_of_other_configuration(self, slot: int, raw: IntArray) -> bool:
-        item = self._layout.frames[slot]
-        if item.configuration is None:
-            return False
-        return unsigned(raw, item.configuration) != item.layout.signals[item.configuration].initial
+    def _is_of_other_configuration(self, arrival: Arrival) -> bool:
+        """Return whether a frame is of a sender with another assignment of gauges."""
+        return arrival.configuration is not None and arrival.configuration != self._expected[arrival.slot]
 
 
 def _selector(frame: InputFrame) -> tuple[SignalPlan, int] | None:

@@ -98,6 +98,6 @@ def quality_of_step(step: StepResult, causes: Cause, protected: bool) -> tuple[Q
         if step.health in _SUSPECT or step.health != HealthState.DEGRADED:
             return Quality.SUSPECT, causes
         return Quality.DEGRADED, causes
-    if causes & _DEGRADING:
+    if causes and causes & _DEGRADING:
         return Quality.DEGRADED, causes
     return (Quality.VALID if protected else Quality.UNPROTECTED), causes

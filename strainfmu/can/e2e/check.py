@@ -45,7 +45,8 @@ class ReceptionCheck:
     def __init__(self, protection: Protection, max_delta: int) -> None:
         self._protection = protection
         self._max_delta = max_delta
-        self.counter = protection.counter_modulus - 1
+        self._modulus = protection.counter_modulus
+        self.counter = self._modulus - 1
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
@@ -53,9 +54,9 @@ class ReceptionCheck:
         if crc_in(data, protection) != crc_of(data, protection, covered):
             return E2EStatus.ERROR
         counter = counter_in(data, protection)
-        if counter >= protection.counter_modulus:
+        if counter >= self._modulus:
             return E2EStatus.ERROR
-        delta = (counter - self.counter) % protection.counter_modulus
+        delta = (counter - self.counter) % self._modulus
         self.counter = counter
         if delta == 1:
             return E2EStatus.OK

@@ -29,6 +29,7 @@ class E2EStateMachine:
         self._settings = settings
         self._window: deque[E2EStatus] = deque()
         self._ok = self._errors = 0
+        self._size = settings.window_size
         self.state = E2EState.NO_DATA
 
     def reset(self) -> None:
@@ -39,6 +40,8 @@ class E2EStateMachine:
 
     def add(self, status: E2EStatus) -> E2EState:
         """Take in the status of one check and return the state."""
+        if status is E2EStatus.OK and self._ok == self._size and self.state is E2EState.VALID:
+            return self.state  # a window full of good checks stays one: what leaves it counts as what enters
         limits = self._settings
         if self.state is E2EState.NO_DATA:
             if status not in (E2EStatus.ERROR, E2EStatus.NO_NEW_DATA):

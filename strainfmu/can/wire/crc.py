@@ -61,7 +61,9 @@ def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b""
         for byte in data[1:] + covered:
             crc = _TABLE_8[crc ^ byte]
         return crc
-    crc = crc_hqx(covered, crc_hqx(data[2:], 0xFFFF))
+    crc = crc_hqx(data[2:], 0xFFFF)
+    if covered:
+        crc = crc_hqx(covered, crc)
     return crc_hqx(protection.data_id.to_bytes(2, "little"), crc)
 
 

@@ -7,8 +7,8 @@ encoded as one long integer.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
@@ -36,11 +36,11 @@ class SignalPlan:
 
     def __init__(self, layout: FrameLayout) -> None:
         for signal in layout.signals:
-            _check(signal, layout)
+            checked_signal(signal, layout)
         self.length = layout.length
         self.signals = layout.signals
         self._packed = _packed(layout)
-        index = [_bit_indices(signal, 8 * layout.length) for signal in layout.signals]
+        index = [bit_indices(signal, 8 * layout.length) for signal in layout.signals]
         self._index = np.array(index, dtype=np.intp).reshape(-1)
         # Only unsigned numbers of all 64 bits do not fit into int64.
         self._unsigned = np.array([s.kind == UNSIGNED and s.length == _WIDTH for s in layout.signals], dtype=bool)
@@ -154,6 +154,28 @@ class _Encoder:
         return signal.not_available
 
 
+def number_reader(layout: FrameLayout, indices: Sequence[int | None]) -> Callable[[bytes], tuple[int | None, ...]]:
+    """Return a function from a frame's data to the raw numbers of its signals ``indices``, as of :meth:`raw`.
+
+    It reads these alone, where the frame is of whole bytes. An index None gives None.
+    """
+    known = sorted((index for index in indices if index is not None), key=lambda i: layout.signals[i].start)
+    chosen = replace(layout, signals=tuple(layout.signals[index] for index in known))
+    packed = _packed(chosen) if known else None
+    places = [None if index is None else known.index(index) for index in indices]
+    if packed is not None:
+        unpack = packed.unpack
+        if places == list(range(len(places))):
+            return unpack
+        return lambda data: _picked(unpack(data), places)
+    plan = SignalPlan(chosen)
+    return lambda data: _picked(plan.raw(data).tolist(), places)
+
+
+def _picked(numbers: Sequence[int], places: Sequence[int | None]) -> tuple[int | None, ...]:
+    return tuple([None if place is None else numbers[place] for place in places])
+
+
 def unsigned(raw: IntArray, index: int) -> int:
     """Return the raw number of an unsigned signal; 64 bits come as int64 from :meth:`SignalPlan.raw`."""
     return int(raw[index]) % (1 << _WIDTH)
@@ -196,8 +218,14 @@ def _packed(layout: FrameLayout) -> struct.Struct | None:
     return struct.Struct(f"{code}{layout.length - end}x")
 
 
-def _check(signal: SignalLayout, layout: FrameLayout) -> None:
-    """Refuse a signal that cannot be decoded."""
+def checked_signal(signal: SignalLayout, layout: FrameLayout) -> SignalLayout:
+    """Return a signal of ``layout`` that can be decoded.
+
+    Raises
+    ------
+    InputError
+        It does not fit into the frame or into 64 bits, or is of a kind that does not exist.
+    """
     where = f"frame '{layout.name}', signal '{signal.name}'"
     if not 1 <= signal.length <= _WIDTH:
         raise InputError(f"{where}: {signal.length} bits found, 1 to {_WIDTH} allowed")
@@ -209,9 +237,10 @@ def _check(signal: SignalLayout, layout: FrameLayout) -> None:
         raise InputError(f"{where}: expected finite numbers, got scale {signal.scale:g}, offset {signal.offset:g}")
     if min(signal.bits) < 0 or max(signal.bits) >= 8 * layout.length:
         raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
+    return signal
 
 
-def _bit_indices(signal: SignalLayout, padding: int) -> list[int]:
+def bit_indices(signal: SignalLayout, padding: int) -> list[int]:
     """Return the bit of the frame for each of the 64 bits of the number."""
     bits = list(signal.bits)
     fill = bits[-1] if signal.kind == SIGNED else padding

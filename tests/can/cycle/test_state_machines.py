@@ -15,18 +15,20 @@ from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.e2e.sample_clock import SampleClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import FrameLayout
+from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
 
-NO_RAW = np.zeros(1, dtype=np.int64)
+NO_SIGNALS = SignalPlan(FrameLayout(name="empty", identifier=0x300, length=0, signals=()))
 
 
 def arrival(slot: int, sample_time: int | None, time: float = 0.0, counter: int = 0) -> Arrival:
     return Arrival(
         slot=slot,
         frame=Frame(identifier=0x300, data=b"", time=time),
-        raw=NO_RAW,
+        plan=NO_SIGNALS,
         sample_time=sample_time,
         counter=counter,
     )

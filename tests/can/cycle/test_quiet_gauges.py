@@ -1,0 +1,54 @@
+"""The short way through the checks of gauges: it finds what the checks find, in every sequence of cycles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.settings import BridgeSettings
+
+pytestmark = pytest.mark.fast
+
+N, CYCLE, QUANTUM = 6, 0.01, 0.25e-6
+
+
+def cycles(seed: int, n_cycles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return raw numbers, presence and times of cycles; gauges stick, jump, fall to zero or are missing."""
+    random = np.random.default_rng(seed)
+    raw = 400 + np.cumsum(random.integers(-2, 3, size=(n_cycles, N)), axis=0)
+    present = np.ones((n_cycles, N), dtype=bool)
+    for start in range(60, n_cycles - 40, 70):
+        gauge, end = int(random.integers(N)), start + int(random.integers(1, 40))
+        kind = int(random.integers(5))
+        if kind == 0:
+            raw[start:end, gauge] = raw[start, gauge]
+        elif kind == 1:
+            raw[start:end, gauge] = 0
+        elif kind == 2:
+            raw[start, gauge] += 12_000
+        elif kind == 3:
+            present[start:end, : 1 + gauge] = False
+        else:
+            raw[start:end] = raw[start]
+    times = np.cumsum(random.choice([CYCLE, 0.2 * CYCLE, 3.0 * CYCLE], size=n_cycles, p=[0.9, 0.05, 0.05]))
+    return raw, present, times
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_short_way_finds_what_the_checks_find(seed: int) -> None:
+    n_cycles = 1200
+    raw, present, times = cycles(seed, n_cycles)
+    short, full = (GaugeChecks(N, CYCLE, BridgeSettings()) for _ in range(2))
+    refused = np.zeros(N, dtype=bool)
+    short_ways = 0
+    for k in range(n_cycles):
+        strain = np.where(present[k], raw[k] * QUANTUM, np.nan)
+        now, whole = float(times[k]), bool(present[k].all())
+        given = {"present": present[k], "refused": refused, "now": now}
+        found = short.update(strain.copy(), raw[k].copy(), **given, is_clean=whole)
+        expected = full.update(strain.copy(), raw[k].copy(), **given)
+        np.testing.assert_array_equal(found, expected)
+        assert short.frozen(present[k], now) == full.frozen(present[k], now)
+        short_ways += found is short._all
+    assert short_ways > n_cycles / 3, "and it is the usual way"

@@ -1,0 +1,89 @@
+"""Strains of a whole cycle decoded at once, held against the decoder of single frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from can_case import layout_of
+
+from strainfmu.can.wire.cycle_plan import CyclePlan, InnerRange
+from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.signal_plan import SignalPlan, number_reader
+
+pytestmark = pytest.mark.fast
+
+
+def frames_of(name: str) -> list[FrameLayout]:
+    """Return the strain frames of a profile, or two frames of signals of every kind, side by side."""
+    if name != "mixed":
+        return [frame.layout for frame in layout_of(name).strain_frames]
+    signals = (
+        SignalLayout(name="a", start=3, length=11, kind=SIGNED, scale=0.5, offset=-7.0),
+        SignalLayout(name="b", start=23, length=13, byte_order=BIG, kind=UNSIGNED),
+        SignalLayout(name="c", start=32, length=32, kind=FLOAT, scale=2.0),
+        SignalLayout(name="d", start=64, length=64, kind=UNSIGNED),
+        SignalLayout(name="e", start=135, length=16, byte_order=BIG, kind=FLOAT),
+        SignalLayout(name="f", start=144, length=16, byte_order=LITTLE, kind=SIGNED),
+    )
+    frame = FrameLayout(name="one", identifier=1, length=20, signals=signals, is_fd=True)
+    return [frame, replace(frame, name="two", identifier=2, signals=signals[::-1])]
+
+
+@pytest.mark.parametrize("name", ["fd64", "classic-le", "classic-be", "float2", "mixed"])
+def test_a_cycle_is_decoded_as_its_frames_are(name: str) -> None:
+    frames = frames_of(name)
+    chosen = [(f, i) for f, frame in enumerate(frames) for i in range(len(frame.signals))]
+    if name == "fd64":  # the strains alone, which are of one kind
+        chosen = [(f, i) for f, i in chosen if frames[f].signals[i].kind == SIGNED]
+    random = np.random.default_rng(1)
+    order = random.permutation(len(chosen))
+    plan = CyclePlan(frames, [chosen[k] for k in order])
+    single = [SignalPlan(frame) for frame in frames]
+    for _ in range(50):
+        data = [random.bytes(frame.length) for frame in frames]
+        raws = [own.raw(part) for own, part in zip(single, data, strict=True)]
+        raw = plan.raw(data)
+        np.testing.assert_array_equal(raw, [raws[chosen[k][0]][chosen[k][1]] for k in order])
+        assert raw.dtype == np.int64
+        values = [own.physical(part) for own, part in zip(single, raws, strict=True)]
+        np.testing.assert_array_equal(plan.physical(raw), [values[chosen[k][0]][chosen[k][1]] for k in order])
+
+
+@pytest.mark.parametrize("name", ["fd64", "classic-le", "classic-be", "mixed"])
+def test_single_numbers_are_read_as_all_are(name: str) -> None:
+    random = np.random.default_rng(2)
+    for frame in frames_of(name):
+        plan = SignalPlan(frame)
+        for _ in range(20):
+            data = random.bytes(frame.length)
+            picked = random.permutation(len(frame.signals))[:3].tolist()
+            wanted: list[int | None] = [*picked[:1], None, *picked[1:]]
+            raw = plan.raw(data).tolist()
+            found = number_reader(frame, wanted)(data)
+            assert list(found) == [None if index is None else raw[index] for index in wanted]
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        SignalLayout(name="s", start=0, length=8, kind=SIGNED),
+        SignalLayout(name="s", start=0, length=8, minimum=3.0, maximum=200.0, not_available=255),
+        SignalLayout(name="s", start=0, length=8, scale=-0.1, offset=5.0, minimum=-2.0, maximum=1.3),
+        SignalLayout(name="s", start=0, length=8, not_available=100, other_no_value=(7, 101)),
+        SignalLayout(name="s", start=0, length=8, minimum=0.1, maximum=0.1),
+        SignalLayout(name="s", start=0, length=8, scale=1e-9, offset=1e12, maximum=1e12),
+        SignalLayout(name="s", start=0, length=16, kind=FLOAT),
+    ],
+)
+def test_what_is_inside_a_range_is_usable(signal: SignalLayout) -> None:
+    inner = InnerRange([signal])
+    first, last = (-128, 127) if signal.kind == SIGNED else (0, 255)
+    inside = [number for number in range(first, last + 1) if inner.holds(np.array([number]))]
+    for number in inside:
+        value = number * signal.scale + signal.offset
+        assert number not in (first, last, *signal.no_value_codes)
+        assert signal.minimum is None or value >= signal.minimum
+        assert signal.maximum is None or value <= signal.maximum
+    assert bool(inside) == (signal.kind != FLOAT and signal.minimum != 0.1 and signal.scale != 1e-9)
