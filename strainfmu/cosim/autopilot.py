@@ -113,12 +113,24 @@ def autopilot_interface(
 
     Outputs change at communication points only, so at one of them they depend on no input.
     """
-    inputs, parameters = _inputs(start), _parameters(settings)
-    depends = tuple(variable.name for variable in (*inputs, *parameters))
-    return (*_outputs(model, depends), *inputs, *parameters)
+    return (*_outputs(model), *_inputs(start), *_parameters(settings))
 
 
-def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
+_ESTIMATE = ("C_N", "M_P")
+_RATES = ("dynamic_pressure", "pitch_rate")
+_FIRST_MOMENT = (
+    *_ESTIMATE,
+    *_RATES,
+    "commanded_angle_of_attack",
+    "frequency",
+    "damping_ratio",
+    "largest_moment",
+)
+"""What the control moment depends on at the start; nothing is unexplained, held or confirmed yet."""
+
+
+def _outputs(model: FlightModel) -> list[Variable]:
+    """Return the outputs; those without initial dependencies have one value at every start."""
     valid = [
         Variable(
             name=name,
@@ -126,7 +138,6 @@ def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
             causality="output",
             variability="discrete",
             fmi_type="Boolean",
-            initially_depends_on=depends,
             array="valid",
         )
         for name, gauge in zip(valid_names(model.n_gauges), model.gauge_names, strict=True)
@@ -138,7 +149,7 @@ def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
             causality="output",
             unit="N.m",
             display_unit="kN.m",
-            initially_depends_on=depends,
+            initially_depends_on=_FIRST_MOMENT,
         ),
         Variable(
             name="estimated_angle_of_attack",
@@ -146,7 +157,7 @@ def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
             causality="output",
             unit="rad",
             display_unit="deg",
-            initially_depends_on=depends,
+            initially_depends_on=(*_ESTIMATE, *_RATES),
         ),
         Variable(
             name="trusted",
@@ -154,7 +165,7 @@ def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
             causality="output",
             variability="discrete",
             fmi_type="Boolean",
-            initially_depends_on=depends,
+            initially_depends_on=(*_ESTIMATE, "chi_square", "chi_square_limit", "suspect_gauge"),
         ),
         Variable(
             name="isolated_gauges",
@@ -164,7 +175,6 @@ def _outputs(model: FlightModel, depends: tuple[str, ...]) -> list[Variable]:
             fmi_type="Integer",
             minimum=0,
             maximum=model.n_gauges,
-            initially_depends_on=depends,
         ),
         *valid,
     ]

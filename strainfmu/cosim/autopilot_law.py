@@ -103,6 +103,22 @@ def autopilot_design(model: FlightModel, start: FlightStart) -> AutopilotDesign:
     )
 
 
+def first_state(
+    design: AutopilotDesign,
+    settings: AutopilotSettings,
+    n_gauges: int,
+    sample: AutopilotSample,
+    time: float,
+) -> AutopilotState:
+    """Return the state after the sample at ``time`` [s], the start, which takes no gauge out of use.
+
+    So ``valid`` depends on nothing there, and a loop of estimator and autopilot needs no iteration to begin.
+    """
+    state = AutopilotState(valid=(True,) * n_gauges)
+    never = replace(settings, confirmations=0)
+    return next_state(design=design, settings=never, state=state, sample=sample, time=time)
+
+
 def next_state(
     design: AutopilotDesign,
     settings: AutopilotSettings,

@@ -1,13 +1,15 @@
 """A system of FMUs as an SSP package, for other co-simulation engines.
 
 Source: System Structure and Parameterization 1.0, Modelica Association, 2019, sections 4 and 5. Engines differ in
-what they can read: OMSimulator wants an annotation with its own settings, ecos and libcosim refuse connectors of
-the system itself. An SSP knows no delays: an engine that steps all FMUs at once delays every connection by a step.
+what they can read: OMSimulator wants identifiers for names and an annotation with its own settings, ecos and
+libcosim refuse connectors of the system itself. An SSP knows no delays: an engine that steps all FMUs at once
+delays every connection by a step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
@@ -36,11 +38,15 @@ def write_ssp(
     Raises
     ------
     InputError
-        ``path`` does not end in ``.ssp``, start values are given, or a connection cannot be meant.
+        ``path`` does not end in ``.ssp``, start values are given, a connection cannot be meant, the name of an
+        instance is no identifier, or two outputs would become one connector of the system.
     StrainfmuError
         The file could not be written; ``path`` keeps its old content.
     """
     check_ssp_path(path)
+    for item in system.instances:
+        if item != identifier(item):
+            raise InputError(f"SSP: instance '{item}': expected an identifier such as '{identifier(item)}'")
     if system.start_values:
         raise InputError("SSP: start values found; give them to the FMUs when these are exported")
     descriptions = {item: read_description(Path(fmu)) for item, fmu in system.instances.items()}
@@ -75,13 +81,14 @@ def system_structure(
     """Return the root element of ``SystemStructure.ssd``; ``descriptions`` are fmpy's, by name of the instance."""
     for prefix, uri in (("ssd", SSD), ("ssc", SSC), ("oms", OMS)):
         register_namespace(prefix, uri)
-    root = Element(f"{{{SSD}}}SystemStructureDescription", {"version": "1.0", "name": name})
+    root = Element(f"{{{SSD}}}SystemStructureDescription", {"version": "1.0", "name": identifier(name)})
     top = SubElement(root, f"{{{SSD}}}System", {"name": "flight"})
     outputs = _scalar_outputs(descriptions)
     if system_connectors:
+        _check_distinct(outputs)
         connectors = SubElement(top, f"{{{SSD}}}Connectors")
         for signal in outputs:
-            _add_connector(connectors, _system_name(signal), "output", find_variable(signal, descriptions).type)
+            _add_connector(connectors, identifier(signal), "output", find_variable(signal, descriptions).type)
     elements = SubElement(top, f"{{{SSD}}}Elements")
     for index, instance in enumerate(system.instances):
         _add_component(elements, system, descriptions, instance, outputs, index)
@@ -92,7 +99,7 @@ def system_structure(
         )
     for signal in outputs if system_connectors else ():
         instance, variable = split_signal(signal, descriptions)
-        ends = {"startElement": instance, "startConnector": variable, "endConnector": _system_name(signal)}
+        ends = {"startElement": instance, "startConnector": variable, "endConnector": identifier(signal)}
         SubElement(connections, f"{{{SSD}}}Connection", ends)
     _add_annotation(top, step_size)
     SubElement(root, f"{{{SSD}}}DefaultExperiment", {"startTime": "0", "stopTime": repr(stop_time)})
@@ -110,9 +117,24 @@ def _scalar_outputs(descriptions: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _system_name(signal: str) -> str:
-    """Return the name of a connector of the system: another than the path of the component's connector."""
-    return signal.replace(".", "_", 1)
+def identifier(name: str) -> str:
+    """Return ``name`` as a C name.
+
+    OMSimulator takes no other for a model or an instance. It splits what it reads at dots: a connector ``a_b.c``
+    of the system would be ``c`` of an instance ``a_b``, of another causality.
+    """
+    made = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")
+    return made if made and not made[0].isdigit() else f"m_{made}"
+
+
+def _check_distinct(outputs: Sequence[str]) -> None:
+    """Refuse outputs that would become one connector of the system."""
+    known: dict[str, str] = {}
+    for signal in outputs:
+        name = identifier(signal)
+        if name in known:
+            raise InputError(f"SSP: outputs '{known[name]}' and '{signal}' would both become connector '{name}'")
+        known[name] = signal
 
 
 def _add_component(

@@ -40,7 +40,6 @@ CAPABILITIES = {
 MODEL_EXCHANGE = {
     "2": {
         "needsExecutionTool": "false",
-        "completedIntegratorStepNotNeeded": "true",
         "canBeInstantiatedOnlyOncePerProcess": "false",
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
@@ -54,9 +53,10 @@ MODEL_EXCHANGE = {
         "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": "true",
         "providesAdjointDerivatives": "true",
+        "needsCompletedIntegratorStep": "true",
     },
 }
-"""What the estimator's library can do for model exchange: it has no states, so that this costs nothing."""
+"""What the estimator's library can do for model exchange: no states, but events when health changes."""
 
 FOLDERS = {
     "x86_64-linux": "linux64",

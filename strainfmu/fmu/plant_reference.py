@@ -16,7 +16,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import LAYERS, dynamic_pressure
 from strainfmu.cosim.autopilot import AutopilotSettings
-from strainfmu.cosim.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
+from strainfmu.cosim.autopilot_law import AutopilotSample, autopilot_design, first_state, next_state
 from strainfmu.cosim.flight_model import FlightModel, evaluate
 from strainfmu.cosim.plant_law import Plant, plant_rows
 from strainfmu.cosim.schedule import ScheduledSignal, value_at
@@ -185,12 +185,16 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
         "pitch_rate": 0.01 * np.sin(0.5 * row),
     }
     inputs = {name: _rounded(values) for name, values in inputs.items()}
-    state, rows = AutopilotState(valid=(True,) * model.n_gauges), []
-    for k, now in enumerate(time):
+    samples = []
+    for k in range(len(time)):
         given = {name: float(values[max(k - 1, 0)]) for name, values in inputs.items()}
         suspect = int(given.pop("suspect_gauge"))
-        sample = AutopilotSample(chi_square_limit=1.0, suspect_gauge=suspect, **given)
-        state = next_state(design=design, settings=settings, state=state, sample=sample, time=now)
+        samples.append(AutopilotSample(chi_square_limit=1.0, suspect_gauge=suspect, **given))
+    state = first_state(design=design, settings=settings, n_gauges=model.n_gauges, sample=samples[0], time=time[0])
+    rows = []
+    for k, (now, sample) in enumerate(zip(time, samples, strict=True)):
+        if k > 0:
+            state = next_state(design=design, settings=settings, state=state, sample=sample, time=now)
         rows.append([state.control_moment, state.angle, state.trusted, state.valid.count(False), *state.valid])
     found = np.array(rows, dtype=float).T
     names = ("control_moment", "estimated_angle_of_attack", "trusted", "isolated_gauges")

@@ -117,13 +117,21 @@ static int is_suspect(const double *in) {
     return in[SUSPECT_GAUGE] > 0.0 || in[CHI_SQUARE] > in[CHI_SQUARE_LIMIT];
 }
 
-/* Take a gauge out of use that was the suspect often enough in a row. */
+/* Count how often in a row a gauge was the suspect. */
+static void watch(SystemModel *model) {
+    double *state = model->state;
+    const double suspect = inputs_of(model)[SUSPECT_GAUGE];
+    const int is_gauge = count(suspect) > 0;
+    state[TIMES] = is_gauge ? (suspect == state[SUSPECT] ? state[TIMES] + 1.0 : 1.0) : 0.0;
+    state[SUSPECT] = suspect;
+}
+
+/* Take a gauge out of use that was the suspect often enough in a row. Only steps do so: at the start valid depends on
+   nothing, so that estimator and autopilot, each fed by the other, need no iteration there. */
 static void isolate(SystemModel *model) {
     double *state = model->state, *out = model->value;
     const double *in = inputs_of(model);
     const size_t gauge = count(in[SUSPECT_GAUGE]);
-    state[TIMES] = gauge > 0 && in[SUSPECT_GAUGE] == state[SUSPECT] ? state[TIMES] + 1.0 : (gauge > 0 ? 1.0 : 0.0);
-    state[SUSPECT] = in[SUSPECT_GAUGE];
     const int confirmed = in[CONFIRMATIONS] > 0.0 && gauge > 0 && state[TIMES] >= in[CONFIRMATIONS];
     if (confirmed && gauge <= count(model->data[N_GAUGES]) && out[ISOLATED_GAUGES] < in[LARGEST_ISOLATED]
         && out[N_OUTPUTS + gauge - 1] != 0.0) {
@@ -151,7 +159,7 @@ static void sample(SystemModel *model) {
     if (out[TRUSTED] != 0.0) {
         state[GOOD_TIME] = model->base.time;
     }
-    isolate(model);
+    watch(model);
     const double moment = control_moment(model, out + ESTIMATED_ANGLE);
     out[CONTROL_MOMENT] = isfinite(moment) ? moment : 0.0;
 }
@@ -178,6 +186,7 @@ static int step(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]) {
     (void)text;
     model->base.time = end;
     sample(model);
+    isolate(model);
     return STATUS_OK;
 }
 

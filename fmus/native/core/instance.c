@@ -154,6 +154,24 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
     return STATUS_OK;
 }
 
+int instance_go_on(Instance *instance, const char *function, int from) {
+    if (!instance_allows(instance, function, from)) {
+        return STATUS_ERROR;
+    }
+    model_settle(instance->model);
+    instance->model->mode = CONTINUOUS_TIME;
+    return STATUS_OK;
+}
+
+int instance_end_solver_step(Instance *instance, const char *function, int *event) {
+    if (!instance_allows(instance, function, CONTINUOUS_TIME)) {
+        return STATUS_ERROR;
+    }
+    *event = model_unsettled(instance->model);
+    instance_log_event(instance);
+    return STATUS_OK;
+}
+
 /* Importers that go on after a discarded step would get the message in every step: it comes once. */
 static int discard(Instance *instance, int status, double start, const char *text) {
     if (!instance->ending) {

@@ -5,6 +5,7 @@
 
 #include "model.h"
 
+#define CATEGORY_ALL "logAll"
 #define CATEGORY_DISCARD "logStatusDiscard"
 #define CATEGORY_ERROR "logStatusError"
 #define CATEGORY_EVENTS "logEvents"
@@ -19,7 +20,6 @@ typedef void LogWriter(const Instance *instance, int status, const char *categor
 struct Instance {
     Model *model;
     Kind kind;
-    int event_mode_used;         /* FMI 3.0 co-simulation */
     int ending;                  /* whether the last step was discarded: the model wants to end */
     double last_successful_time; /* [s] then the end of the last step that was not */
     const char *name;
@@ -64,6 +64,11 @@ int instance_start_at(Instance *instance, const char *function, double start, in
 
 /* Leave the initialization for `mode`. A status. */
 int instance_end_initialization(Instance *instance, const char *function, Mode mode);
+
+/* Model exchange: go from event mode to continuous-time mode, where discrete outputs keep the values of the event; and
+   end a step of the solver, *event being whether they have others by now, which take another event. A status. */
+int instance_go_on(Instance *instance, const char *function, int from);
+int instance_end_solver_step(Instance *instance, const char *function, int *event);
 
 /* One step of co-simulation. A status. */
 int instance_step(Instance *instance, const char *function, double start, double size);

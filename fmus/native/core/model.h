@@ -71,7 +71,7 @@ typedef struct {
     const char *resource;           /* name of its file in resources/ */
     const char *content;            /* what messages call the content of that file */
     const char *foreign_state;      /* what a message reports of the state of another resource */
-    int model_exchange;             /* whether it serves model exchange, without continuous states and events */
+    int model_exchange;             /* whether it serves model exchange, without continuous states and indicators */
     const Derivatives *derivatives; /* NULL for none */
 } ModelFacts;
 
@@ -93,6 +93,11 @@ void model_end_initialization(Model *model);
 
 /* Go on from start to end [s]. STATUS_DISCARD, after a message, if the model wants to end there. */
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
+
+/* Let discrete outputs take the values of the inputs, and keep them in continuous-time mode; whether they would take
+   others by now. */
+void model_settle(Model *model);
+int model_unsettled(Model *model);
 
 /* Whether something has happened that was not reported before; then it is in text. */
 int model_event(Model *model, char text[MODEL_TEXT_SIZE]);

@@ -30,6 +30,9 @@ enum {
     N_OUTPUTS = 27
 };
 
+/* Number of outputs that are whole numbers: the health state, and VALID_GAUGES to SUSPECTS. */
+#define N_WHOLE 4
+
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
@@ -72,7 +75,8 @@ typedef struct {
     Levels levels[CACHED_MASKS];
     double *direction;                 /* (n_gauges + N_SCALAR_INPUTS) of derivatives, for estimator_model.c, */
     double derivative[N_OUTPUTS];      /* which keeps the outputs' derivatives along it, */
-    int reported_health;               /* and the last health that was reported */
+    int reported_health;               /* the last health that was reported, */
+    double settled[N_WHOLE];           /* and the whole numbers of the last event in model exchange */
 } Estimator;
 
 /* Make an estimator of the map in bytes [length], and own them: they are freed here if that fails. Return NULL with a

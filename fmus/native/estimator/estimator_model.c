@@ -37,6 +37,7 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
 void model_reset(Model *model) {
     estimator_reset(estimator_of(model));
     estimator_of(model)->reported_health = OK;
+    memset(estimator_of(model)->settled, 0, sizeof estimator_of(model)->settled);
 }
 
 void model_set_time(Model *model, double time) {
@@ -54,6 +55,24 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
     (void)text;
     model->time = end;
     return STATUS_OK;
+}
+
+/* The whole numbers among the outputs, for the present inputs. */
+static void whole_numbers(Estimator *e, double whole[N_WHOLE]) {
+    const double *output = estimator_outputs(e);
+    whole[0] = output[HEALTH_STATE];
+    memcpy(whole + 1, output + VALID_GAUGES, (N_WHOLE - 1) * sizeof *whole);
+}
+
+void model_settle(Model *model) {
+    whole_numbers(estimator_of(model), estimator_of(model)->settled);
+}
+
+int model_unsettled(Model *model) {
+    Estimator *e = estimator_of(model);
+    double present[N_WHOLE];
+    whole_numbers(e, present);
+    return memcmp(present, e->settled, sizeof present) != 0;
 }
 
 /* A change of health. */
@@ -151,12 +170,16 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
 }
 
 int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    double present[N_WHOLE];
+    const double *whole = model->mode == CONTINUOUS_TIME ? e->settled : present;
+    whole_numbers(e, present);
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k);
         if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable <= SUSPECTS)) {
             return wrong_type(variable, text);
         }
-        value[k] = (int)estimator_outputs(estimator_of(model))[variable];
+        value[k] = (int)whole[variable == HEALTH_STATE ? 0 : variable - VALID_GAUGES + 1];
     }
     return 1;
 }
@@ -240,17 +263,20 @@ static const double *along_direction(Model *model) {
     return e->derivative;
 }
 
-/* State: inputs and settings as float64, a byte per gauge for valid. Masks and outputs follow from them. */
+/* State: inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid. Masks
+   and outputs follow from them. */
 
 size_t model_state_size(const Model *model) {
     const Estimator *e = estimator_of(model);
-    return sizeof(double) * n_inputs(e) + e->map.n_gauges;
+    return sizeof(double) * (n_inputs(e) + N_WHOLE) + e->map.n_gauges;
 }
 
 void model_write_state(const Model *model, unsigned char *bytes) {
     const Estimator *e = estimator_of(model);
     memcpy(bytes, e->input, sizeof(double) * n_inputs(e));
-    memcpy(bytes + sizeof(double) * n_inputs(e), e->valid, e->map.n_gauges);
+    bytes += sizeof(double) * n_inputs(e);
+    memcpy(bytes, e->settled, sizeof e->settled);
+    memcpy(bytes + sizeof e->settled, e->valid, e->map.n_gauges);
 }
 
 int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
@@ -263,8 +289,16 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
             return 0;
         }
     }
+    for (size_t i = 0; i < N_WHOLE; i++) {
+        double whole;
+        memcpy(&whole, bytes + sizeof whole * (n_inputs(e) + i), sizeof whole);
+        if (!(whole >= 0.0 && whole <= (double)(i == 0 ? OUTSIDE : e->map.n_gauges))) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
+            return 0;
+        }
+    }
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        if (bytes[sizeof(double) * n_inputs(e) + i] > 1) {
+        if (bytes[sizeof(double) * (n_inputs(e) + N_WHOLE) + i] > 1) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
             return 0;
         }
@@ -275,7 +309,9 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
 void model_read_state(Model *model, const unsigned char *bytes) {
     Estimator *e = estimator_of(model);
     memcpy(e->input, bytes, sizeof(double) * n_inputs(e));
-    memcpy(e->valid, bytes + sizeof(double) * n_inputs(e), e->map.n_gauges);
+    bytes += sizeof(double) * n_inputs(e);
+    memcpy(e->settled, bytes, sizeof e->settled);
+    memcpy(e->valid, bytes + sizeof e->settled, e->map.n_gauges);
     e->outdated = 1;
 }
 

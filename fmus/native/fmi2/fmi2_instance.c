@@ -28,7 +28,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nC
     s->events_logged = loggingOn && nCategories == 0;
     for (size_t i = 0; i < nCategories; i++) {
         const char *category = categories[i] != NULL ? categories[i] : "";
-        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, "logAll") == 0) {
+        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, CATEGORY_ALL) == 0) {
             s->events_logged = loggingOn != fmi2False;
         }
     }

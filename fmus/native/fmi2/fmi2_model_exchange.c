@@ -1,4 +1,4 @@
-/* FMI 2.0.5: model exchange, without continuous states and events. */
+/* FMI 2.0.5: model exchange, without continuous states and event indicators. */
 
 #include "fmi2.h"
 
@@ -18,7 +18,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eventInfo) {
 }
 
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
-    return (fmi2Status)instance_enter(c, "fmi2EnterContinuousTimeMode", EVENT, CONTINUOUS_TIME);
+    return (fmi2Status)instance_go_on(c, "fmi2EnterContinuousTimeMode", EVENT);
 }
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
@@ -29,9 +29,11 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
         || !instance_given(c, NAME, terminateSimulation)) {
         return fmi2Error;
     }
-    *enterEventMode = *terminateSimulation = fmi2False;
-    instance_log_event(c);
-    return fmi2OK;
+    int event = 0;
+    const fmi2Status status = (fmi2Status)instance_end_solver_step(c, NAME, &event);
+    *enterEventMode = event ? fmi2True : fmi2False;
+    *terminateSimulation = fmi2False;
+    return status;
 }
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {

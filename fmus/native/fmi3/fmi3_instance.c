@@ -23,14 +23,15 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, siz
     }
     s->events_logged = loggingOn && nCategories == 0;
     for (size_t i = 0; i < nCategories; i++) {
-        if (categories[i] != NULL && strcmp(categories[i], CATEGORY_EVENTS) == 0) {
+        const char *category = categories[i] != NULL ? categories[i] : "";
+        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, CATEGORY_ALL) == 0) {
             s->events_logged = loggingOn;
         }
     }
     return fmi3OK;
 }
 
-static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fmi3String path, int event_mode_used,
+static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fmi3String path, fmi3Boolean eventModeUsed,
                                 fmi3Boolean loggingOn, fmi3InstanceEnvironment environment,
                                 fmi3LogMessageCallback logMessage) {
     const Instance requested = {
@@ -39,7 +40,6 @@ static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fm
         .write = write_message,
         .logger = (void (*)(void))logMessage,
         .environment = environment,
-        .event_mode_used = event_mode_used,
         .events_logged = loggingOn,
     };
     if (name == NULL || name[0] == '\0') {
@@ -50,6 +50,10 @@ static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fm
         instance_error(&requested, "this FMU is for co-simulation");
         return NULL;
     }
+    if (kind == CO_SIMULATION_3 && eventModeUsed) {
+        instance_error(&requested, "event mode was requested, which this FMU has in model exchange only");
+        return NULL;
+    }
     return instance_create(&requested, token, path);
 }
 
@@ -58,7 +62,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage) {
     (void)visible;
-    return instantiate(MODEL_EXCHANGE_3, instanceName, instantiationToken, resourcePath, 1, loggingOn,
+    return instantiate(MODEL_EXCHANGE_3, instanceName, instantiationToken, resourcePath, fmi3True, loggingOn,
                        instanceEnvironment, logMessage);
 }
 
@@ -97,13 +101,13 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     const Instance *s = instance;
     return (fmi3Status)instance_end_initialization(instance, "fmi3ExitInitializationMode",
-                                                   s != NULL && s->event_mode_used ? EVENT : STEP);
+                                                   s != NULL && s->kind == MODEL_EXCHANGE_3 ? EVENT : STEP);
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
     const Instance *s = instance;
     return (fmi3Status)instance_enter(instance, "fmi3EnterEventMode",
-                                      s != NULL && s->event_mode_used ? FMI3_RUNNING : 0, EVENT);
+                                      s != NULL && s->kind == MODEL_EXCHANGE_3 ? EVENT | CONTINUOUS_TIME : 0, EVENT);
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {

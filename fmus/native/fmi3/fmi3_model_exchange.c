@@ -5,7 +5,7 @@
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
     const Instance *s = instance;
     const int allowed = s != NULL && s->kind == MODEL_EXCHANGE_3;
-    return (fmi3Status)instance_enter(instance, "fmi3EnterContinuousTimeMode", allowed ? EVENT : 0, CONTINUOUS_TIME);
+    return (fmi3Status)instance_go_on(instance, "fmi3EnterContinuousTimeMode", allowed ? EVENT : 0);
 }
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
@@ -16,9 +16,11 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
         || !instance_given(instance, NAME, terminateSimulation)) {
         return fmi3Error;
     }
-    *enterEventMode = *terminateSimulation = fmi3False;
-    instance_log_event(instance);
-    return fmi3OK;
+    int event = 0;
+    const fmi3Status status = (fmi3Status)instance_end_solver_step(instance, NAME, &event);
+    *enterEventMode = event ? fmi3True : fmi3False;
+    *terminateSimulation = fmi3False;
+    return status;
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {

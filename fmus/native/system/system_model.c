@@ -155,6 +155,16 @@ int model_step(Model *base, double start, double end, char text[MODEL_TEXT_SIZE]
     return status;
 }
 
+/* For model exchange, which it does not serve. */
+void model_settle(Model *base) {
+    (void)base;
+}
+
+int model_unsettled(Model *base) {
+    (void)base;
+    return 0;
+}
+
 /* Nothing happens that the outputs do not show. */
 int model_event(Model *base, char text[MODEL_TEXT_SIZE]) {
     (void)base;

@@ -227,7 +227,9 @@ def test_model_exchange(small: NativeCase) -> None:
     fmu.set_strain(sample.strain)
     fmu.set_scalars(0, sample.dynamic_pressure)
     assert fmu.call("CompletedIntegratorStep", c_int(1), byref(flags[0]), byref(flags[1])) == OK
-    assert [flag.value for flag in flags] == [0, 0]
+    # The strains of the start gave another health: discrete outputs wait for the event that is asked for.
+    assert [flag.value for flag in flags] == [1, 0]
+    assert fmu.call("EnterEventMode") == OK
     assert fmu.call("GetDerivatives", None, c_size_t(0)) == OK
     assert fmu.call("GetEventIndicators", None, c_size_t(1)) == ERROR
     Reference(small.inverse_map).check(sample, fmu.outputs())

@@ -1,0 +1,284 @@
+"""SSP packages in OMSimulator; what it needs is checked without it too: names, causalities, no loop at start."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import shutil
+import subprocess
+import zipfile
+from dataclasses import replace
+from graphlib import TopologicalSorter
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi2 import FMU2Slave
+from lxml import etree
+from slender_vehicle import NOISE_STD, SlenderFiles, make_slender_files
+
+from strainfmu.cosim.flight import flight_system, fly
+from strainfmu.cosim.instance import read_description
+from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
+from strainfmu.cosim.ssp import identifier, write_ssp
+from strainfmu.cosim.system import System, split_signal
+from strainfmu.errors import InputError
+from strainfmu.fmu.flight_package import export_flight
+from strainfmu.interface.plant_variables import GaugeFault
+
+SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
+C_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> SlenderFiles:
+    return make_slender_files(tmp_path_factory.mktemp("slender"))
+
+
+@pytest.fixture(scope="module")
+def scenario(files: SlenderFiles) -> Scenario:
+    """A flight with a name that is no identifier, and a gauge that fails on the way."""
+    fault = FaultEvent(time=2.0, gauge="G1", kind=GaugeFault.BIAS, value=20 * NOISE_STD)
+    return replace(load_scenario(files.scenario), name="7th flight, steps of 0.5 s", faults=(fault,))
+
+
+@pytest.fixture(scope="module")
+def fmus(scenario: Scenario, files: SlenderFiles) -> dict[str, Path]:
+    return export_flight(scenario, files.folder / "fmus")
+
+
+@pytest.fixture(scope="module")
+def packages(scenario: Scenario, fmus: dict[str, Path], files: SlenderFiles) -> dict[bool, Path]:
+    """The package without and with connectors of the system."""
+    system = flight_system(scenario, fmus, "estimate")
+    paths = {with_them: files.folder / f"flight_{with_them}.ssp" for with_them in (False, True)}
+    for with_them, path in paths.items():
+        write_ssp(system, path, scenario.name, scenario.stop_time, scenario.step_size, with_them)
+    return paths
+
+
+def structure_of(package: Path) -> Any:
+    with zipfile.ZipFile(package) as archive:
+        return etree.fromstring(archive.read("SystemStructure.ssd"))
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("connectors", [False, True])
+def test_names_are_identifiers(packages: dict[bool, Path], connectors: bool) -> None:
+    """Those of the model, the system, its components and its connectors; a component's are FMU variables."""
+    root = structure_of(packages[connectors])
+    system = root.find("ssd:System", SSD)
+    assert root.get("name") == "m_7th_flight_steps_of_0_5_s"
+    of_components = [item.get("name") for item in system.findall("ssd:Elements/ssd:Component", SSD)]
+    of_system = [item.get("name") for item in system.findall("ssd:Connectors/ssd:Connector", SSD)]
+    names = [root.get("name"), system.get("name"), *of_components, *of_system]
+    assert [name for name in names if not C_NAME.fullmatch(name)] == []
+    assert len(set(of_system)) == len(of_system)
+    assert ("estimator_sigma_C_N" in of_system) == connectors
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("connectors", [False, True])
+def test_connections_join_fitting_causalities(
+    packages: dict[bool, Path], fmus: dict[str, Path], connectors: bool
+) -> None:
+    """Within the system from an output to an input, and to the system's output from a component's output.
+
+    An end is looked up as an engine does that splits at the first dot: a connector of the system holds none.
+    """
+    system = structure_of(packages[connectors]).find("ssd:System", SSD)
+    kinds = {
+        ("", item.get("name")): item.get("kind") for item in system.findall("ssd:Connectors/ssd:Connector", SSD)
+    }
+    for component in system.findall("ssd:Elements/ssd:Component", SSD):
+        name = component.get("name")
+        causality = {v.name: v.causality for v in read_description(fmus[name]).modelVariables}
+        for connector in component.findall("ssd:Connectors/ssd:Connector", SSD):
+            kinds[name, connector.get("name")] = connector.get("kind")
+            assert connector.get("kind") == causality[connector.get("name")]
+    for connection in system.findall("ssd:Connections/ssd:Connection", SSD):
+        start = connection.get("startElement", ""), connection.get("startConnector")
+        end = connection.get("endElement", ""), connection.get("endConnector")
+        assert start[0]
+        assert kinds[start] == "output"
+        assert kinds[end] == ("input" if end[0] else "output")
+        assert end[0] or "." not in end[1]
+
+
+@pytest.mark.fast
+def test_nothing_is_its_own_cause_at_the_start(scenario: Scenario, fmus: dict[str, Path]) -> None:
+    """Variables by what they depend on: InitialUnknowns within FMUs, connections between; no cycle to iterate."""
+    system = flight_system(scenario, fmus, "estimate")
+    TopologicalSorter(dependencies(system)).prepare()  # raises CycleError
+
+
+def dependencies(system: System) -> dict[str, set[str]]:
+    """What every variable of a system depends on during initialization."""
+    descriptions = {name: read_description(Path(fmu)) for name, fmu in system.instances.items()}
+    graph: dict[str, set[str]] = {}
+    for name, description in descriptions.items():
+        for unknown in description.initialUnknowns:
+            graph[f"{name}.{unknown.variable.name}"] = {f"{name}.{known.name}" for known in unknown.dependencies}
+    for connection in system.connections:
+        split_signal(connection.source, descriptions)
+        graph.setdefault(connection.target, set()).add(connection.source)
+    return graph
+
+
+class Starting:
+    """An FMU in initialization mode, whose inputs and parameters can be set and outputs read."""
+
+    def __init__(self, fmu: Path, folder: Path) -> None:
+        description = fmpy.read_model_description(str(fmu))
+        self.variables = {v.name: v for v in description.modelVariables}
+        self.stated = {u.variable.name: {k.name for k in u.dependencies} for u in description.initialUnknowns}
+        fmpy.extract(str(fmu), str(folder))
+        self.fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="one",
+        )
+        self.fmu.instantiate()
+        self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+
+    def set(self, name: str, value: float) -> None:
+        variable = self.variables[name]
+        reference = [variable.valueReference]
+        if variable.type == "Real":
+            self.fmu.setReal(reference, [value])
+        elif variable.type == "Boolean":
+            self.fmu.setBoolean(reference, [bool(value)])
+        else:
+            self.fmu.setInteger(reference, [int(value)])
+
+    def outputs(self) -> dict[str, float]:
+        found = {}
+        for name in self.stated:
+            variable = self.variables[name]
+            kind = {"Real": self.fmu.getReal, "Boolean": self.fmu.getBoolean}.get(
+                variable.type, self.fmu.getInteger
+            )
+            found[name] = float(kind([variable.valueReference])[0])
+        return found
+
+    def changed_by(self, name: str, values: tuple[float, ...], start: float) -> set[str]:
+        """The outputs that another value of a variable changes."""
+        before, changed = self.outputs(), set()
+        for value in values:
+            self.set(name, value)
+            after = self.outputs()
+            changed |= {output for output in after if not _equal(before[output], after[output])}
+        self.set(name, start)
+        return changed
+
+
+def _equal(one: float, other: float) -> bool:
+    return one == other or (np.isnan(one) and np.isnan(other))
+
+
+@pytest.mark.fast
+def test_the_autopilot_states_its_true_dependencies(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """All that its first outputs depend on is listed, and nothing else; so valid depends on nothing."""
+    autopilot = Starting(fmus["autopilot"], tmp_path)
+    for name, start in (("C_N", 0.05), ("M_P", 0.01), ("pitch_rate", 0.02), ("confirmations", 1)):
+        autopilot.set(name, start)
+    starts = {name: float(v.start) for name, v in autopilot.variables.items() if v.causality == "parameter"}
+    starts |= {"commanded_angle_of_attack": 0.0, "C_N": 0.05, "M_P": 0.01, "pitch_rate": 0.02, "confirmations": 1}
+    starts |= {"chi_square": 0.0, "chi_square_limit": 1.0, "suspect_gauge": 0.0}
+    starts["dynamic_pressure"] = float(autopilot.variables["dynamic_pressure"].start)
+    values: dict[str, tuple[float, ...]] = {
+        "chi_square": (2.0,),
+        "chi_square_limit": (-1.0,),
+        "suspect_gauge": (1, 3),
+        "confirmations": (0, 5),
+        "largest_isolated": (0, 9),
+        "largest_moment": (1.0,),
+        "hold_time": (0.0, 7.0),
+    }
+    changed: dict[str, set[str]] = {name: set() for name in autopilot.stated}
+    for name, start in starts.items():
+        tried = values.get(name, (start + 0.013, 1.5 * start, float("nan")))
+        if autopilot.variables[name].causality == "parameter":
+            tried = tuple(value for value in tried if not np.isnan(value))
+        for output in autopilot.changed_by(name, tried, start):
+            changed[output].add(name)
+    assert changed == autopilot.stated
+    assert changed["valid[1]"] == changed["isolated_gauges"] == set()
+    autopilot.fmu.freeInstance()
+
+
+@pytest.mark.fast
+def test_valid_holds_true_until_the_first_step(fmus: dict[str, Path], tmp_path: Path) -> None:
+    autopilot = Starting(fmus["autopilot"], tmp_path)
+    for name, value in (("confirmations", 1), ("suspect_gauge", 1), ("chi_square", 9.0)):
+        autopilot.set(name, value)
+    assert autopilot.outputs()["valid[1]"] == 1.0
+    autopilot.fmu.exitInitializationMode()
+    assert autopilot.outputs()["valid[1]"] == 1.0
+    autopilot.fmu.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.01)
+    assert autopilot.outputs()["valid[1]"] == 0.0
+    assert autopilot.outputs()["isolated_gauges"] == 1.0
+    autopilot.fmu.freeInstance()
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [("IC3X surrogate, Mach 6", "IC3X_surrogate_Mach_6"), ("6 s", "m_6_s"), ("a.b", "a_b"), ("...", "m_")],
+)
+def test_identifiers(name: str, made: str) -> None:
+    assert identifier(name) == made
+
+
+def test_names_that_would_collide_are_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
+    twice = System({"a": fmus["plant"], "a b": fmus["plant"]})
+    with pytest.raises(InputError, match=r"instance 'a b': expected an identifier such as 'a_b'"):
+        write_ssp(twice, tmp_path / "x.ssp", "x", 1.0, 0.1)
+    # sigma.C_N of instance a, C_N of instance a_sigma.
+    alike = System({"a": fmus["estimator"], "a_sigma": fmus["estimator"]})
+    with pytest.raises(
+        InputError, match=r"'a\.sigma\.C_A' and 'a_sigma\.C_A' would both become connector 'a_sigma_C_A'"
+    ):
+        write_ssp(alike, tmp_path / "x.ssp", "x", 1.0, 0.1, system_connectors=True)
+
+
+def omsimulator() -> str | None:
+    """OMSimulator's command: STRAINFMU_OMSIMULATOR, or the one on PATH."""
+    return os.environ.get("STRAINFMU_OMSIMULATOR") or shutil.which("OMSimulator")
+
+
+@pytest.mark.parametrize("connectors", [False, True])
+def test_omsimulator_flies_both_packages(
+    packages: dict[bool, Path], scenario: Scenario, fmus: dict[str, Path], tmp_path: Path, connectors: bool
+) -> None:
+    """With the tracking error of fly, to 1 %: its delays are other ones."""
+    program = omsimulator()
+    if program is None:
+        pytest.skip("needs OMSimulator 3: its path in STRAINFMU_OMSIMULATOR, or on PATH")
+    command = [program, f"--stopTime={scenario.stop_time:g}", "--resultFile=found.csv", str(packages[connectors])]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert "error" not in re.sub(r"0 errors", "", done.stdout)
+    with (tmp_path / "found.csv").open() as table:
+        names, *rows = csv.reader(table)
+    values = dict(zip((name.split(".", 2)[-1] for name in names), np.array(rows, dtype=float).T, strict=True))
+    last = np.append(np.diff(values["time"]) > 0.0, True)  # it writes a row before and one after every event
+    commanded, flown = values["schedule.commanded_angle_of_attack"][last], values["plant.angle_of_attack"][last]
+    ours = fly(scenario, fmus, "estimate")
+    error = ours["schedule.commanded_angle_of_attack"] - ours["plant.angle_of_attack"]
+    assert len(flown) == len(error)
+    assert _rms(commanded - flown) == pytest.approx(_rms(error), rel=0.01)
+    assert np.abs(flown - ours["plant.angle_of_attack"]).max() < radians(0.1)
+    assert values["autopilot.valid[1]"][-1] == 0.0
+    if connectors:
+        np.testing.assert_array_equal(values["plant_angle_of_attack"][last], flown)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
