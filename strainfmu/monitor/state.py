@@ -22,7 +22,7 @@ SILENT_AFTER = 1.5
 
 _LARGEST = 1 << 16
 _NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
-_FURTHER_NUMBERS = ("mach_number", "altitude_m", "envelope_score", "envelope_score_limit")
+_FURTHER_NUMBERS = ("mach_number", "altitude_m", "envelope_score", "envelope_score_limit", "age_uncertainty_ms")
 _FURTHER_TEXTS = ("health_text",)
 """Keys that a bridge of an earlier version does not send."""
 _TEXTS = ("quality_name", "health_name", "bus_state")

@@ -174,6 +174,7 @@ class Publisher:
             "mach_number": _finite(result.mach_number),
             "altitude_m": _finite(result.altitude),
             "age_ms": _finite(1e3 * result.age),
+            "age_uncertainty_ms": _finite(1e3 * result.age_uncertainty),
             "health": result.health,
             "health_name": None if result.health is None else health_name(result.health),
             "health_text": health_text(result, self._score_limit),

@@ -8,10 +8,10 @@ from math import isnan, nan
 
 import numpy as np
 
-from strainfmu.can.bridge.result_layouts import LAST_NAMES, SIGMA_NAMES
+from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.quality import Cause, Quality, low_causes
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
@@ -20,6 +20,8 @@ from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 _NOTHING = [nan] * 5
+_LARGEST_UNCERTAINTY = 6553.4
+"""Largest uncertainty of an age in a frame [ms]; it stands for all above."""
 _LARGEST_SCORE = 25.4
 """Largest envelope score of a classic frame; it stands for all above."""
 
@@ -32,6 +34,7 @@ class BridgeStatus:
     ----------
     last_valid : the last result of quality VALID or UNPROTECTED, or None.
     envelope_score : of the last result [1], NaN for none.
+    causes, age_uncertainty, counter : of the last result; the uncertainty [s], NaN for none.
     account : of all frames so far.
     cycles : number of results so far.
     """
@@ -46,6 +49,9 @@ class BridgeStatus:
     reconnects: int
     drift_ppm: float
     envelope_score: float = nan
+    causes: Cause = Cause.NONE
+    age_uncertainty: float = nan
+    counter: int | None = None
 
 
 class ResultFrames:
@@ -60,17 +66,26 @@ class ResultFrames:
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._configuration = configuration
         self._of_result = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is not None]
-        self._of_status = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is None]
+        no_result = [layout for layout in layouts if layout.cycle_time is None]
+        self._of_status = [_ResultFrame(layout) for layout in no_result if layout.name != DETAIL]
+        self._details = [_ResultFrame(layout) for layout in no_result if layout.name == DETAIL]
 
     def of_result(self, result: CycleResult) -> list[Frame]:
-        """Return the frames of one result."""
+        """Return the frames of one result; those of a result with further causes hold their details too."""
         values = _result_values(result, self._configuration)
-        return [frame.compose(values) for frame in self._of_result]
+        frames = [frame.compose(values) for frame in self._of_result]
+        if int(result.causes) >> 16:
+            details = _detail_values(result.quality, result.causes, result.age_uncertainty, result.counter)
+            frames += [frame.compose(details) for frame in self._details]
+        return frames
 
     def of_status(self, status: BridgeStatus) -> list[Frame]:
-        """Return the frames of the bridge's status."""
+        """Return the frames of the bridge's status, and the details of the last result."""
         values = _status_values(status, self._configuration)
-        return [frame.compose(values) for frame in self._of_status]
+        details = _detail_values(status.quality, status.causes, status.age_uncertainty, status.counter)
+        return [frame.compose(values) for frame in self._of_status] + [
+            frame.compose(details) for frame in self._details
+        ]
 
 
 class _ResultFrame:
@@ -110,12 +125,24 @@ def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
         "SampleTime": nan if result.sample_time is None else result.sample_time,
         "ChiSquare": result.chi_square,
         "Age": 1e3 * result.age,
-        "Causes": int(result.causes),
+        "Causes": low_causes(result.causes),
         "GaugesUsed": min(int(np.count_nonzero(result.valid)), 255),
         "AnsweredCounter": result.counter or 0,
         "Configuration": configuration,
         "UsedPressure": result.dynamic_pressure,
         "EnvelopeScore8": nan if isnan(result.envelope_score) else min(result.envelope_score, _LARGEST_SCORE),
+    }
+
+
+def _detail_values(
+    quality: Quality, causes: Cause, age_uncertainty: float, counter: int | None
+) -> dict[str, float]:
+    """Return the values of all signals of the details of a result."""
+    return {
+        "Quality": int(quality),
+        "AllCauses": int(causes),
+        "AgeUncertainty": nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
+        "AnsweredCounter": counter or 0,
     }
 
 

@@ -1,4 +1,4 @@
-"""Layouts of result and status frames: one FD frame each, or eight frames of 8 bytes."""
+"""Layouts of result and status frames: three FD frames, or nine frames of 8 bytes."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 _RESULT_DATA_ID = 0x5380
 STATUS_PERIOD = 0.1
 """Period of the status frames [s]."""
+DETAIL = "EstimateDetail"
+"""Frame that is sent with the status and with every result that has causes above bit 15."""
 
 _QUALITY_CHOICES = tuple((int(quality), quality.name.title()) for quality in Quality)
 _HEALTH_CHOICES = tuple((int(state), state.name.title()) for state in HealthState)
@@ -23,6 +25,8 @@ _BUS_CHOICES = tuple((int(state), state.name.title()) for state in BusState)
 SIGMA_NAMES = tuple(f"sigma_{name}" for name in COEFFICIENT_NAMES)
 LAST_NAMES = tuple(f"last_{name}" for name in COEFFICIENT_NAMES)
 _AGE_TICK = 1e-4
+_CAUSES_TEXT = f"Why it is not Valid, one bit each; bit 15: further ones in {DETAIL}"
+_DETAIL_TEXT = "Of the last result: every 100 ms, and with every result that has causes above bit 15"
 
 
 def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tuple[FrameLayout, ...]:
@@ -89,9 +93,9 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
         ),
         *floats,
         _age(416, LITTLE),
-        SignalLayout(name="Causes", start=432, length=16, comment="Why it is not Valid, one bit each"),
+        SignalLayout(name="Causes", start=432, length=16, comment=_CAUSES_TEXT),
         SignalLayout(name="GaugesUsed", start=448, length=8),
-        SignalLayout(name="AnsweredCounter", start=456, length=8, comment="E2E counter of the strains answered"),
+        _answered(456),
         SignalLayout(name="Configuration", start=464, length=16),
         SignalLayout(
             name="UsedPressure",
@@ -145,6 +149,14 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
         FrameLayout(
             name="BridgeStatus", identifier=0, length=64, signals=status, is_fd=True, comment="Every 100 ms"
         ),
+        FrameLayout(
+            name=DETAIL,
+            identifier=0,
+            length=12,
+            signals=(*header_5(), _quality(24), *_details(32, LITTLE), _answered(80)),
+            is_fd=True,
+            comment=_DETAIL_TEXT,
+        ),
     ]
 
 
@@ -187,8 +199,8 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
         words("Deviations2", *deviations[3:], _age(0, order)),
         words(
             "Verdict",
-            SignalLayout(name="Causes", start=0, length=16, comment="Why it is not Valid, one bit each"),
-            SignalLayout(name="AnsweredCounter", start=0, length=8, comment="E2E counter of the strains answered"),
+            SignalLayout(name="Causes", start=0, length=16, comment=_CAUSES_TEXT),
+            _answered(0),
             SignalLayout(name="GaugesUsed", start=0, length=8),
             _health(0, 8),
             SignalLayout(
@@ -209,6 +221,13 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
             SignalLayout(name="Reconnects", start=0, length=8),
             SignalLayout(name="BusState", start=0, length=8, choices=_BUS_CHOICES),
             period=None,
+        ),
+        FrameLayout(
+            name=DETAIL,
+            identifier=0,
+            length=8,
+            signals=(*head, *_details(16, order)),
+            comment=_DETAIL_TEXT,
         ),
     ]
 
@@ -237,6 +256,36 @@ def _age(start: int, order: str) -> SignalLayout:
         unit="ms",
         not_available=65535,
         comment="Of the strains when the result was sent; 65535: not available",
+    )
+
+
+def _details(start: int, order: str) -> tuple[SignalLayout, SignalLayout]:
+    """Return all causes in 32 bits from bit ``start`` on, and the uncertainty of the age in 16 behind them."""
+    first, second = (start + 7, start + 39) if order == BIG else (start, start + 32)
+    return (
+        SignalLayout(
+            name="AllCauses",
+            start=first,
+            length=32,
+            byte_order=order,
+            comment="Why the result is not Valid, one bit each, bits 16 and above too",
+        ),
+        SignalLayout(
+            name="AgeUncertainty",
+            start=second,
+            length=16,
+            byte_order=order,
+            scale=1e3 * _AGE_TICK,
+            unit="ms",
+            not_available=65535,
+            comment="By how much the strains may be older than Age; 65534: 6553.4 and above; 65535: not available",
+        ),
+    )
+
+
+def _answered(start: int) -> SignalLayout:
+    return SignalLayout(
+        name="AnsweredCounter", start=start, length=8, comment="E2E counter of the strains answered"
     )
 
 

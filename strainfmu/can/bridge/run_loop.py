@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
-from math import isfinite
+from math import isfinite, nan
 from time import process_time
 from typing import Any
 
@@ -96,8 +96,7 @@ class Bridge:
         self._qualities: Counter[Quality] = Counter()
         self._latency: deque[float] = deque(maxlen=_LATENCIES)
         self._last_valid: CycleResult | None = None
-        self._last_quality = Quality.NO_DATA
-        self._last_score = float("nan")
+        self._last: CycleResult | None = None
         self._healths: Counter[int] = Counter()
         self._navigated = 0
         self._last_fault = ""
@@ -184,7 +183,7 @@ class Bridge:
             result = published(judged, self._clock(), limit)
             working = self._transmitter.send(self._frames.of_result(result))
             self._qualities[result.quality] += 1
-            self._last_quality, self._last_score = result.quality, result.envelope_score
+            self._last = result
             if result.health is not None:
                 self._healths[result.health] += 1
             self._navigated += isfinite(result.mach_number) and isfinite(result.altitude)
@@ -204,9 +203,10 @@ class Bridge:
                 self._on_sent(replace(frame, time=self._clock()))
 
     def _send_status(self, now: float) -> None:
+        last = self._last
         status = BridgeStatus(
             time=now,
-            quality=self._last_quality,
+            quality=Quality.NO_DATA if last is None else last.quality,
             bus_state=self._core.bus_state,
             last_valid=self._last_valid,
             account=self.account(),
@@ -214,7 +214,10 @@ class Bridge:
             send_failures=self._transmitter.failures,
             reconnects=self._back_off.reconnects,
             drift_ppm=self._core.drift_ppm,
-            envelope_score=self._last_score,
+            envelope_score=nan if last is None else last.envelope_score,
+            causes=Cause.NONE if last is None else last.causes,
+            age_uncertainty=nan if last is None else last.age_uncertainty,
+            counter=None if last is None else last.counter,
         )
         self._transmitter.send(self._frames.of_status(status))
         # Without catching up: a late status is useless.

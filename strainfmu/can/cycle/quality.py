@@ -23,15 +23,26 @@ class Quality(IntEnum):
     """The input is too old, or does not change. No coefficients."""
     INVALID = 6
     """Nothing can be computed. No coefficients."""
+    UNCONFIRMED = 7
+    """Not proven to be the newest strains of the one sender: delay may hide, a restart may be a recording, or a
+    second sender or bridge is on the bus. Coefficients for information."""
 
     @property
     def has_coefficients(self) -> bool:
         """Coefficients are published with this quality."""
-        return self in (Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT)
+        return self in _WITH_COEFFICIENTS
+
+
+_WITH_COEFFICIENTS = frozenset(
+    {Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT, Quality.UNCONFIRMED}
+)
 
 
 class Cause(IntFlag):
-    """Why a result is not VALID, or less proven than before; 16 bits that go over the bus and never change."""
+    """Why a result is not VALID, or less proven than before; 32 bits that go over the bus and never change.
+
+    Bit 15 is none: in frames with room for 16 bits it says that there are causes above it.
+    """
 
     NONE = 0
     PARTIAL_CYCLE = 1 << 0
@@ -65,3 +76,20 @@ class Cause(IntFlag):
     NAVIGATION = 1 << 14
     """Mach number or altitude was known and is not any more: fewer tests of the envelope, the quality is as
     before."""
+    HIDDEN_DELAY = 1 << 16
+    """As much delay as is allowed was taken for a slow clock of the sender; more of it may hide."""
+    UNPROVEN_RESTART = 1 << 17
+    """The sender's time has jumped, and nothing proves that it is not a recording."""
+    SECOND_SENDER = 1 << 18
+    """Frames with correct CRC whose counter is that of other strains, or again and again out of sequence."""
+    SECOND_BRIDGE = 1 << 19
+    """Result frames on our identifiers that are not ours."""
+
+
+FURTHER = 1 << 15
+"""In frames with room for 16 bits: the result has causes above bit 15, which another frame holds."""
+
+
+def low_causes(causes: Cause) -> int:
+    """Return the causes in 16 bits."""
+    return (int(causes) & (FURTHER - 1)) | (FURTHER if int(causes) >> 16 else 0)

@@ -30,6 +30,8 @@ class CycleResult:
     dynamic_pressure : q_inf that was used [Pa], or NaN.
     mach_number, altitude : by navigation at ``time`` [1] and [m], NaN where not known.
     age : of the strains at ``time`` [s]; NaN if there are none.
+    age_uncertainty : by how much they may be older [s], as the sender's clock is not known better; NaN if nothing
+        dates them.
     sample_time : sender's clock at the sample [ticks], None if not known.
     counter : E2E counter of the cycle it answers, None if not known.
     coefficients, coefficients_std, chi_square, health : the estimate; NaN and None without one.
@@ -46,6 +48,7 @@ class CycleResult:
     mach_number: float = np.nan
     altitude: float = np.nan
     age: float = np.nan
+    age_uncertainty: float = np.nan
     sample_time: int | None = None
     counter: int | None = None
     coefficients: FloatArray = field(default_factory=no_numbers)
@@ -78,6 +81,7 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
 _SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})
 """The deviations need not hold: OUTSIDE comes ahead of INCONSISTENT and SUSPECT, so it is no better than they."""
+_UNCONFIRMED = Cause.HIDDEN_DELAY | Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.SECOND_BRIDGE
 _DEGRADING = (
     Cause.PARTIAL_CYCLE
     | Cause.GAUGE_INVALID
@@ -94,6 +98,9 @@ def quality_of_step(step: StepResult, causes: Cause, protected: bool) -> tuple[Q
         causes |= Cause.HEALTH
         if step.health in _NO_ESTIMATE:
             return Quality.INVALID, causes
+    if causes & _UNCONFIRMED:
+        return Quality.UNCONFIRMED, causes
+    if step.health != HealthState.OK:
         # An unknown state is never better than suspect.
         if step.health in _SUSPECT or step.health != HealthState.DEGRADED:
             return Quality.SUSPECT, causes

@@ -23,6 +23,7 @@ LOG_COLUMNS = (
     ("mach_number", "1"),
     ("altitude", "m"),
     ("health.envelope_score", "1"),
+    ("age_uncertainty", "s"),
 )
 """Columns of a replay's output."""
 
@@ -95,4 +96,5 @@ def _row(result: CycleResult) -> list[float]:
         result.mach_number,
         result.altitude,
         result.envelope_score,
+        result.age_uncertainty,
     ]

@@ -378,6 +378,25 @@ def test_a_result_outside_the_map_says_so(form: str) -> None:
             assert str(found) == shown if isinstance(shown, str) else found == pytest.approx(shown)
 
 
+@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+def test_causes_above_bit_15_and_the_uncertainty_of_the_age_are_in_a_frame_of_their_own(form: str) -> None:
+    layouts = result_layouts(form, Identifiers(), CYCLE)
+    database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")
+    assert layouts[-1].name == "EstimateDetail"
+    composer = ResultFrames(layouts, 1)
+    assert layouts[-1].key not in [frame.key for frame in composer.of_result(RESULT)], "no further cause"
+    causes = Cause.OLD | Cause.SECOND_BRIDGE
+    for uncertainty, shown in ((12.34e-3, 12.3), (9.0, 6553.4), (np.nan, 6553.5)):
+        result = replace(RESULT, quality=Quality.UNCONFIRMED, causes=causes, age_uncertainty=uncertainty)
+        values: dict = {}
+        for frame in composer.of_result(result):
+            values |= database.decode_message(frame.identifier, frame.data, decode_choices=False)
+        assert values["Causes"] == 1 << 15 | int(Cause.OLD)
+        assert values["AllCauses"] == int(causes)
+        assert values["AgeUncertainty"] == pytest.approx(shown)
+        assert (values["Quality"], values["AnsweredCounter"]) == (7, 77)
+
+
 @pytest.mark.parametrize("profile", PROFILES)
 def test_navigation_is_that_of_the_dbc_file(profile: str) -> None:
     database = cantools.database.load_string(text_of(profile, 6), "dbc")
