@@ -17,15 +17,17 @@ from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.tools.faults import Fault, FaultKind
+from strainfmu.can.wire.authenticator import AuthenticationKey
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout
 from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 CYCLE = 0.01
 N_GAUGES = 30
 QUANTUM = 0.25e-6
+KEY = AuthenticationKey(bytes(range(16)))
 OWN = Frame(identifier=0x380, data=bytes(64), is_fd=True)
 
 
@@ -34,7 +36,10 @@ def gauge_names(n_gauges: int = N_GAUGES) -> list[str]:
 
 
 def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE) -> InputLayout:
-    return profile_layout(profile, gauge_names(n_gauges), cycle_time=cycle_time, identifiers=Identifiers())
+    key = KEY if profile == SECURED_PROFILE else None
+    return profile_layout(
+        profile, gauge_names(n_gauges), cycle_time=cycle_time, identifiers=Identifiers(), key=key
+    )
 
 
 class Projection:

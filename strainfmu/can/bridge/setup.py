@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.freshness_file import FreshnessKeeper, freshness_file
 from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
+from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
-from strainfmu.can.wire.profiles import Identifiers, configuration_of, profile_layout
+from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configuration_of, profile_layout
 from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
 
@@ -35,6 +37,8 @@ class BridgeOptions:
     dbc, mapping : the user's DBC file and its mapping, both or none.
     dynamic_pressure : fixed [Pa], or None to take it from its frame.
     result_form : one of RESULT_FORMS, None for the input's.
+    key_file : key of profile fd64-sec, None of others.
+    freshness_file : where the freshness value is remembered across runs, None for beside the key.
     """
 
     interface: str
@@ -49,6 +53,8 @@ class BridgeOptions:
     result_form: str | None = None
     stuck_cycles: int = 25
     max_age: float = 5.0
+    key_file: Path | None = None
+    freshness_file: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +75,16 @@ class Taps:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadyBridge:
-    """A bridge and its description; its core began at ``start`` [s] by its clock."""
+    """A bridge and its description; its core began at ``start`` [s] by its clock.
+
+    ``freshness`` keeps the freshness value of authenticated frames; None where they are not authenticated.
+    """
 
     bridge: Bridge
     n_gauges: int
     layout_name: str
     start: float
+    freshness: FreshnessKeeper | None = None
 
 
 @contextmanager
@@ -94,9 +104,12 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
 
     taps = taps or Taps()
     bus = bus_settings(options)
-    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step:
+    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step, ExitStack() as stack:
         start = taps.clock()
         core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)
+        keeper = _freshness_keeper(core, options)
+        if keeper is not None:
+            stack.enter_context(keeper)
         bridge = Bridge(
             core,
             lambda: open_bus(bus),
@@ -107,7 +120,22 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
             on_received=taps.on_received,
             on_sent=taps.on_sent,
         )
-        yield ReadyBridge(bridge=bridge, n_gauges=step.n_gauges, layout_name=core.layout.name, start=start)
+        yield ReadyBridge(
+            bridge=bridge,
+            n_gauges=step.n_gauges,
+            layout_name=core.layout.name,
+            start=start,
+            freshness=keeper,
+        )
+
+
+def _freshness_keeper(core: BridgeCore, options: BridgeOptions) -> FreshnessKeeper | None:
+    """Return what remembers the freshness value of a core, None if its frames are not authenticated."""
+    authentication, key = core.authentication, core.layout.key
+    if authentication is None or key is None or options.key_file is None:
+        return None
+    path = options.freshness_file or freshness_file(options.key_file, "bridge")
+    return FreshnessKeeper(path, key, authentication=authentication, cycle_time=core.layout.cycle_time)
 
 
 def make_core(
@@ -145,9 +173,14 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
     InputError
         A file or an option is wrong.
     """
+    key = key_of(options)
     if options.dbc is None or options.mapping is None:
         layout = profile_layout(
-            options.profile, gauge_names, cycle_time=options.cycle_time, identifiers=options.identifiers
+            options.profile,
+            gauge_names,
+            cycle_time=options.cycle_time,
+            identifiers=options.identifiers,
+            key=key,
         )
         return layout, configuration_of(options.profile, gauge_names)
     from strainfmu.can.wire.dbc_files import load_database, load_mapping
@@ -160,6 +193,27 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
         name=str(options.mapping),
     )
     return layout, configuration_of(options.dbc.name, gauge_names)
+
+
+def key_of(options: BridgeOptions) -> AuthenticationKey | None:
+    """Return the key of authenticated frames, None of others.
+
+    Raises
+    ------
+    InputError
+        There is a key where none is used, or none where one is needed, or the file holds none.
+    StrainfmuError
+        The package cryptography is not installed.
+    """
+    is_needed = options.dbc is None and options.profile == SECURED_PROFILE
+    for name, path in (("--key", options.key_file), ("--freshness", options.freshness_file)):
+        if path is not None and not is_needed:
+            raise InputError(f"{name}: expected with --profile {SECURED_PROFILE} alone, got it with other frames")
+    if not is_needed:
+        return None
+    if options.key_file is None:
+        raise InputError(f"--key: expected with --profile {SECURED_PROFILE}, got none")
+    return load_key(options.key_file)
 
 
 def map_gauge_names(source: Path) -> tuple[str, ...]:
@@ -175,7 +229,7 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
 
 def form_of_profile(profile: str) -> str:
     """Return the form of results for a profile."""
-    return {"fd64": "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
+    return {"fd64": "fd", SECURED_PROFILE: "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
 
 
 def _result_form(options: BridgeOptions, layout: InputLayout) -> str:

@@ -15,6 +15,7 @@ from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.parts import CycleParts, cycle_parts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.e2e.authentication import Authentication
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
@@ -123,6 +124,11 @@ class BridgeCore:
         for cycle in self._assembler.reset():
             for _ in cycle.arrivals:
                 self._settle(FrameClass.UNFINISHED, now)
+
+    @property
+    def authentication(self) -> Authentication | None:
+        """The check of the authenticators, None if frames have none."""
+        return self._reception.authentication
 
     @property
     def drift_ppm(self) -> float:

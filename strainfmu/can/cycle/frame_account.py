@@ -25,6 +25,8 @@ class FrameClass(Enum):
     WRONG_FORMAT = "wrong length or format"
     SHED = "shed: sender babbles"
     CORRUPT = "CRC does not fit"
+    NOT_AUTHENTIC = "authenticator does not fit"
+    NOT_FRESH = "freshness value not new"
     WRONG_CONFIGURATION = "other configuration"
     REPEATED = "repeated counter"
     WRONG_SEQUENCE = "counter out of sequence"

@@ -11,18 +11,24 @@ from strainfmu.arrays import BoolArray
 from strainfmu.can.cycle.assembler import Arrival
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause
+from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import Protection, counter_in
+from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
 from strainfmu.can.wire.signal_plan import SignalPlan, number_reader
+from strainfmu.errors import InputError
 
 _CLASS_OF_STATUS = {
     E2EStatus.ERROR: FrameClass.CORRUPT,
     E2EStatus.REPEATED: FrameClass.REPEATED,
     E2EStatus.WRONG_SEQUENCE: FrameClass.WRONG_SEQUENCE,
+}
+_CLASS_OF_VERDICT = {
+    Authenticity.FORGED: FrameClass.NOT_AUTHENTIC,
+    Authenticity.NOT_FRESH: FrameClass.NOT_FRESH,
 }
 
 
@@ -48,7 +54,13 @@ _ALL_BITS = (1 << 64) - 1
 
 
 class Reception:
-    """The frames of a layout by slot: strain frames first, then the trailer, then flow, as ``layout.frames``."""
+    """The frames of a layout by slot: strain frames first, then the trailer, then flow, as ``layout.frames``.
+
+    Raises
+    ------
+    InputError
+        Frames are authenticated, and the layout has no key.
+    """
 
     def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
         self._layout = layout
@@ -73,6 +85,7 @@ class Reception:
         self._protections = [frame.layout.protection for frame in layout.frames]
         self._checks = [None if p is None else self.new_check(p, settings.max_delta) for p in self._protections]
         self._machines = [E2EStateMachine(settings.state_machine) for _ in layout.frames]
+        self.authentication = _authentication(layout)
 
     def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
         """Return the check of one frame's CRC and counter."""
@@ -108,6 +121,9 @@ class Reception:
         slot = arrival.slot
         if slot == self.trailer:
             return None  # its CRC covers frames that may not have come yet
+        forged = self._not_authentic(slot, arrival.frame.data)
+        if forged is not None:
+            return forged
         check = self._checks[slot]
         status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
         wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(arrival)
@@ -115,6 +131,21 @@ class Reception:
         if status is E2EStatus.OK and not wrong:
             return None
         return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
+
+    def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
+        """Return the class of a frame that is not of the sender, or not new; None if its CRC does not fit either.
+
+        A forged frame does not touch the state of the sender's counter. One whose CRC does not fit was altered on
+        the bus, which the E2E state machine is to know.
+        """
+        if self.authentication is None:
+            return None
+        found = _CLASS_OF_VERDICT.get(self.authentication.check(slot, data))
+        if found is None:
+            return None
+        protection = self._layout.frames[slot].layout.protection
+        is_altered = protection is not None and crc_in(data, protection) != crc_of(data, protection)
+        return None if is_altered else found
 
     def check_trailer(self, arrivals: Mapping[int, Arrival]) -> TrailerVerdict:
         """Check CRC and counter over a closed cycle; without a trailer in the layout there is nothing to check."""
@@ -178,6 +209,15 @@ class Reception:
     def _is_of_other_configuration(self, arrival: Arrival) -> bool:
         """Return whether a frame is of a sender with another assignment of gauges."""
         return arrival.configuration is not None and arrival.configuration != self._expected[arrival.slot]
+
+
+def _authentication(layout: InputLayout) -> Authentication | None:
+    """Return the check of the authenticators of a layout, None if its frames have none."""
+    if not layout.is_authenticated:
+        return None
+    if layout.key is None:
+        raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it by --key")
+    return Authentication([frame.layout.secured for frame in layout.frames], layout.key)
 
 
 def _selector(frame: InputFrame) -> tuple[SignalPlan, int] | None:

@@ -14,7 +14,9 @@ from math import nan
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.can.bridge.freshness_file import FIRST_TRIP
 from strainfmu.can.tools.faults import Fault, FaultKind
+from strainfmu.can.wire.authenticator import authenticated, freshness_of, is_authentic, sent_freshness
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FLOAT, NAVIGATION, InputFrame, InputLayout
@@ -42,14 +44,17 @@ class FaultySender:
     layout : frames to send.
     faults : in any order.
     own : a frame of the bridge, for OWN_IDENTIFIER.
+    trip : trip counter of authenticated frames; a restart takes the next one.
     """
 
-    def __init__(self, layout: InputLayout, faults: list[Fault], own: Frame | None = None) -> None:
+    def __init__(
+        self, layout: InputLayout, faults: list[Fault], own: Frame | None = None, trip: int = FIRST_TRIP
+    ) -> None:
         self._layout, self._own = layout, own
         self._faults = sorted(faults, key=lambda fault: fault.start)
         self._next = 0
         self._active: list[Fault] = []
-        self._encoder = StrainEncoder(layout)
+        self._encoder = StrainEncoder(layout, trip)
         self._waiting: list[tuple[float, int, Frame]] = []
         self._order = count()
         self._held: dict[Fault, Sample] = {}
@@ -149,6 +154,7 @@ class FaultySender:
                 self._counter_shift = -number
                 self._clock_shift = -time
                 sample.counter, sample.sample_time = 0, 0.0
+                self._encoder.trip += 1
             case FaultKind.CLOCK_JUMP if first:
                 self._clock_shift += float(random.uniform(5.0, 1000.0)) * self._layout.cycle_time
                 sample.sample_time = time + self._clock_shift
@@ -182,6 +188,10 @@ class FaultySender:
                 old = self._history[int(random.integers(len(self._history)))]
                 shift = 0.5 * self._layout.cycle_time
                 return [*frames, *(replace(f, time=time + shift + i * 1e-6) for i, f in enumerate(old))]
+            case FaultKind.FORGERY if self._layout.is_authenticated:
+                return [self._forged(frame) for frame in frames]
+            case FaultKind.EARLIER_RUN if self._layout.is_authenticated:
+                return [self._of_earlier_run(frame) for frame in frames]
             case FaultKind.PRESSURE_SILENCE:
                 return self._without(frames, DYNAMIC_PRESSURE)
             case FaultKind.NAVIGATION_SILENCE:
@@ -261,13 +271,50 @@ class FaultySender:
                     number = number & ~(1 << bit) | (raw >> index & 1) << bit
                 data = number.to_bytes(len(data), "little")
                 if item.layout.protection is not None:
-                    data = protect(data, item.layout.protection, data[2])
+                    data = self._signed(protect(data, item.layout.protection, data[2]), frame.data, item)
             covered += data if frame.key in strain_keys else b""
             if trailer is not None and frame.key == trailer.layout.key and len(data) == trailer.layout.length:
                 assert trailer.layout.protection is not None
                 data = protect(data, trailer.layout.protection, counter=data[2], covered=covered)
             changed.append(replace(frame, data=data))
         return changed
+
+    def _forged(self, frame: Frame) -> Frame:
+        """Return a frame whose values are altered and whose CRC fits; the authenticator is the true frame's."""
+        item = self._item_of(frame)
+        if item is None or item.layout.protection is None:
+            return frame
+        data = bytearray(frame.data)
+        for signal in (item.layout.signals[s] for s in (*item.indices, *(flow.index for flow in item.flow))):
+            data[signal.bits[0] // 8] ^= 0x7F
+        return replace(frame, data=protect(bytes(data), item.layout.protection, data[2]))
+
+    def _of_earlier_run(self, frame: Frame) -> Frame:
+        """Return a frame with values of another time, in every other way as the sender sent it one trip before."""
+        forged = self._forged(frame)
+        item = self._item_of(frame)
+        return (
+            frame
+            if item is None
+            else replace(forged, data=self._signed(forged.data, frame.data, item, trips_back=1))
+        )
+
+    def _item_of(self, frame: Frame) -> InputFrame | None:
+        """Return what a frame is in the layout; None of a frame of another kind or length."""
+        for item in self._layout.frames:
+            if item.layout.key == frame.key and item.layout.length == len(frame.data):
+                return item
+        return None
+
+    def _signed(self, data: bytes, before: bytes, item: InputFrame, trips_back: int = 0) -> bytes:
+        """Return ``data`` with an authenticator that fits, if that of the frame ``before`` it was altered did."""
+        secured, key = item.layout.secured, self._layout.key
+        if secured is None or key is None or len(before) != item.layout.length:
+            return data
+        freshness = sent_freshness(before, secured, freshness_of(self._encoder.trip, 0))
+        if not is_authentic(before, secured, key, freshness=freshness):
+            return data
+        return authenticated(data, secured, key, freshness=freshness - freshness_of(trips_back, 0))
 
     def _of_other_sender(self, fault: Fault, frames: list[Frame]) -> list[Frame]:
         """Return the frames of a sender with its gauges in another order, and another DataID or configuration."""

@@ -82,6 +82,14 @@ class FaultKind(Enum):
     """Mach number and altitude are not sent."""
     NAVIGATION_NONE = "navigation-none"
     """Mach number and altitude are "not available"."""
+    FORGERY = "forgery"
+    """Frames are altered and their CRC computed again, by somebody without the key. Authenticated frames alone."""
+    EARLIER_RUN = "earlier-run"
+    """Frames of an earlier run of the same sender come instead of the present ones. Authenticated frames alone."""
+
+
+NEED_A_KEY = frozenset({FaultKind.FORGERY, FaultKind.EARLIER_RUN})
+"""Faults that nothing but authentication finds: they act on authenticated frames alone."""
 
 
 @dataclass(frozen=True, kw_only=True)

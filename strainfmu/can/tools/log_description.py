@@ -16,6 +16,9 @@ from strainfmu.errors import InputError
 
 SIDECAR_VERSION = 1
 
+_FILES = ("dbc", "mapping", "key_file", "freshness_file")
+"""Options that are files."""
+
 
 def sidecar(path: Path) -> Path:
     """Return where the description of a log lies."""
@@ -49,6 +52,7 @@ def _run(found: Mapping[str, Any]) -> dict[str, Any]:
     run: dict[str, Any] = {name: _checked(name, found[name], str) for name in ("fmu", "fmu_sha256")}
     run |= {name: _checked(name, found[name], float) for name in ("start", "log_start")}
     run["end"] = _checked("end", found.get("end"), float | None)
+    run["freshness"] = _checked("freshness", found.get("freshness"), int | None)
     run["lost"] = _checked("lost", found.get("lost", 0), int)
     for name in ("skips", "unanswered"):
         run[name] = [(_checked(name, a, float), _checked(name, b, float)) for a, b in found.get(name, ())]
@@ -74,9 +78,9 @@ def _checked(name: str, value: Any, kind: Any) -> Any:
 
 
 def plain_options(options: BridgeOptions) -> dict[str, Any]:
-    """Return the options as JSON holds them; files by their whole path."""
+    """Return the options as JSON holds them; files by their whole path, none of their content."""
     held = asdict(options)
-    for name in ("dbc", "mapping"):
+    for name in _FILES:
         held[name] = None if held[name] is None else str(Path(held[name]).resolve())
     return held
 
@@ -91,8 +95,8 @@ def _options(held: Mapping[str, Any]) -> BridgeOptions:
         ),
         "bus_options": tuple(_checked("bus_options", text, str) for text in texts),
     }
-    for name in ("dbc", "mapping"):
-        text = _checked(name, held[name], str | None)
+    for name in _FILES:
+        text = _checked(name, held.get(name), str | None)
         options[name] = None if text is None else Path(text)
     for name, kind in _kinds(BridgeOptions):
         if name not in options and name in held:

@@ -34,6 +34,8 @@ class ObservedBridge:
             )
             if self.recorder.failure:
                 lines.append(f"{self.recorder.path}: recording ended early: {self.recorder.failure}")
+        if self.ready.freshness is not None and self.ready.freshness.failure_text:
+            lines.append(self.ready.freshness.failure_text)
         if self.publisher is not None:
             lines.append(f"datagrams: {self.publisher.sent} sent, {self.publisher.dropped} dropped")
         return lines
@@ -81,7 +83,8 @@ def observed_bridge(
         )
         ready = stack.enter_context(make_bridge(fmu, options, taps))
         if recorder is not None:
-            recorder.describe(fmu, options, ready.start)
+            keeper = ready.freshness
+            recorder.describe(fmu, options, ready.start, freshness=None if keeper is None else keeper.start)
         if address is not None:
             bridge = ready.bridge
             publisher = Publisher(

@@ -83,8 +83,8 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="CAN recorder", daemon=True)
         self._thread.start()
 
-    def describe(self, fmu: Path, options: BridgeOptions, start: float) -> None:
-        """Write the description for a replay: FMU, options, start of the core [s]."""
+    def describe(self, fmu: Path, options: BridgeOptions, start: float, freshness: int | None = None) -> None:
+        """Write the description for a replay: FMU, options, start of the core [s], freshness value then."""
         self._description = {
             "version": SIDECAR_VERSION,
             "fmu": fmu.name,
@@ -92,6 +92,7 @@ class Recorder:
             "options": plain_options(options),
             "log_start": self.clock.start,
             "start": start,
+            "freshness": freshness,
         }
         self._write_sidecar()
 

@@ -91,6 +91,8 @@ def replay_log(
         return summary
     start = first[0].time if described is None else described["start"]
     core, layouts, configuration = make_core(step, chosen, gauge_names=gauge_names, start=start)
+    if core.authentication is not None:
+        core.authentication.begin(None if described is None else described["freshness"])
     comparison = _Comparison(layouts, configuration)
     acceptance = Acceptance(core.layout, [layout.key for layout in layouts], core.settings)
     account = FrameAccount()

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.can.bridge.freshness_file import FIRST_TRIP
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.tools.fault_injection import FaultySender
-from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
+from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind, random_faults
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.frame_layout import InputLayout
@@ -61,6 +62,7 @@ def send_flight(
     sleep: Callable[[float], None] = time.sleep,
     stopped: Callable[[], bool] = lambda: False,
     own: Frame | None = None,
+    trip: int = FIRST_TRIP,
 ) -> SentFlight:
     """Send one sample per cycle of ``layout`` on ``bus`` until there are no more, or ``stopped`` returns True.
 
@@ -70,13 +72,14 @@ def send_flight(
     Parameters
     ----------
     own : a frame of the bridge, for the fault OWN_IDENTIFIER.
+    trip : trip counter of authenticated frames.
 
     Raises
     ------
     StrainfmuError
         The bus accepts no frames any more.
     """
-    sender = FaultySender(layout, list(faults), own)
+    sender = FaultySender(layout, list(faults), own, trip=trip)
     can = import_can()
     sent = SentFlight()
     start = clock()
@@ -119,16 +122,20 @@ def send_flight(
     return sent
 
 
-def planned_faults(kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int) -> list[Fault]:
-    """Return ``n_faults`` faults of ``kinds`` (all if there are none), spread over ``n_cycles``.
+def planned_faults(
+    kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int, is_authenticated: bool = False
+) -> list[Fault]:
+    """Return ``n_faults`` faults of ``kinds`` (all that act if there are none), spread over ``n_cycles``.
 
     Raises
     ------
     InputError
-        There is no such kind, or the flight is too short for so many.
+        There is no such kind, it does not act on these frames, or the flight is too short for so many.
     """
-    known = {kind.value: kind for kind in FaultKind}
+    known = {kind.value: kind for kind in FaultKind if is_authenticated or kind not in NEED_A_KEY}
     for name in kinds:
+        if name in {kind.value for kind in FaultKind} - set(known):
+            raise InputError(f"fault: '{name}' acts on authenticated frames alone; state --profile fd64-sec")
         if name not in known:
             raise InputError(f"fault: expected one of {', '.join(known)}, got '{name}'")
     if n_faults == 0:
@@ -138,7 +145,7 @@ def planned_faults(kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int
     if gap < 1:
         minimum = SETTLING_CYCLES + n_faults * (longest + 1)
         raise InputError(f"faults: expected at least {minimum} cycles for {n_faults} of them, got {n_cycles}")
-    chosen = tuple(known[name] for name in kinds) or tuple(FaultKind)
+    chosen = tuple(known[name] for name in kinds) or tuple(known.values())
     return random_faults(n_faults, chosen, seed=seed, gap=gap, longest=longest, first=SETTLING_CYCLES)
 
 

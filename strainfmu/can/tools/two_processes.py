@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from pathlib import Path
 
 from strainfmu.can.bridge.bus import BusSettings, open_bus, shut_down
 from strainfmu.can.tools.answers import Score
+from strainfmu.can.wire.profiles import SECURED_PROFILE
 from strainfmu.errors import StrainfmuError
 
 GROUP = "239.74.163.9"
@@ -36,8 +38,10 @@ class BusFlight:
     bridge: str
 
 
-def fly_over_bus(folder: Path, duration: float) -> BusFlight:
+def fly_over_bus(folder: Path, duration: float, is_authenticated: bool = False) -> BusFlight:
     """Fly the plant of a finished demonstration for ``duration`` [s] at 100 Hz against a bridge of its estimator.
+
+    Frames that are authenticated are of profile fd64-sec, with a key made for this flight.
 
     Raises
     ------
@@ -47,8 +51,12 @@ def fly_over_bus(folder: Path, duration: float) -> BusFlight:
     port = private_port()
     check_multicast(port)
     bus = ("--interface", "udp_multicast", "--channel", GROUP, "--bus-option", f"port={port}")
-    cycle = ("--cycle-time", f"{1e3 * CYCLE_TIME:g}")
+    cycle: tuple[str, ...] = ("--cycle-time", f"{1e3 * CYCLE_TIME:g}")
     with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
+        if is_authenticated:
+            key = Path(temporary) / "key.txt"
+            key.write_text(secrets.token_hex(16))
+            cycle = (*cycle, "--profile", SECURED_PROFILE, "--key", str(key))
         report = Path(temporary) / "score.json"
         # Wide enough for the tables on any terminal.
         environment = {**os.environ, "COLUMNS": "120"}

@@ -37,10 +37,12 @@ class Protection:
     ----------
     profile : 1 or 5, the AUTOSAR E2E profile.
     data_id : 16 bit number known to both ends and not in the frame; it distinguishes frames.
+    end : number of bytes that the CRC covers, itself included; None for all.
     """
 
     profile: int
     data_id: int
+    end: int | None = None
 
     @property
     def counter_modulus(self) -> int:
@@ -58,10 +60,10 @@ def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b""
     if protection.profile == 1:
         crc = _TABLE_8[protection.data_id & 0xFF]
         crc = _TABLE_8[crc ^ (protection.data_id >> 8)]
-        for byte in data[1:] + covered:
+        for byte in data[1 : protection.end] + covered:
             crc = _TABLE_8[crc ^ byte]
         return crc
-    crc = crc_hqx(data[2:], 0xFFFF)
+    crc = crc_hqx(data[2 : protection.end], 0xFFFF)
     if covered:
         crc = crc_hqx(covered, crc)
     return crc_hqx(protection.data_id.to_bytes(2, "little"), crc)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import frame_key
 
@@ -74,6 +75,7 @@ class FrameLayout:
     cycle_time : nominal period [s], None if it is sent on demand.
     sender : name of the node that sends it.
     multiplexer : signal and raw value that distinguish this layout from others of its identifier, or None.
+    secured : authentication, None for none.
     """
 
     name: str
@@ -87,6 +89,7 @@ class FrameLayout:
     sender: str = ""
     comment: str = ""
     multiplexer: tuple[SignalLayout, int] | None = None
+    secured: Secured | None = None
 
     @property
     def key(self) -> int:
@@ -155,6 +158,7 @@ class InputLayout:
     flow_frames : the frames of q_inf, Mach number and altitude; each of these is in one of them or in none.
     trailer : the frame that ends a cycle, or None.
     cycle_time : nominal period [s].
+    key : of the frames that are authenticated; None where none is, or where only their layout matters.
     """
 
     name: str
@@ -163,6 +167,7 @@ class InputLayout:
     flow_frames: tuple[InputFrame, ...] = ()
     trailer: InputFrame | None = None
     cycle_time: float = 0.01
+    key: AuthenticationKey | None = None
     frames: tuple[InputFrame, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -192,6 +197,11 @@ class InputLayout:
     def is_timed(self) -> bool:
         """Every strain frame holds a sample time, which separates cycles."""
         return all(frame.sample_time is not None for frame in self.strain_frames)
+
+    @property
+    def is_authenticated(self) -> bool:
+        """Frames hold an authenticator."""
+        return any(frame.layout.secured is not None for frame in self.frames)
 
     @property
     def is_protected(self) -> bool:

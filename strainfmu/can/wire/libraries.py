@@ -1,4 +1,4 @@
-"""The optional libraries of the bus, python-can and cantools: imported when needed, quiet on standard error."""
+"""The optional libraries of the bus: python-can, cantools, cryptography; imported when needed and quiet."""
 
 from __future__ import annotations
 
@@ -29,6 +29,22 @@ def import_cantools() -> Any:
         It is not installed.
     """
     return _imported("cantools", "cantools")
+
+
+def import_cmac() -> tuple[Any, Any]:
+    """Return the modules of CMAC and of block ciphers of the package cryptography.
+
+    Raises
+    ------
+    StrainfmuError
+        It is not installed.
+    """
+    try:
+        from cryptography.hazmat.primitives import cmac
+        from cryptography.hazmat.primitives.ciphers import algorithms
+    except ImportError as error:
+        raise StrainfmuError("cryptography is not installed: pip install 'strainfmu[auth]'") from error
+    return cmac, algorithms
 
 
 def error_line(error: BaseException) -> str:

@@ -119,6 +119,30 @@ def header_1() -> tuple[SignalLayout, SignalLayout]:
     )
 
 
+def freshness_signals(start: int) -> tuple[SignalLayout, SignalLayout, SignalLayout]:
+    """Return freshness value and authenticator behind the authentic bytes."""
+    return (
+        SignalLayout(
+            name="MessageCounter",
+            start=start,
+            length=32,
+            comment="Freshness value, low part: one more each cycle, the same in all frames of a cycle",
+        ),
+        SignalLayout(
+            name="TripCounter",
+            start=start + 32,
+            length=16,
+            comment="Freshness value, low bits of its high part: one more each start of the sender",
+        ),
+        SignalLayout(
+            name="Authenticator",
+            start=start + 48,
+            length=64,
+            comment="First 8 bytes of CMAC (AES-128) over data ID, bytes ahead of MessageCounter, freshness value",
+        ),
+    )
+
+
 def pressure_signal(start: int, byte_order: str) -> SignalLayout:
     """Return the dynamic pressure, a float of 32 bits."""
     return SignalLayout(

@@ -1,7 +1,8 @@
-"""The four profiles, frame layouts that need no DBC file: fd64, classic-le, classic-be and float2.
+"""The five profiles, frame layouts that need no DBC file: fd64, classic-le, classic-be, float2 and fd64-sec.
 
-fd64: 27 gauges per CAN FD frame of 64 bytes, each frame under E2E profile 5. The others: plain frames of 8 bytes,
-as strain amplifiers send them (4 x 16 bit, 2 x float32), closed by a trailer whose CRC covers the whole cycle.
+fd64: 27 gauges per CAN FD frame of 64 bytes, each frame under E2E profile 5. fd64-sec: 20 gauges per frame, each
+frame authenticated as well. The others: plain frames of 8 bytes, as strain amplifiers send them (4 x 16 bit,
+2 x float32), closed by a trailer whose CRC covers the whole cycle.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from strainfmu.can.wire.authenticator import SECURED_BYTES, AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import EXTENDED_FLAG
 from strainfmu.can.wire.frame_layout import (
@@ -29,6 +31,7 @@ from strainfmu.can.wire.profile_signals import (
     altitude_signal,
     configuration_signal,
     float_strain_signal,
+    freshness_signals,
     header_1,
     header_5,
     mach_signal,
@@ -39,9 +42,11 @@ from strainfmu.can.wire.profile_signals import (
 )
 from strainfmu.errors import InputError
 
-PROFILES = ("fd64", "classic-le", "classic-be", "float2")
+SECURED_PROFILE = "fd64-sec"
 
-GAUGES_PER_FD_FRAME = 27
+PROFILES = ("fd64", "classic-le", "classic-be", "float2", SECURED_PROFILE)
+
+GAUGES_PER_FD_FRAME, GAUGES_PER_SECURED_FRAME = 27, 20
 
 SENDER = "StrainSender"
 BRIDGE = "StrainBridge"
@@ -100,22 +105,33 @@ def configuration_of(profile: str, gauge_names: Sequence[str]) -> int:
 
 
 def profile_layout(
-    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers | None = None
+    profile: str,
+    gauge_names: Sequence[str],
+    cycle_time: float,
+    identifiers: Identifiers | None = None,
+    key: AuthenticationKey | None = None,
 ) -> InputLayout:
     """Return the frames of ``profile`` for gauges in the order of ``gauge_names``, sent every ``cycle_time`` [s].
+
+    ``key`` is that of profile fd64-sec; without it frames are described, but neither encoded nor checked.
 
     Raises
     ------
     InputError
-        There is no such profile, or it needs more identifiers than there are.
+        There is no such profile, it has no key, or it needs more identifiers than there are.
     """
     if profile not in PROFILES:
         raise InputError(f"profile: expected one of {', '.join(PROFILES)}, got '{profile}'")
+    if key is not None and profile != SECURED_PROFILE:
+        raise InputError(
+            f"key: expected profile {SECURED_PROFILE}, got '{profile}', whose frames are not authenticated"
+        )
     identifiers = identifiers or Identifiers()
     configuration = configuration_of(profile, gauge_names)
     names = signal_names(gauge_names)
-    if profile == "fd64":
-        layout = _fd64(names, cycle_time, identifiers=identifiers, configuration=configuration)
+    if profile in ("fd64", SECURED_PROFILE):
+        layout = _fd64(profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration)
+        layout = replace(layout, key=key)
     else:
         layout = _classic(
             profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration
@@ -135,18 +151,22 @@ def signal_names(gauge_names: Sequence[str]) -> list[str]:
     return names
 
 
-def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configuration: int) -> InputLayout:
-    """Return the layout of profile fd64."""
+def _fd64(
+    profile: str, names: list[str], cycle_time: float, identifiers: Identifiers, configuration: int
+) -> InputLayout:
+    """Return the layout of profile fd64 or fd64-sec."""
+    is_secured = profile == SECURED_PROFILE
+    per_frame = GAUGES_PER_SECURED_FRAME if is_secured else GAUGES_PER_FD_FRAME
     head = (*header_5(), status_signal(24, 8), sample_time_signal(32))
     frames = []
-    for number, first in enumerate(range(0, len(names), GAUGES_PER_FD_FRAME)):
-        chosen = names[first : first + GAUGES_PER_FD_FRAME]
+    for number, first in enumerate(range(0, len(names), per_frame)):
+        chosen = names[first : first + per_frame]
         strains = tuple(strain_signal(name, 64 + 16 * index, LITTLE) for index, name in enumerate(chosen))
         layout = FrameLayout(
             name=f"Strain{number + 1}",
             identifier=identifiers.base + 1 + number,
             length=64,
-            signals=(*head, *strains, configuration_signal(496, configuration)),
+            signals=(*head, *strains, configuration_signal(64 + 16 * per_frame, configuration)),
             is_extended=identifiers.is_extended,
             is_fd=True,
             protection=Protection(5, _STRAIN_DATA_ID + number),
@@ -157,7 +177,7 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
         indices = tuple(range(len(head), len(head) + len(chosen)))
         frames.append(
             InputFrame(
-                layout=layout,
+                layout=_secured(layout, 64) if is_secured else layout,
                 indices=indices,
                 gauges=tuple(range(first, first + len(chosen))),
                 to_strain=(_MICRO,) * len(chosen),
@@ -195,16 +215,31 @@ def _fd64(names: list[str], cycle_time: float, identifiers: Identifiers, configu
         sender=SENDER,
         comment=_NAVIGATION_TEXT,
     )
+    if is_secured:
+        pressure, navigation = _secured(pressure, 32), _secured(navigation, 32)
     flow_frames = (
         InputFrame(layout=pressure, flow=_pressure_at(4), sample_time=3, status=2, configuration=5),
         InputFrame(layout=navigation, flow=_navigation_at(4), sample_time=3, status=2, configuration=6),
     )
     return InputLayout(
-        name="fd64",
+        name=profile,
         n_gauges=len(names),
         strain_frames=tuple(frames),
         flow_frames=flow_frames,
         cycle_time=cycle_time,
+    )
+
+
+def _secured(layout: FrameLayout, length: int) -> FrameLayout:
+    """Return ``layout`` with ``length`` bytes, of which the last are freshness value and authenticator."""
+    assert layout.protection is not None
+    end = length - SECURED_BYTES
+    return replace(
+        layout,
+        length=length,
+        signals=(*layout.signals, *freshness_signals(8 * end)),
+        protection=replace(layout.protection, end=end),
+        secured=Secured(layout.protection.data_id, end),
     )
 
 

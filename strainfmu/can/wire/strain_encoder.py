@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
+from strainfmu.can.wire.authenticator import authenticated, freshness_of
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import (
@@ -20,6 +21,7 @@ from strainfmu.can.wire.frame_layout import (
     InputLayout,
 )
 from strainfmu.can.wire.signal_plan import SignalPlan
+from strainfmu.errors import InputError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,10 +38,23 @@ class StrainEncoder:
     """Composes the frames of successive cycles in the order of their transmission: flow, strains, trailer.
 
     A frame of navigation is left out until something in it was known; from then on it is sent every cycle.
+
+    Parameters
+    ----------
+    layout : frames to compose.
+    trip : trip counter of authenticated frames; one more each start of the sender, or receivers refuse its frames.
+
+    Raises
+    ------
+    InputError
+        Frames are to be authenticated, and the layout has no key.
     """
 
-    def __init__(self, layout: InputLayout) -> None:
+    def __init__(self, layout: InputLayout, trip: int = 1) -> None:
+        if layout.is_authenticated and layout.key is None:
+            raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it by --key")
         self._layout = layout
+        self.trip = trip
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
         self._first_of_flow = len(layout.frames) - len(layout.flow_frames)
         self._sent = [_holds_pressure(frame) for frame in layout.flow_frames]
@@ -61,7 +76,7 @@ class StrainEncoder:
         ----------
         strain : (n_d,) strains [m/m], NaN for "not available".
         dynamic_pressure : q_inf [Pa], NaN for "not available".
-        cycle : number of the cycle; the counter of every frame.
+        cycle : number of the cycle, and counter of every frame; never twice with the same trip counter.
         sample_time : sender's clock [s].
         status : 0 good, 1 degraded, 2 do not use.
         mach_number, altitude : by navigation [1] and [m], NaN for "not available".
@@ -110,6 +125,9 @@ class StrainEncoder:
         data = self._plans[slot].encode(values)
         if layout.protection is not None:
             data = protect(data, layout.protection, counter=cycle, covered=covered)
+        if layout.secured is not None and self._layout.key is not None:
+            freshness = freshness_of(self.trip, cycle)
+            data = authenticated(data, layout.secured, self._layout.key, freshness=freshness)
         return frame_of(layout, data)
 
 

@@ -19,12 +19,22 @@ if TYPE_CHECKING:
     from strainfmu.can.bridge.run_loop import Bridge
     from strainfmu.can.wire.profiles import Identifiers
 
-ProfileOption = Annotated[str, typer.Option(help="fd64, classic-le, classic-be or float2.")]
+ProfileOption = Annotated[str, typer.Option(help="fd64, classic-le, classic-be, float2 or fd64-sec.")]
 CycleTimeOption = Annotated[
     float, typer.Option(metavar="MS", callback=within(0.1, 10_000.0, "ms"), help="Period of the strain frames.")
 ]
 BaseOption = Annotated[str, typer.Option(metavar="ID", help="Identifier of the first input frame.")]
 ResultBaseOption = Annotated[str, typer.Option(metavar="ID", help="Identifier of the first result frame.")]
+KeyOption = Annotated[
+    Path | None,
+    typer.Option("--key", metavar="FILE", help="Key of profile fd64-sec: text, 32 hexadecimal digits (AES-128)."),
+]
+FreshnessOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--freshness", metavar="FILE", help="Freshness value between runs, with --key. Default: beside the key."
+    ),
+]
 ExtendedOption = Annotated[bool, typer.Option("--extended", help="29 bit identifiers.")]
 
 
@@ -45,6 +55,8 @@ def bridge(
     id_base: BaseOption = "0x300",
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
+    key: KeyOption = None,
+    freshness: FreshnessOption = None,
     dynamic_pressure: Annotated[
         float | None,
         typer.Option(
@@ -121,6 +133,8 @@ def bridge(
         result_form=result,
         stuck_cycles=stuck_cycles,
         max_age=max_age,
+        key_file=key,
+        freshness_file=freshness,
     )
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
@@ -132,6 +146,8 @@ def bridge(
             markup=False,
             soft_wrap=True,
         )
+        if running.freshness is not None and running.freshness.first_run_text:
+            console.print(running.freshness.first_run_text, highlight=False, markup=False, soft_wrap=True)
         with _stopped_by_signals(running.bridge):
             summary = running.bridge.run(duration)
     console.print(summary_table(summary))

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.bus_options import cycle_time_of
-from strainfmu.cli.commands.can_bus import identifiers_of
+from strainfmu.cli.commands.can_bus import KeyOption, identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
 from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
 from strainfmu.errors import InputError
@@ -24,7 +24,7 @@ def replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording of a bus: BLF, ASC or candump's log.")],
     fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Results to write: CSV or HDF5.")],
-    profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be or float2.")] = None,
+    profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be, float2 or fd64-sec.")] = None,
     dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames.")] = None,
     mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
     cycle_time: Annotated[
@@ -34,6 +34,7 @@ def replay(
     id_base: Annotated[str | None, typer.Option(metavar="ID", help="First input identifier.")] = None,
     result_base: Annotated[str | None, typer.Option(metavar="ID", help="First result identifier.")] = None,
     extended: Annotated[bool | None, typer.Option("--extended", help="29 bit identifiers.")] = None,
+    key: KeyOption = None,
     dynamic_pressure: Annotated[
         float | None,
         typer.Option(metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Fixed dynamic pressure."),
@@ -57,6 +58,7 @@ def replay(
         id_base=id_base,
         result_base=result_base,
         extended=extended,
+        key_file=key,
         dynamic_pressure=dynamic_pressure,
     )
     _replay(Console(), log, fmu, output, given)
@@ -159,6 +161,7 @@ def _given_options(
     id_base: str | None,
     result_base: str | None,
     extended: bool | None,
+    key_file: Path | None,
     dynamic_pressure: float | None,
 ) -> dict[str, Any]:
     """Return the bridge's options that were stated."""
@@ -170,6 +173,7 @@ def _given_options(
         "mapping": mapping,
         "cycle_time": None if cycle_time is None else cycle_time_of(cycle_time),
         "dynamic_pressure": dynamic_pressure,
+        "key_file": key_file,
     }
     if id_base is not None or result_base is not None or extended is not None:
         given["identifiers"] = identifiers_of(id_base or "0x300", result_base or "0x380", bool(extended))

@@ -19,6 +19,8 @@ from strainfmu.cli.commands.can_bus import (
     BaseOption,
     CycleTimeOption,
     ExtendedOption,
+    FreshnessOption,
+    KeyOption,
     ProfileOption,
     ResultBaseOption,
     identifiers_of,
@@ -63,6 +65,8 @@ def send(
     id_base: BaseOption = "0x300",
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
+    key: KeyOption = None,
+    freshness: FreshnessOption = None,
     duration: Annotated[
         float, typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Longest duration.")
     ] = 20.0,
@@ -84,7 +88,8 @@ def send(
 ) -> None:
     """Send strains on a CAN bus as a vehicle would, with faults if asked for.
 
-    Listens to the bridge's results meanwhile (profile fd64), and holds them against the truth, where it is known.
+    Listens to the bridge's results meanwhile (profiles fd64 and fd64-sec), and holds them against the truth, where
+    it is known.
 
     Examples:
 
@@ -113,13 +118,21 @@ def send(
         mapping=None,
         cycle_time=period,
         identifiers=identifiers,
+        key_file=key,
+        freshness_file=freshness,
     )
     check_bus_options(interface, bus_settings(options).options)
     names = map_gauge_names(source)
     layout, _ = input_layout(options, names)
     from strainfmu.can.tools.sender import planned_faults
 
-    planned = planned_faults(fault or (), faults, seed=seed, n_cycles=round(duration / layout.cycle_time))
+    planned = planned_faults(
+        fault or (),
+        faults,
+        seed=seed,
+        n_cycles=round(duration / layout.cycle_time),
+        is_authenticated=layout.is_authenticated,
+    )
     samples = _samples(
         names,
         plant=plant,
@@ -140,7 +153,7 @@ def send(
         from strainfmu.files import write_bytes_atomically
 
         if score is None:
-            raise InputError("--report: no results of profile fd64 with a known truth, nothing to report")
+            raise InputError("--report: no results in form fd with a known truth, nothing to report")
         write_bytes_atomically(report, json.dumps(asdict(score), indent=1).encode())
 
 
@@ -175,13 +188,14 @@ def _send(
 
     from strainfmu.can.bridge.bus import open_bus, shut_down
     from strainfmu.can.bridge.result_layouts import result_layouts
-    from strainfmu.can.bridge.setup import bus_settings
+    from strainfmu.can.bridge.setup import bus_settings, form_of_profile
     from strainfmu.can.tools.answers import Listener, score_answers
     from strainfmu.can.tools.sender import send_flight
     from strainfmu.can.wire.strain_encoder import frame_of
 
     settings = bus_settings(options)
-    form = "fd" if options.profile == "fd64" else "classic-le"
+    trip = _first_trip(options, layout, faults)
+    form = "fd" if form_of_profile(options.profile) == "fd" else "classic-le"
     answer = result_layouts(form, options.identifiers, layout.cycle_time)[0]
     own = frame_of(answer, bytes(answer.length))
     bus = open_bus(settings)
@@ -190,7 +204,7 @@ def _send(
         listener = None if heard is None else Listener(heard, answer)
         with stop_request() as stopped:
             limited = islice(samples, round(duration / layout.cycle_time))
-            sent = send_flight(bus, layout, samples=limited, faults=faults, stopped=stopped, own=own)
+            sent = send_flight(bus, layout, samples=limited, faults=faults, stopped=stopped, own=own, trip=trip)
         if listener is None:
             return sent, None
         sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle
@@ -203,6 +217,17 @@ def _send(
         shut_down(bus)
         if heard is not None:
             shut_down(heard)
+
+
+def _first_trip(options: Any, layout: Any, faults: list[Any]) -> int:
+    """Return the trip counter of authenticated frames; those of the restarts to come follow it."""
+    from strainfmu.can.bridge.freshness_file import FIRST_TRIP, freshness_file, next_trip
+    from strainfmu.can.tools.faults import FaultKind
+
+    if layout.key is None:
+        return FIRST_TRIP
+    path = options.freshness_file or freshness_file(options.key_file, "sender")
+    return next_trip(path, layout.key, 1 + sum(fault.kind is FaultKind.RESTART for fault in faults))
 
 
 @contextmanager

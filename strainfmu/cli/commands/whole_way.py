@@ -14,6 +14,7 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
 from strainfmu.cli.commands.number_ranges import within
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
@@ -35,6 +36,10 @@ def demo(
         float,
         typer.Option(metavar="S", callback=within(0.1, 1e5, "s"), help="With --can: duration of that flight."),
     ] = 20.0,
+    can_authenticated: Annotated[
+        bool,
+        typer.Option("--can-authenticated", help="With --can: profile fd64-sec, with a key made for that flight."),
+    ] = False,
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
@@ -73,6 +78,8 @@ def demo(
 
     console = Console()
     start = perf_counter()
+    if can_authenticated and not can:
+        raise InputError("--can-authenticated: expected with --can, got it alone")
     if can:
         from strainfmu.can.tools.two_processes import check_multicast, private_port
 
@@ -83,17 +90,17 @@ def demo(
     result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given, seed)
     _show_result(console, result)
     if can:
-        _fly_over_bus(console, output, can_duration)
+        _fly_over_bus(console, output, can_duration, can_authenticated)
     console.print(f"{perf_counter() - start:.1f} s in all", highlight=False, soft_wrap=True)
 
 
-def _fly_over_bus(console: Console, folder: Path, duration: float) -> None:
+def _fly_over_bus(console: Console, folder: Path, duration: float, is_authenticated: bool) -> None:
     """Fly plant and estimator as sender and bridge, and show the results of both."""
     from strainfmu.can.tools.two_processes import CYCLE_TIME, fly_over_bus
     from strainfmu.cli.commands.can_send import score_table
 
     with ConsoleReporter(console).stage(f"CAN bus: sender -> bridge, {duration:g} s at {1.0 / CYCLE_TIME:g} Hz"):
-        flown = fly_over_bus(folder, duration)
+        flown = fly_over_bus(folder, duration, is_authenticated)
     console.print(score_table(flown.score, "Over the CAN bus: the bridge's results against truth"))
     console.print(flown.bridge, highlight=False, markup=False, soft_wrap=True)
 

@@ -75,7 +75,7 @@ def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]],
     assert database.get_message_by_name("Strain2").frame_id == 0x18FF0002
     code, _, errors = run("dbc", tmp_path / "map.h5", "--profile", "fd65")
     assert code == 2
-    assert "expected one of fd64, classic-le, classic-be, float2, got 'fd65'" in errors
+    assert "expected one of fd64, classic-le, classic-be, float2, fd64-sec, got 'fd65'" in errors
     code, _, errors = run("dbc", tmp_path / "map.h5", "--result-base", "0x301")
     assert code == 2
     assert "got 0x301 and " in errors

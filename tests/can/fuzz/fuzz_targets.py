@@ -12,11 +12,12 @@ import numpy as np
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.authenticator import AuthenticationKey
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.profiles import PROFILES, profile_layout
+from strainfmu.can.wire.profiles import PROFILES, SECURED_PROFILE, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.step import StepResult
 from strainfmu.errors import InputError
@@ -34,7 +35,8 @@ def step(strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepR
 @lru_cache
 def layouts() -> tuple[InputLayout, ...]:
     """Return a layout of every profile."""
-    return tuple(profile_layout(profile, NAMES, 0.01) for profile in PROFILES)
+    keys = {SECURED_PROFILE: AuthenticationKey(bytes(range(16)))}
+    return tuple(profile_layout(profile, NAMES, 0.01, key=keys.get(profile)) for profile in PROFILES)
 
 
 def frames_from(data: bytes) -> None:
