@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.cosim.step import StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
@@ -79,8 +80,9 @@ class FmuStep:
         by_name = {variable.name: variable for variable in inputs}
         self.further_inputs = tuple(name for name in further_inputs if name in by_name)
         of_flow = tuple(by_name[name] for name in self.further_inputs)
-        self._set = (*strains, *valid, pressure, *of_flow)
-        self._pressure = self.n_gauges + len(valid)
+        self._set = (*strains, pressure, *of_flow, *valid)
+        self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
+        self._first_mask = self.n_gauges + 1 + len(of_flow)
         self._get = _outputs(path, self._description, further_outputs)
         self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) :])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
@@ -88,7 +90,8 @@ class FmuStep:
         self._time = 0.0
         self._retried = False
         self._inputs = np.zeros(len(self._set))
-        self._inputs[self._pressure + 1 :] = [float(variable.start or 0.0) for variable in of_flow]
+        for variable in of_flow:
+            self._inputs[self._place[variable.name]] = float(variable.start or 0.0)
         self._values = np.zeros(len(self._get))
         self._python_path = list(sys.path)
         self._stack = ExitStack()
@@ -130,14 +133,15 @@ class FmuStep:
         StrainfmuError
             It cannot.
         """
-        self._inputs[: self.n_gauges] = strain
-        if self._pressure > self.n_gauges:
-            self._inputs[self.n_gauges : self._pressure] = np.isfinite(strain)
-        self._inputs[self._pressure] = dynamic_pressure
+        inputs = self._inputs
+        inputs[: self.n_gauges] = strain
+        inputs[self.n_gauges] = dynamic_pressure
         for name, value in further.items():
-            self._inputs[self._pressure + 1 + self.further_inputs.index(name)] = value
+            inputs[self._place[name]] = value
+        mask = np.isfinite(strain)
         try:
-            self._transfer(self._setters, self._inputs, into=True)
+            self._transfer(self._setters, inputs, into=True)
+            self._set_mask(mask)
             self._step(self._time, step_size)
             self._transfer(self._getters, self._values, into=False)
         except StrainfmuError as error:
@@ -162,8 +166,11 @@ class FmuStep:
         """Instantiate and initialize."""
         self._instance = Instance("bridge", self.path, self._description, self._folder)
         try:
-            self._setters = self._instance.block("Set", self._set, range(len(self._set)))
-            self._getters = self._instance.block("Get", self._get, range(len(self._get)))
+            first = self._first_mask
+            self._setters = self._exchange("Set", self._set[:first], 0)
+            self._mask_setters = self._exchange("Set", self._set[first:], first)
+            self._getters = self._exchange("Get", self._get, 0)
+            self._mask_sent = b""
             self._instance.begin(_STOP_TIME)
             self._instance.end_initialization()
         except BaseException:
@@ -171,6 +178,19 @@ class FmuStep:
             raise
         self._step = self._instance.stepper()
         self._time = 0.0
+
+    def _exchange(self, direction: str, variables: Sequence[Any], first: int) -> list[_Exchange]:
+        """Return what gets or sets ``variables``, which lie from ``first`` on in the vector of all of them."""
+        columns = range(first, first + len(variables))
+        return [(b, _columns(b.columns)) for b in self._instance.block(direction, variables, columns)]
+
+    def _set_mask(self, mask: BoolArray) -> None:
+        """Set the inputs ``valid[i]``, if there are any, to a mask other than the one that was set last."""
+        if not self._mask_setters or mask.tobytes() == self._mask_sent:
+            return
+        self._inputs[self._first_mask :] = mask
+        self._transfer(self._mask_setters, self._inputs, into=True)
+        self._mask_sent = mask.tobytes()
 
     def _after(self, error: StrainfmuError) -> StrainfmuError:
         """Return what an FMI status means: fmi2Discard a lost step, fmi2Error one more try, fmi2Fatal the end."""
@@ -184,14 +204,25 @@ class FmuStep:
         return StepRefused(str(error))
 
     @staticmethod
-    def _transfer(blocks: Sequence[SignalBlock], values: FloatArray, into: bool) -> None:
+    def _transfer(blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> None:
         """Move ``values`` into the FMU, or out of it."""
-        for block in blocks:
+        for block, columns in blocks:
             if into:
-                block.buffer[:] = values[block.columns]
+                block.buffer[:] = values[columns]
             block.call()
             if not into:
-                values[block.columns] = block.buffer
+                values[columns] = block.buffer
+
+
+_Exchange = tuple[SignalBlock, slice | NDArray[np.intp]]
+"""A block, and where its values lie in the vector of all inputs or outputs."""
+
+
+def _columns(columns: NDArray[np.intp]) -> slice | NDArray[np.intp]:
+    """Return ``columns`` as a slice where they are side by side: it is exchanged without a search."""
+    first = int(columns[0])
+    is_run = np.array_equal(columns, np.arange(first, first + len(columns)))
+    return slice(first, first + len(columns)) if is_run else columns
 
 
 def _inputs(path: Path, description: Any) -> list[Any]:

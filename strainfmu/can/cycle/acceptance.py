@@ -23,11 +23,21 @@ class Acceptance:
         keys = [f.layout.key for f in layout.frames]
         self._rate = {key: settings.rate * keys.count(key) / layout.cycle_time for key in self._formats}
         self._capacity = settings.burst
-        self._tokens = dict.fromkeys(self._formats, settings.burst)
-        self._last = dict.fromkeys(self._formats, 0.0)
+        # Tokens left and the time at which they were counted [s], by key.
+        self._buckets = dict.fromkeys(self._formats, (settings.burst, 0.0))
 
     def refused(self, frame: Frame) -> FrameClass | None:
         """Return the class of a frame that is refused, None of one that is accepted."""
+        key = frame.key
+        form = self._formats.get(key)
+        if form is None or frame.is_error or frame.is_remote or key in self._own:
+            return self._why_refused(frame)
+        if frame.is_fd != form[0] or len(frame.data) != form[1]:
+            return FrameClass.WRONG_FORMAT
+        return None if self._take_token(key, frame.time) else FrameClass.SHED
+
+    def _why_refused(self, frame: Frame) -> FrameClass:
+        """Return the class of a frame that is no data frame of the layout."""
         key = frame.key
         if frame.is_error:
             return FrameClass.ERROR_FRAME
@@ -36,16 +46,15 @@ class Acceptance:
         if key not in self._formats:
             other_width = key ^ EXTENDED_FLAG in self._formats
             return FrameClass.WRONG_FORMAT if other_width else FrameClass.UNKNOWN_IDENTIFIER
-        if frame.is_remote:
-            return FrameClass.REMOTE_FRAME
-        if (frame.is_fd, len(frame.data)) != self._formats[key]:
-            return FrameClass.WRONG_FORMAT
-        return None if self._take_token(key, frame.time) else FrameClass.SHED
+        return FrameClass.REMOTE_FRAME
 
     def _take_token(self, key: int, time: float) -> bool:
         """Take a token from the identifier's bucket, which fills with time; return False if it is empty."""
-        elapsed = max(time - self._last[key], 0.0)
-        self._last[key] = time
-        tokens = min(self._tokens[key] + elapsed * self._rate[key], self._capacity)
-        self._tokens[key] = tokens - 1.0 if tokens >= 1.0 else tokens
-        return tokens >= 1.0
+        tokens, last = self._buckets[key]
+        if time > last:
+            tokens += (time - last) * self._rate[key]
+            if tokens > self._capacity:
+                tokens = self._capacity
+        is_left = tokens >= 1.0
+        self._buckets[key] = (tokens - 1.0 if is_left else tokens, time)
+        return is_left

@@ -45,15 +45,11 @@ class Arrival:
 
 @dataclass(eq=False, slots=True)
 class Cycle:
-    """Frames of one cycle by slot; ``first_time`` is the arrival of the first [s]."""
+    """Frames of one cycle by slot; ``first`` is the one that came first, at ``first_time`` [s]."""
 
+    first: Arrival
     first_time: float
     arrivals: dict[int, Arrival] = field(default_factory=dict)
-
-    @property
-    def first(self) -> Arrival:
-        """The frame that came first."""
-        return next(iter(self.arrivals.values()))
 
 
 class Verdict(Enum):
@@ -121,7 +117,7 @@ class CycleAssembler:
         if verdict is Verdict.RESTARTED or self._is_new(arrival):
             closed += self._close()
         if self._open is None:
-            self._open = Cycle(arrival.frame.time)
+            self._open = Cycle(arrival, arrival.frame.time)
             self.deadline = arrival.frame.time + self._limits.deadline
             self._newest = arrival.sample_time
         self._late = 0

@@ -236,4 +236,4 @@ class CycleJudge:
 
 def _is_full(mask: BoolArray) -> bool:
     """Return whether all of a mask is True."""
-    return int(np.count_nonzero(mask)) == len(mask)
+    return b"\0" not in mask.tobytes()  # of so few elements four times as fast as mask.all()

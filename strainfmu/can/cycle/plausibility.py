@@ -75,9 +75,10 @@ class GaugeChecks:
         nothing is changed, False is returned and the checks decide.
         """
         size, change = np.abs(strain), np.abs(strain - self._last_strain)
-        if not (size.min() > _ROUND_OFF and size.max() <= self._settings.sensor_range):  # False of NaN
+        smallest, largest = np.minimum.reduce(size), np.maximum.reduce(size)
+        if not (smallest > _ROUND_OFF and largest <= self._settings.sensor_range):  # False of NaN
             return False
-        if not change.max() <= self._settings.rate_limit or np.count_nonzero(raw) < len(raw):
+        if not np.maximum.reduce(change) <= self._settings.rate_limit or np.count_nonzero(raw) < len(raw):
             return False
         if not self._none_is_stuck(now):
             return False

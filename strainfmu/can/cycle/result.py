@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def no_numbers() -> FloatArray:
     return np.full(5, np.nan)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(eq=False, slots=True, kw_only=True)  # not frozen: one is made for every cycle, and that costs thrice
 class CycleResult:
     """One published result.
 
@@ -60,22 +60,19 @@ class CycleResult:
 
 
 def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
-    """Return ``result`` as it is at the time ``now`` [s] at which it is sent.
+    """Bring ``result`` up to the time ``now`` [s] at which it is sent, and return it.
 
     A bridge that stood still has judged strains that were fresh on reception. Strains older than ``max_age`` [s]
     by now are STALE all the same, and their coefficients are not sent.
     """
-    age = result.age + max(now - result.time, 0.0)
-    later = replace(result, time=max(now, result.time), age=age)
-    if not result.quality.has_coefficients or age <= max_age:
-        return later
-    return replace(
-        later,
-        quality=Quality.STALE,
-        causes=result.causes | Cause.OLD | Cause.OVERLOAD,
-        coefficients=no_numbers(),
-        coefficients_std=no_numbers(),
-    )
+    if now > result.time:
+        result.age += now - result.time
+        result.time = now
+    if result.quality.has_coefficients and not result.age <= max_age:
+        result.quality = Quality.STALE
+        result.causes |= Cause.OLD | Cause.OVERLOAD
+        result.coefficients, result.coefficients_std = no_numbers(), no_numbers()
+    return result
 
 
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from strainfmu.errors import StrainfmuError
@@ -20,9 +20,9 @@ class MalformedFrame(StrainfmuError, ValueError):
     """A message of an interface is no frame."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)  # not frozen: one is made for every frame, and that costs thrice
 class Frame:
-    """One frame.
+    """One frame; it is not changed once it is made.
 
     Attributes
     ----------
@@ -32,6 +32,7 @@ class Frame:
     is_extended : 29 bit identifier.
     is_fd, bitrate_switch : CAN FD format, and its faster data phase.
     is_error, is_remote : an error report of the interface; a request without data.
+    key : identifier and its width in one number.
     """
 
     identifier: int
@@ -42,11 +43,10 @@ class Frame:
     bitrate_switch: bool = False
     is_error: bool = False
     is_remote: bool = False
+    key: int = field(init=False, compare=False)
 
-    @property
-    def key(self) -> int:
-        """Identifier and its width in one number."""
-        return frame_key(self.identifier, self.is_extended)
+    def __post_init__(self) -> None:
+        self.key = self.identifier | EXTENDED_FLAG if self.is_extended else self.identifier
 
 
 def frame_key(identifier: int, is_extended: bool) -> int:
