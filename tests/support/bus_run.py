@@ -12,14 +12,14 @@ from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.can.bridge.bus import BusSettings, open_bus
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.freshness_file import freshness_file, next_trip
+from strainfmu.can.bridge.setup import BridgeOptions, input_layout
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.faults import Fault
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.tools.strain_sources import FlownSample
-from strainfmu.can.wire.profiles import profile_layout
 
 CYCLE = 0.01
 
@@ -59,13 +59,14 @@ def live_run(
     profile: str = "fd64",
     stall: tuple[int, float] = (-1, 0.0),
     navigated: bool = False,
+    key: Path | None = None,
 ) -> LiveRun:
     """Run a bridge on the virtual channel while the sender sends ``n_cycles``.
 
-    ``navigated`` sends Mach number and altitude too. ``stall`` is the number of a result behind which the bridge
-    stands still, and for how long [s].
+    ``navigated`` sends Mach number and altitude too; ``key`` is that of profile fd64-sec. ``stall`` is the number of
+    a result behind which the bridge stands still, and for how long [s].
     """
-    options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE)
+    options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE, key_file=key)
     settings = BusSettings(interface="virtual", channel=channel)
     results: list[CycleResult] = []
 
@@ -81,8 +82,9 @@ def live_run(
         thread.start()
         time.sleep(0.1)
         bus = open_bus(settings)
-        layout = profile_layout(profile, [f"G{i}" for i in range(N_GAUGES)], CYCLE)
-        send_flight(bus, layout, samples=flight(n_cycles, navigated), faults=faults)
+        layout, _ = input_layout(options, [f"G{i}" for i in range(N_GAUGES)])
+        trip = 1 if layout.key is None or key is None else next_trip(freshness_file(key, "sender"), layout.key)
+        send_flight(bus, layout, samples=flight(n_cycles, navigated), faults=faults, trip=trip)
         time.sleep(0.1)
         bridge.stop()
         thread.join(10.0)

@@ -104,6 +104,7 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
 
     taps = taps or Taps()
     bus = bus_settings(options)
+    key_of(options)  # refused before the FMU is unpacked
     with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step, ExitStack() as stack:
         start = taps.clock()
         core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)

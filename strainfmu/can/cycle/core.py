@@ -157,6 +157,8 @@ class BridgeCore:
         refused = self._reception.check(arrival)
         if refused is not None:
             self.account.settle(refused, frame.time)
+            if refused is FrameClass.NOT_AUTHENTIC or refused is FrameClass.NOT_FRESH:
+                self.note(Cause.NOT_AUTHENTIC)
             return []
         if slot < self._reception.n_strain or slot == self._reception.trailer:
             return self._offer(arrival, is_answered)

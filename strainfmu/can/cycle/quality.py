@@ -84,6 +84,9 @@ class Cause(IntFlag):
     """Frames with correct CRC whose counter is that of other strains, or again and again out of sequence."""
     SECOND_BRIDGE = 1 << 19
     """Result frames on our identifiers that are not ours."""
+    NOT_AUTHENTIC = 1 << 24
+    """Frames were refused whose authenticator does not fit, or whose freshness value is not new; the quality is as
+    before, for what is used is authentic."""
 
 
 FURTHER = 1 << 15

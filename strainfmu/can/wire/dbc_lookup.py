@@ -11,6 +11,9 @@ from strainfmu.errors import InputError
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
 """Message attributes of a DBC file that state the end-to-end protection; 0: none."""
 
+SECOC_DATA_ID = "SecOCDataID"
+"""Message attribute of a DBC file whose frames are authenticated; -1: not."""
+
 START_VALUE = "GenSigStartValue"
 """Signal attribute of a DBC file: the raw number that a sender starts with."""
 
@@ -122,6 +125,11 @@ class MappedDatabase:
     def protection(self, message: Any) -> Protection | None:
         """Return the end-to-end protection stated by the mapping, otherwise by the DBC file's attributes."""
         where = f"{self._name}: end_to_end.{message.name}"
+        if message.dbc is not None and SECOC_DATA_ID in message.dbc.attributes:
+            raise InputError(
+                f"{self._name}: frame '{message.name}' is authenticated ({SECOC_DATA_ID}), which a mapping cannot "
+                "state; use --profile fd64-sec"
+            )
         stated = self.table("end_to_end", optional=True).get(message.name)
         if stated is None:
             attributes = message.dbc.attributes if message.dbc is not None else {}

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
-from strainfmu.can.wire.dbc_lookup import E2E_DATA_ID, E2E_PROFILE
+from strainfmu.can.wire.dbc_lookup import E2E_DATA_ID, E2E_PROFILE, SECOC_DATA_ID
 from strainfmu.can.wire.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.libraries import import_cantools
 from strainfmu.can.wire.profiles import BRIDGE, SENDER
@@ -26,6 +26,8 @@ def dbc_text(layouts: Sequence[FrameLayout], comment: str) -> str:
     from cantools.database.can.formats.dbc.dbc_specifics import DbcSpecifics
 
     definitions = _definitions()
+    if all(layout.secured is None for layout in layouts):
+        del definitions[SECOC_DATA_ID]
     attributes = OrderedDict()
     if any(layout.is_fd for layout in layouts):
         # Without this attribute cantools writes a DBC file whose frames are all classic.
@@ -56,6 +58,10 @@ def _definitions() -> OrderedDict[str, Any]:
                 E2E_DATA_ID,
                 DbcAttributeDefinition(E2E_DATA_ID, 0, kind="BO_", type_name="INT", minimum=0, maximum=65535),
             ),
+            (
+                SECOC_DATA_ID,
+                DbcAttributeDefinition(SECOC_DATA_ID, -1, kind="BO_", type_name="INT", minimum=-1, maximum=65535),
+            ),
         )
     )
 
@@ -75,6 +81,8 @@ def _message(layout: FrameLayout, definitions: OrderedDict[str, Any]) -> Any:
     if layout.protection is not None:
         attributes[E2E_PROFILE] = _attribute(layout.protection.profile, definitions[E2E_PROFILE])
         attributes[E2E_DATA_ID] = _attribute(layout.protection.data_id, definitions[E2E_DATA_ID])
+    if layout.secured is not None:
+        attributes[SECOC_DATA_ID] = _attribute(layout.secured.data_id, definitions[SECOC_DATA_ID])
     receiver = SENDER if layout.sender == BRIDGE else BRIDGE
     return Message(
         frame_id=layout.identifier,

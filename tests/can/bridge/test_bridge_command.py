@@ -41,12 +41,30 @@ def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path
     assert "frames: not accounted for" in printed
 
 
+BUS = ["bridge", "x.fmu", "--interface", "virtual", "--channel", "x"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (["bridge", "nowhere.fmu", "--interface", "virtual", "--channel", "x"], "nowhere.fmu: no such FMU"),
         (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
         (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "0x300, got 'z'"),
+        ([*BUS, "--profile", "fd64-sec"], "--key: expected with --profile fd64-sec, got none"),
+        (
+            [*BUS, "--profile", "fd64-sec", "--key", "nowhere.key"],
+            "nowhere.key: the key could not be read: No such",
+        ),
+        (
+            [*BUS, "--profile", "fd64-sec", "--key", "/dev/null"],
+            "/dev/null: expected a key of AES-128, 32 hexadec",
+        ),
+        (
+            [*BUS, "--key", "nowhere.key"],
+            "--key: expected with --profile fd64-sec alone, got it with other frames",
+        ),
+        ([*BUS, "--freshness", "x"], "--freshness: expected with --profile fd64-sec alone"),
+        (["demo", "--can-authenticated"], "--can-authenticated: expected with --can, got it alone"),
         (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
         (["dbc", "x.h5", "--cycle-time", "0.09"], "--cycle-time: expected 0.1 .. 10000 ms, got 0.09"),
     ],

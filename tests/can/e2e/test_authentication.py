@@ -8,7 +8,7 @@ from can_case import CYCLE, KEY, OWN, Projection, Truth, layout_of, run_campaign
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.settings import BridgeSettings
@@ -153,6 +153,7 @@ def test_forged_frames_beside_the_true_ones_change_nothing() -> None:
 
     run = run_campaign(layout_of("fd64-sec"), [], 60, change=intruder)
     assert [result.quality for result in run.results[3:]] == [Quality.VALID] * 57
+    assert all(Cause.NOT_AUTHENTIC in result.causes for result in run.results)
     assert run.core.account.classes[FrameClass.NOT_AUTHENTIC] == 60 * run.core.layout.cycle_length
 
 

@@ -40,6 +40,14 @@ def test_sender_and_bridge_meet(folder: Path) -> None:
     assert "100 in " in flown.sender
 
 
+def test_authenticated_frames_meet_too(folder: Path) -> None:
+    flown = fly_over_bus(folder, 1.0, is_authenticated=True)
+    assert flown.score.cycles == 100
+    assert flown.score.answered > 50
+    assert "frames: authenticator does not fit" not in flown.bridge
+    assert "no earlier run" in flown.bridge
+
+
 def test_a_process_that_fails_is_one_line(folder: Path) -> None:
     (folder / "plant.fmu").write_bytes(b"no FMU")
     with pytest.raises(StrainfmuError, match=r"CAN sender: ended with exit code 2: .*damaged, or not an FMU"):

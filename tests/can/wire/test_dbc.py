@@ -56,6 +56,8 @@ def test_a_generated_dbc_file_survives_loading_and_dumping(profile: str, extende
         if layout.protection is not None:
             assert message.dbc.attributes["E2EDataID"].value == layout.protection.data_id
             assert message.dbc.attributes["E2EProfile"].value == layout.protection.profile
+        if layout.secured is not None:
+            assert message.dbc.attributes["SecOCDataID"].value == layout.secured.data_id
     assert {m.is_fd for m in database.messages} == {profile.startswith("fd64")}
 
 
