@@ -63,8 +63,8 @@ def live_run(
 ) -> LiveRun:
     """Run a bridge on the virtual channel while the sender sends ``n_cycles``.
 
-    ``navigated`` sends Mach number and altitude too; ``key`` is that of profile fd64-sec. ``stall`` is the number of
-    a result behind which the bridge stands still, and for how long [s].
+    ``navigated`` sends Mach number and altitude too; ``key`` is that of profile fd64-sec. ``stall`` is the number
+    of a result behind which the bridge stands still, and for how long [s].
     """
     options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE, key_file=key)
     settings = BusSettings(interface="virtual", channel=channel)
