@@ -9,6 +9,9 @@ from strainfmu.errors import InputError
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0
 """Limits of an input's nominal period [s]. No bus carries shorter ones; a status of longer ones is useless."""
 
+LARGEST_CLOCK_RATE = 1e-2
+"""Largest difference of the rates of two clocks [s/s]; what differs more is no clock."""
+
 
 def checked_cycle_time(cycle_time: float, where: str) -> float:
     """Return ``cycle_time`` [s].
@@ -67,7 +70,15 @@ class BridgeSettings:
     heal_cycles : good values in a row after which a gauge is used again.
     jump_tolerance : by how much the delay of a cycle may be below the smallest one so far.
     jump_confirmations : cycles in a row that confirm a jump of the sender's clock.
-    clock_drift : rate at which the smallest delay is forgotten [s/s]; above the drift of any clock.
+    clock_rate : known rate by which the sender's clock runs slower than ours [s/s].
+    clock_tolerance : largest difference of its rate from that [s/s]; a delay that grows faster is age.
+    hidden_age : largest sum of delays that is taken for drift of the sender's clock [s]; from then on results are
+        UNCONFIRMED, and what grows beyond it is age.
+    max_uncertainty : largest uncertainty of the age of results that are VALID [s].
+    synchronised : largest difference of the sender's clock from ours [s] if both are synchronised, else None.
+    synchronised_shift : synchronised time less our monotonic clock [s].
+    startup_time : largest time [s] of a sender's clock that has just begun.
+    alarm_cycles : cycles for which a second sender or bridge is reported after its last frame.
     late_cycles : cycles of late frames only, after which the sender is taken to have been restarted.
     burst, rate : frames of one identifier that are accepted at once, and per cycle for long.
     """
@@ -88,7 +99,14 @@ class BridgeSettings:
     heal_cycles: int = 3
     jump_tolerance: float = 1.0
     jump_confirmations: int = 3
-    clock_drift: float = 2e-4
+    clock_rate: float = 0.0
+    clock_tolerance: float = 1e-4
+    hidden_age: float = 0.01
+    max_uncertainty: float = float("inf")
+    synchronised: float | None = None
+    synchronised_shift: float = 0.0
+    startup_time: float = 10.0
+    alarm_cycles: float = 10.0
     late_cycles: int = 3
     burst: float = 64.0
     rate: float = 3.0
@@ -102,6 +120,18 @@ class BridgeSettings:
             raise InputError(f"stuck_cycles: expected 0 for never or a positive number, got {self.stuck_cycles}")
         if self.zero_cycles < 1:
             raise InputError(f"zero_cycles: expected a positive number, got {self.zero_cycles}")
+        for name in (
+            "clock_tolerance",
+            "hidden_age",
+            "max_uncertainty",
+            "synchronised",
+            "startup_time",
+            "alarm_cycles",
+        ):
+            if not (getattr(self, name) or 0.0) >= 0.0:
+                raise InputError(f"{name}: expected 0 or a positive number, got {getattr(self, name):g}")
+        if not abs(self.clock_rate) <= LARGEST_CLOCK_RATE:
+            raise InputError(f"clock_rate: expected at most {LARGEST_CLOCK_RATE:g} s/s, got {self.clock_rate:g}")
         if self.deadline >= 1.0:
             raise InputError(f"deadline: expected less than 1 cycle, got {self.deadline:g} cycles")
 

@@ -25,7 +25,7 @@ from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import Reception
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
-from strainfmu.can.e2e.sample_clock import ClockReading, SampleClock
+from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
@@ -158,9 +158,10 @@ class AgelessClock:
 
     drift_ppm = float("nan")
 
-    def __init__(self, clock: SampleClock) -> None:
+    def __init__(self, clock: SenderClock) -> None:
         self._clock = clock
-        self.reset = clock.reset
+        self.reset, self.accept, self.anchor = clock.reset, clock.accept, clock.anchor
+        self.seconds, self.seconds_ahead = clock.seconds, clock.seconds_ahead
 
     def read(self, local: float, ticks: int) -> ClockReading:
         return replace(self._clock.read(local, ticks), age=0.0)
@@ -314,6 +315,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
                     for source in frame.flow
                 ],
                 None,
+                whole.seen,
             ),
         )
         judge = chosen(CycleJudge)(layout, step, settings, parts)

@@ -224,6 +224,7 @@ class BridgeCore:
 
     def _skip(self, cycle: Cycle) -> None:
         """Check a closed cycle, and settle its frames without an answer."""
+        self._judge.pass_over(cycle)
         self._reception.miss(cycle.arrivals)
         refused = self._reception.check_trailer(cycle.arrivals).refused
         for arrival in cycle.arrivals.values():

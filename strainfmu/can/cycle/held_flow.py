@@ -9,7 +9,8 @@ from math import isfinite, isnan, nan
 
 from strainfmu.arrays import IntArray
 from strainfmu.can.cycle.decoder import STATUS_DEGRADED
-from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.cycle.restart_proof import SeenFrames
+from strainfmu.can.e2e.sample_clock import SenderClock
 from strainfmu.can.wire.cycle_plan import raw_ends
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
@@ -31,6 +32,13 @@ _SENSIBLE = {
 """Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
 
 
+_NEW_FRAMES = 3
+"""Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
+
+_SAME = 1e-3
+"""Relative change of a value that makes no difference: a recording of it does no harm."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FlowState:
     """What is known of the flow at one time; NaN where it is not.
@@ -40,12 +48,14 @@ class FlowState:
     dynamic_pressure : q_inf [Pa].
     mach_number, altitude : by navigation [1] and [m].
     is_navigation_lost : Mach number or altitude was known before and is not any more.
+    hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
     dynamic_pressure: float
     mach_number: float = nan
     altitude: float = nan
     is_navigation_lost: bool = False
+    hides_delay: bool = False
 
 
 class HeldValue:
@@ -58,11 +68,15 @@ class HeldValue:
     clock : follows the sample times of the frame; None if it has none. No other value may use it.
     """
 
-    def __init__(self, frame: InputFrame, source: FlowSignal, max_age: float, clock: SampleClock | None) -> None:
+    def __init__(self, frame: InputFrame, source: FlowSignal, max_age: float, clock: SenderClock | None) -> None:
         self._frame, self._source = frame, source
         self._max_age, self._clock = max_age, clock
         self._value = nan
         self._sampled = nan
+        self._last_used = nan
+        self._to_be_proven, self._new = False, 0
+        self.hides_delay = False
+        """More delay may hide than is allowed."""
         self._plan = SignalPlan(frame.layout)
         self.quantity = source.quantity
         self.was_known = False
@@ -72,23 +86,39 @@ class HeldValue:
         """Forget the sender."""
         self._value = self._sampled = nan
         self.was_known = False
+        self._to_be_proven, self._new = True, 0
         if self._clock is not None:
             self._clock.reset()
+
+    def confirm(self) -> None:
+        """Take the sender for proven, and its present delay for the smallest."""
+        self._to_be_proven = False
+        if self._clock is not None:
+            self._clock.accept()
+            self._clock.anchor()
 
     def is_in(self, frame: InputFrame) -> bool:
         """Return whether ``frame`` holds the quantity."""
         return frame is self._frame
 
-    def take(self, raw: IntArray, time: float) -> bool:
-        """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used."""
+    def take(self, raw: IntArray, time: float, is_new: bool = True) -> bool:
+        """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
+
+        ``is_new`` : the frame has not been received before in this run.
+        """
         index = self._source.index
         value = self._plan.value(raw, index)
         delay = 0.0
         if self._clock is not None and self._frame.sample_time is not None:
             reading = self._clock.read(time, int(raw[self._frame.sample_time]))
+            self._new = self._new + 1 if is_new else 0
+            self._to_be_proven = (self._to_be_proven or reading.restarted) and not reading.resumed
             if reading.jumped:
                 return False  # a repeated old frame or a restart: the next frames decide
-            delay = reading.age
+            if self._to_be_proven and self._may_be_recorded(value):
+                return False
+            self._accept(self._clock)
+            delay, self.hides_delay = reading.age, reading.hides_delay
         signal, code = self._frame.layout.signals[index], int(raw[index])
         bad = (
             not isfinite(value)
@@ -98,7 +128,19 @@ class HeldValue:
         )
         self._value, self._sampled = (nan, nan) if bad else (value * self._source.to_si, time - delay)
         self.was_known |= not bad
+        self._last_used = self._last_used if bad else value
         return not bad
+
+    def _may_be_recorded(self, value: float) -> bool:
+        """Return whether a value behind a restart may be a recording: frames seen before, another value."""
+        is_same = abs(value - self._last_used) <= _SAME * abs(self._last_used)
+        return self._new < _NEW_FRAMES and not is_same
+
+    def _accept(self, clock: SenderClock) -> None:
+        """Take the sender for proven after a restart."""
+        if self._to_be_proven:
+            self._to_be_proven = False
+            clock.accept()
 
     def value(self, now: float) -> float:
         """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
@@ -133,9 +175,11 @@ class HeldFlow:
     ----------
     values : those that the bus gives, at most one of each quantity.
     fixed : q_inf of the whole run [Pa]; None to take it from the bus.
+    seen : frames received in this run.
     """
 
-    def __init__(self, values: Sequence[HeldValue], fixed: float | None) -> None:
+    def __init__(self, values: Sequence[HeldValue], fixed: float | None, seen: SeenFrames) -> None:
+        self._seen = seen
         self._values, self._fixed = tuple(values), fixed
         self._by_quantity = {value.quantity: value for value in values}
         self._navigation = tuple(value for value in values if value.quantity in NAVIGATION)
@@ -145,9 +189,15 @@ class HeldFlow:
         for value in self._values:
             value.reset()
 
+    def confirm(self) -> None:
+        """Take the senders for proven."""
+        for value in self._values:
+            value.confirm()
+
     def take(self, frame: InputFrame, raw: IntArray, time: float) -> bool:
         """Take in the raw numbers of ``frame``, received at ``time`` [s]; return whether any value may be used."""
-        usable = [value.take(raw, time) for value in self._values if value.is_in(frame)]
+        is_new = self._seen.add([frame.layout.key.to_bytes(4, "little") + raw.tobytes()])
+        usable = [value.take(raw, time, is_new) for value in self._values if value.is_in(frame)]
         return any(usable)
 
     def state(self, now: float) -> FlowState:
@@ -158,6 +208,7 @@ class HeldFlow:
             mach_number=self._at(MACH_NUMBER, now),
             altitude=self._at(ALTITUDE, now),
             is_navigation_lost=any(lost),
+            hides_delay=self._fixed is None and any(value.hides_delay for value in self._values),
         )
 
     def _at(self, quantity: str, now: float) -> float:

@@ -15,12 +15,16 @@ from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import TrailerVerdict
 from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step
+from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
 from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepRefused, StepResult, further_inputs
 
 _READABLE = (None, FrameClass.NOT_TRUSTED)
 """Verdicts of a trailer with which strains are decoded."""
+
+_UNUSABLE = Cause.CLOCK_JUMP | Cause.OLD | Cause.FROZEN
+"""Causes by time with which strains are not used."""
 
 _LONGEST_STEP = 100
 """Maximum number of cycles in one step of the FMU."""
@@ -41,6 +45,7 @@ class CycleJudge:
         self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
         self._reception, self._flow = parts.reception, parts.flow
         self._clock, self._pace = parts.clock, parts.pace
+        self._seen, self._proof = parts.seen, parts.proof
         self._decoder, self._gauges = parts.decoder, parts.gauges
         self._may_be_held_back = False
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
@@ -49,11 +54,21 @@ class CycleJudge:
         """Coefficients have been published since the start."""
 
     def forget_sender(self) -> None:
-        """Start again with a sender that was restarted."""
+        """Start again with a sender that may have been restarted; its clock shows whether it was."""
         self._reception.forget()
-        self._flow.reset()
+
+    def confirm_sender(self) -> None:
+        """Take the sender for proven, and its present delay for the smallest: somebody has checked both."""
+        self._flow.confirm()
         if self._clock is not None:
-            self._clock.reset()
+            self._clock.accept()
+            self._clock.anchor()
+        if self._proof is not None:
+            self._proof.confirm()
+
+    def pass_over(self, cycle: Cycle) -> None:
+        """Remember the frames of a closed cycle that is not judged."""
+        self._seen.add(self._strain_data(cycle))
 
     @property
     def drift_ppm(self) -> float:
@@ -101,7 +116,7 @@ class CycleJudge:
             now=cycle.first_time,
             is_clean=decoded.is_clean,
         )
-        age, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
+        age, uncertainty, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
         trusted = reception.trusted_gauges(arrivals)
         if trailer.cause or of_time:
             causes |= trailer.cause | of_time
@@ -112,13 +127,15 @@ class CycleJudge:
             causes |= Cause.NOT_TRUSTED
         if not all_plausible and (decoded.present & ~plausible).any():
             causes |= Cause.GAUGE_INVALID
-        refused = trailer.refused or (FrameClass.TOO_OLD if of_time else None)
+        refused = trailer.refused or (FrameClass.TOO_OLD if of_time & _UNUSABLE else None)
         classes: FrameClass | list[FrameClass] = FrameClass.USED
         valid = plausible
         if refused or not (all_trusted and all_plausible):
             valid = np.zeros_like(plausible) if refused else plausible & trusted
             classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
-        return self._answer(cycle, now, causes=causes, valid=valid, decoded=decoded, age=age), classes
+        return self._answer(
+            cycle, now, causes=causes, valid=valid, decoded=decoded, age=(age, uncertainty)
+        ), classes
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""
@@ -127,20 +144,27 @@ class CycleJudge:
 
     def _age(
         self, cycle: Cycle, now: float, decoded: DecodedCycle, trailer: TrailerVerdict
-    ) -> tuple[float, Cause]:
-        """Return the age of the strains at ``now`` [s], and the cause if they may not be used for it."""
-        age, causes = now - cycle.first_time, Cause.NONE
+    ) -> tuple[float, float, Cause]:
+        """Return the age of the strains at ``now`` [s], its uncertainty [s], and the causes if it is in doubt."""
+        age, uncertainty, causes = now - cycle.first_time, np.nan, Cause.NONE
         limit = self._settings.max_age * self._layout.cycle_time
-        ticks = self._named(cycle).sample_time if trailer.refused in _READABLE else None
+        readable = trailer.refused in _READABLE
+        is_new = self._seen.add(self._strain_data(cycle)) if readable else False
+        ticks = self._named(cycle).sample_time if readable else None
         if self._clock is not None and ticks is not None:
             reading = self._clock.read(cycle.first_time, ticks)
-            age += reading.age
+            age, uncertainty = age + reading.age, reading.uncertainty
             if reading.jumped:
                 causes |= Cause.CLOCK_JUMP
             if reading.restarted:
                 self._reception.forget()
-                # The clock of q_inf may be so short that a restart looks like a delay.
-                self._flow.reset()
+            if reading.hides_delay or uncertainty > self._settings.max_uncertainty:
+                causes |= Cause.HIDDEN_DELAY
+            self._prove(cycle, self._clock, reading=reading, ticks=ticks, is_new=is_new)
+        elif self._clock is None and self._proof is not None and readable:
+            self._proof.take_untimed(cycle.first_time, is_new)
+        if self._proof is not None and not self._proof.is_proven:
+            causes |= Cause.UNPROVEN_RESTART
         if age > limit or (self._clock is None and self._may_be_held_back):
             causes |= Cause.OLD
         if self._settings.stuck_cycles:
@@ -149,7 +173,22 @@ class CycleJudge:
             age += frozen
             if frozen > 0.0 and age > limit:
                 causes |= Cause.FROZEN
-        return age, causes
+        return age, uncertainty, causes
+
+    def _prove(self, cycle: Cycle, clock: SenderClock, reading: ClockReading, ticks: int, is_new: bool) -> None:
+        """Follow whether the sender is proven; a proven restart is one of q_inf too."""
+        if self._proof is None:
+            return
+        counter = self._named(cycle).counter
+        if self._proof.take(clock, reading, local=cycle.first_time, ticks=ticks, counter=counter, is_new=is_new):
+            # The clock of q_inf may be so short that a restart looks like a delay.
+            self._flow.reset()
+
+    def _strain_data(self, cycle: Cycle) -> list[bytes]:
+        """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""
+        arrivals = cycle.arrivals
+        data = [arrivals[slot].frame.data for slot in sorted(arrivals)]
+        return data if self._reception.trailer is None else [b"".join(data)]
 
     def _named(self, cycle: Cycle) -> Arrival:
         """Return the frame whose sample time and counter identify a cycle."""
@@ -166,14 +205,22 @@ class CycleJudge:
         return FrameClass.USED if used.any() else FrameClass.NOT_USABLE
 
     def _answer(
-        self, cycle: Cycle, now: float, causes: Cause, valid: BoolArray, decoded: DecodedCycle, age: float
+        self,
+        cycle: Cycle,
+        now: float,
+        causes: Cause,
+        valid: BoolArray,
+        decoded: DecodedCycle,
+        age: tuple[float, float],
     ) -> CycleResult:
-        """Return the result of a judged cycle."""
+        """Return the result of a judged cycle; ``age`` and its uncertainty in s."""
         flow = self._flow.state(now)
         if isnan(flow.dynamic_pressure):
             causes |= Cause.DYNAMIC_PRESSURE
         if flow.is_navigation_lost:
             causes |= Cause.NAVIGATION
+        if flow.hides_delay:
+            causes |= Cause.HIDDEN_DELAY
         strain = decoded.strain if _is_full(valid) else np.where(valid, decoded.strain, np.nan)
         step, quality = None, Quality.INVALID if self.has_published else Quality.NO_DATA
         if np.count_nonzero(valid):
@@ -192,7 +239,8 @@ class CycleJudge:
             dynamic_pressure=flow.dynamic_pressure,
             mach_number=flow.mach_number,
             altitude=flow.altitude,
-            age=age,
+            age=age[0],
+            age_uncertainty=age[1],
             sample_time=named.sample_time,
             counter=named.counter,
             coefficients=step.coefficients if step is not None and published else no_numbers(),

@@ -15,7 +15,9 @@ from strainfmu.can.cycle.decoder import StrainDecoder
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception
-from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.cycle.restart_proof import ProofLimits, RestartProof, SeenFrames
+from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
+from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FlowSignal, InputFrame, InputLayout
 
@@ -31,6 +33,8 @@ class CycleParts:
     assembler : frames put together to cycles.
     pace : whether cycles may have been held back.
     clock : age of the strains by the sender's clock; None where frames have no sample time.
+    seen : frames received in this run.
+    proof : whether a sender whose time jumped is proven; None where its time is synchronised.
     decoder : strains of a closed cycle.
     gauges : plausibility of each gauge.
     flow : dynamic pressure and navigation.
@@ -40,7 +44,9 @@ class CycleParts:
     reception: Reception
     assembler: CycleAssembler
     pace: ArrivalPace
-    clock: SampleClock | None
+    clock: SenderClock | None
+    seen: SeenFrames
+    proof: RestartProof | None
     decoder: StrainDecoder
     gauges: GaugeChecks
     flow: HeldFlow
@@ -56,16 +62,18 @@ def cycle_parts(
     own_keys : keys of the frames that the bridge sends.
     dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
     """
-    period = layout.cycle_time
+    period, seen = layout.cycle_time, SeenFrames()
     return CycleParts(
         acceptance=Acceptance(layout, own_keys, settings),
         reception=Reception(layout, settings),
         assembler=CycleAssembler(cycle_limits(layout, settings)),
         pace=ArrivalPace(settings.max_age * period, settings.rate / period),
         clock=strain_clock(layout, settings),
+        seen=seen,
+        proof=restart_proof(layout, settings),
         decoder=StrainDecoder(layout),
         gauges=GaugeChecks(layout.n_gauges, period, settings),
-        flow=HeldFlow(held_values(layout, settings), dynamic_pressure),
+        flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen),
     )
 
 
@@ -86,10 +94,35 @@ def cycle_limits(layout: InputLayout, settings: BridgeSettings) -> Limits:
     )
 
 
-def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SampleClock | None:
+def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SenderClock | None:
     """Return the clock that follows the sample times of cycles, None if they have none."""
-    frame = layout.strain_frames[0] if layout.is_timed else layout.trailer
-    return sender_clock(frame, layout.cycle_time, settings)
+    return sender_clock(_dated(layout), layout.cycle_time, settings)
+
+
+def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof | None:
+    """Return the proof of a sender that restarts; None where none is needed or none can be given.
+
+    Synchronised times date a recording. Strains that may be constant repeat themselves in any case.
+    """
+    frame = _dated(layout)
+    is_timed = frame is not None and frame.sample_time is not None
+    if (is_timed and settings.synchronised is not None) or not (is_timed or settings.stuck_cycles):
+        return None
+    protection = None if frame is None else frame.layout.protection
+    limits = ProofLimits(
+        period=layout.cycle_time,
+        new_frames=settings.jump_confirmations,
+        startup_time=settings.startup_time,
+        pause=settings.max_age * layout.cycle_time,
+        max_delta=settings.max_delta,
+        counter_modulus=None if protection is None else protection.counter_modulus,
+    )
+    return RestartProof(limits)
+
+
+def _dated(layout: InputLayout) -> InputFrame | None:
+    """Return the frame whose sample time dates a cycle, if it holds one."""
+    return layout.strain_frames[0] if layout.is_timed else layout.trailer
 
 
 def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue]:
@@ -116,14 +149,20 @@ def flow_max_age(layout: InputLayout, frame: InputFrame, source: FlowSignal, set
     return cycles * max(layout.cycle_time, frame.layout.cycle_time or 0.0)
 
 
-def sender_clock(frame: InputFrame | None, cycle_time: float, settings: BridgeSettings) -> SampleClock | None:
+def sender_clock(frame: InputFrame | None, cycle_time: float, settings: BridgeSettings) -> SenderClock | None:
     """Return a clock that follows the sample times of ``frame``, None if it has none; ``cycle_time`` in s."""
     if frame is None or frame.sample_time is None:
         return None
-    return SampleClock(
-        tick=frame.tick,
-        bits=frame.layout.signals[frame.sample_time].length,
-        drift=settings.clock_drift,
+    bits = frame.layout.signals[frame.sample_time].length
+    if settings.synchronised is not None:
+        return SynchronisedClock(
+            frame.tick, bits, shift=settings.synchronised_shift, accuracy=settings.synchronised
+        )
+    limits = ClockLimits(
+        rate=settings.clock_rate,
+        tolerance=settings.clock_tolerance,
+        hidden=settings.hidden_age,
         jump_tolerance=settings.jump_tolerance * cycle_time,
         confirmations=settings.jump_confirmations,
     )
+    return SampleClock(frame.tick, bits, limits)

@@ -1,14 +1,16 @@
-"""The sender's clock seen from ours: age of a sample, jumps and drift of the clock.
+"""The sender's clock seen from ours: age of a sample and how well it is known, jumps and drift of the clock.
 
 The delay of a frame is known only relative to the smallest delay so far: a constant transmission time is not part
-of the age. The smallest delay is forgotten slowly, but faster than clocks drift, so that drift never looks like
-age.
+of the age. A clock that runs slower than ours looks like a delay that grows. So the smallest delay is raised, but
+no faster than an oscillator may drift and by no more than is allowed in all; what grows beyond that is age. A
+delay that a fast clock hides cannot be seen at all, it is part of the uncertainty.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +18,29 @@ _WINDOW = 1.0
 """Length of the windows [s]; the drift is fitted to the smallest delays of these."""
 
 _WINDOWS = 60
+
+_ROUND_OFF = 1e-9
+"""Difference of two times [s] that is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockLimits:
+    """Limits of a sender's clock.
+
+    Attributes
+    ----------
+    rate : known rate by which it runs slower than ours [s/s].
+    tolerance : largest difference of its rate from that [s/s].
+    hidden : largest sum of delays that is taken for drift [s].
+    jump_tolerance : by how much a delay may be below the smallest one so far [s].
+    confirmations : readings in a row, consistent with each other, that make a jump a restart.
+    """
+
+    rate: float = 0.0
+    tolerance: float = 1e-4
+    hidden: float = 0.01
+    jump_tolerance: float
+    confirmations: int = 3
 
 
 @dataclass(frozen=True)
@@ -28,21 +53,72 @@ class ClockReading:
     jumped : the time does not continue those before: it went back, or forward by more than the delay can have
         shrunk. Data of the same frame are not to be used.
     restarted : enough readings have confirmed the jump; from the next reading on the new time counts.
+    uncertainty : by how much the age may be larger [s].
+    hides_delay : as much delay as is allowed has been taken for drift.
+    resumed : the time continues that of before a restart which was not accepted.
     """
 
     age: float
     jumped: bool = False
     restarted: bool = False
+    uncertainty: float = 0.0
+    hides_delay: bool = False
+    resumed: bool = False
+
+
+class SenderClock(Protocol):
+    """A clock that dates samples."""
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        """Take in a sample time that arrived at ``local`` on our clock [s]."""
+        ...
+
+    def reset(self) -> None:
+        """Forget the sender."""
+        ...
+
+    def accept(self) -> None:
+        """Take the time of the last restart for the sender's: that of before does not come back."""
+        ...
+
+    def anchor(self) -> None:
+        """Take the delay of the last reading for the smallest one: somebody has checked it."""
+        ...
+
+    def seconds(self, ticks: int) -> float:
+        """Return a sample time [s]."""
+        ...
+
+    def seconds_ahead(self, local: float, ticks: int) -> float:
+        """Return by how much a sample time is ahead of the accepted clock at ``local`` [s]."""
+        ...
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much slower than ours the sender's clock runs [ppm]; NaN if not known."""
+        ...
 
 
 @dataclass(kw_only=True)
 class _Model:
-    """State of a clock: last reading [ticks], its time by that clock and by ours [s], smallest delay [s]."""
+    """State of a clock.
+
+    Attributes
+    ----------
+    ticks, source, local : last reading [ticks], its time by that clock and by ours [s].
+    floor : smallest delay, raised with time [s].
+    lowest : least value of the floor, less what was hidden before a restart [s].
+    start : our time of the first reading [s].
+    fastest : delay at the start of the fastest clock that no reading contradicts [s].
+    """
 
     ticks: int
     source: float
     local: float
-    offset: float
+    floor: float
+    lowest: float
+    start: float
+    fastest: float
     readings: int = 1
 
 
@@ -53,17 +129,12 @@ class SampleClock:
     ----------
     tick : unit of the sample time [s].
     bits : length of the sample time, which wraps.
-    drift : rate at which the smallest delay is forgotten [s/s].
-    jump_tolerance : by how much a delay may be below the smallest one so far [s].
-    confirmations : readings in a row, consistent with each other, that make a jump a restart.
+    limits : of the clock.
     """
 
-    def __init__(
-        self, tick: float, bits: int, drift: float, jump_tolerance: float, confirmations: int = 3
-    ) -> None:
+    def __init__(self, tick: float, bits: int, limits: ClockLimits) -> None:
         self._tick, self._half = tick, 1 << (bits - 1)
-        self._drift, self._jump_tolerance = drift, jump_tolerance
-        self._confirmations = confirmations
+        self._limits = limits
         self._minima: deque[tuple[float, float]] = deque(maxlen=_WINDOWS)
         self.reset()
 
@@ -71,43 +142,104 @@ class SampleClock:
         """Forget the sender."""
         self._known: _Model | None = None
         self._jumped: _Model | None = None
+        self._before: _Model | None = None
         self._begin_drift(np.inf, np.inf)
 
     def read(self, local: float, ticks: int) -> ClockReading:
         """Take in a sample time that arrived at ``local`` on our clock [s]."""
+        local *= 1.0 - self._limits.rate
         if self._known is None:
             self._known = self._new(local, ticks)
-            self._begin_drift(local, self._known.offset)
+            self._begin_drift(local, self._known.floor)
             return ClockReading(0.0)
         offset = self._follow(self._known, local, ticks)
         if offset is not None:
             self._jumped = None
             self._watch_drift(local, offset)
-            return ClockReading(offset - self._known.offset)
+            return self._reading(self._known, offset)
+        if self._before is not None and (offset := self._follow(self._before, local, ticks)) is not None:
+            self._known, self._before, self._jumped = self._before, None, None
+            self._begin_drift(local, self._known.floor)
+            return self._reading(self._known, offset, resumed=True)
+        return self._jump(local, ticks)
+
+    def _jump(self, local: float, ticks: int) -> ClockReading:
+        """Take in a sample time that does not fit."""
+        assert self._known is not None
         if self._jumped is None or self._follow(self._jumped, local, ticks) is None:
             self._jumped = self._new(local, ticks)
-        if self._jumped.readings < self._confirmations:
+        if self._jumped.readings < self._limits.confirmations:
             return ClockReading(0.0, jumped=True)
-        self._known, self._jumped = self._jumped, None
-        self._begin_drift(local, self._known.offset)
+        old = self._before or self._known
+        # A queue on the way outlives a restart of the sender: what may hide in it still may.
+        self._jumped.lowest -= old.floor - old.lowest
+        self._jumped.fastest -= self._uncertainty(old, local)
+        self._known, self._before, self._jumped = self._jumped, old, None
+        self._begin_drift(local, self._known.floor)
         return ClockReading(0.0, jumped=True, restarted=True)
+
+    def accept(self) -> None:
+        """Take the time of the last restart for the sender's: that of before does not come back."""
+        self._before = None
+
+    def anchor(self) -> None:
+        """Take the delay of the last reading for the smallest one: somebody has checked it."""
+        if (known := self._known) is not None:
+            known.lowest = known.fastest = known.floor = known.local - known.source
+            known.start = known.local
+
+    def seconds(self, ticks: int) -> float:
+        """Return a sample time [s]."""
+        return ticks * self._tick
+
+    def seconds_ahead(self, local: float, ticks: int) -> float:
+        """Return by how much a sample time is ahead of the accepted clock at ``local`` [s]."""
+        model = self._before or self._known
+        if model is None:
+            return 0.0
+        expected = model.ticks + round((local * (1.0 - self._limits.rate) - model.local) / self._tick)
+        return ((ticks - expected + self._half) % (2 * self._half) - self._half) * self._tick
 
     def _new(self, local: float, ticks: int) -> _Model:
         source = ticks * self._tick
-        return _Model(ticks=ticks, source=source, local=local, offset=local - source)
+        delay = local - source
+        return _Model(
+            ticks=ticks, source=source, local=local, floor=delay, lowest=delay, start=local, fastest=delay
+        )
 
     def _follow(self, model: _Model, local: float, ticks: int) -> float | None:
         """Update ``model`` with a reading and return its delay [s]; None, with no update, if they do not fit."""
-        delta = (ticks - model.ticks + self._half) % (2 * self._half) - self._half
-        source = model.source + delta * self._tick
+        elapsed = max(local - model.local, 0.0)
+        source = model.source + self._ticks_since(model, elapsed, ticks) * self._tick
         offset = local - source
-        remembered = model.offset + self._drift * (local - model.local)
-        if delta < 0 or offset < remembered - self._jump_tolerance:
+        drift = self._limits.tolerance * elapsed
+        if source < model.source or offset < model.floor - drift - self._limits.jump_tolerance:
             return None
+        raised = min(model.floor + drift, model.lowest + self._limits.hidden)
         model.ticks, model.source, model.local = ticks, source, local
-        model.offset = min(remembered, offset)
+        model.floor = min(max(raised, model.floor), offset)
+        model.lowest = min(model.lowest, model.floor)
+        model.fastest = min(model.fastest, offset + self._limits.tolerance * (local - model.start))
         model.readings += 1
         return offset
+
+    def _ticks_since(self, model: _Model, elapsed: float, ticks: int) -> int:
+        """Return the ticks since the last reading; after half the range our clock tells how often it wrapped."""
+        expected = round(elapsed / self._tick)
+        expected = expected if expected >= self._half else 0
+        return expected + (ticks - model.ticks - expected + self._half) % (2 * self._half) - self._half
+
+    def _reading(self, model: _Model, offset: float, resumed: bool = False) -> ClockReading:
+        return ClockReading(
+            age=offset - model.floor,
+            uncertainty=self._uncertainty(model, model.local),
+            hides_delay=model.floor - model.lowest >= self._limits.hidden - _ROUND_OFF,
+            resumed=resumed,
+        )
+
+    def _uncertainty(self, model: _Model, local: float) -> float:
+        """Return by how much delays may be larger than stated [s]: as much as with the fastest clock possible."""
+        return model.floor - model.fastest + self._limits.tolerance * (local - model.start)
 
     def _begin_drift(self, local: float, offset: float) -> None:
         self._minima.clear()
@@ -126,4 +258,5 @@ class SampleClock:
         if len(self._minima) < 5:
             return float("nan")
         time, minimum = np.array(self._minima).T
-        return float(1e6 * np.polyfit(time - time[0], minimum - minimum[0], 1)[0])
+        slope = np.polyfit(time - time[0], minimum - minimum[0], 1)[0]
+        return float(1e6 * (slope + self._limits.rate))

@@ -12,7 +12,8 @@ from strainfmu.can.cycle.assembler import Arrival, CycleAssembler, Limits, Verdi
 from strainfmu.can.cycle.bus_state import BusState, state_after
 from strainfmu.can.cycle.frame_account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
 from strainfmu.can.cycle.plausibility import GaugeChecks
-from strainfmu.can.e2e.sample_clock import SampleClock
+from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock
+from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
@@ -103,31 +104,33 @@ def test_without_times_a_repeated_frame_or_the_trailer_ends_a_cycle() -> None:
 
 # --- the sender's clock
 
+LIMITS = ClockLimits(jump_tolerance=CYCLE)
+
 
 def test_age_is_the_delay_beyond_the_least_and_drift_is_none() -> None:
     """A clock 50 ppm slow, delays of 1 ms and now and then 8 ms: age 0 and 7 ms, drift to 1 ppm."""
-    clock = SampleClock(1e-6, 32, drift=2e-4, jump_tolerance=CYCLE)
+    clock = SampleClock(1e-6, 32, LIMITS)
     ages = []
     for k in range(4000):
         source = k * CYCLE
         delay = 8e-3 if k % 7 == 3 else 1e-3
         ages.append(clock.read(source * (1.0 + 50e-6) + delay, round(source * 1e6) % 2**32).age)
     late = np.arange(4000) % 7 == 3
-    # The smallest delay is forgotten at 200 ppm, of which 50 are drift: 1.5e-6 s a cycle.
+    # The smallest delay is raised at 100 ppm, of which 50 are drift: 0.5e-6 s a cycle.
     assert np.abs(np.array(ages)[~late]).max() < 2e-5
     assert np.array(ages)[late] == pytest.approx(7e-3, abs=2e-5)
     assert clock.drift_ppm == pytest.approx(50.0, abs=1.0)
 
 
-def test_a_growing_delay_is_age_until_the_clock_is_forgotten() -> None:
-    clock = SampleClock(1e-6, 32, drift=2e-4, jump_tolerance=CYCLE)
+def test_a_growing_delay_is_age() -> None:
+    clock = SampleClock(1e-6, 32, LIMITS)
     ages = [clock.read(k * CYCLE * 1.1, round(k * CYCLE * 1e6)).age for k in range(101)]
-    # Each cycle comes 1 ms later than the one before; 2 us of that are forgotten.
+    # Each cycle comes 1 ms later than the one before; 1 us of that may be drift.
     assert ages[-1] == pytest.approx(0.1, abs=0.001)
 
 
 def test_one_odd_time_changes_nothing_and_three_consistent_ones_are_a_restart() -> None:
-    clock = SampleClock(1e-6, 32, drift=2e-4, jump_tolerance=CYCLE)
+    clock = SampleClock(1e-6, 32, LIMITS)
     for k in range(10):
         assert not clock.read(k * CYCLE, round(k * CYCLE * 1e6)).jumped
     assert clock.read(10 * CYCLE, 0).jumped, "an old frame again"
@@ -138,11 +141,96 @@ def test_one_odd_time_changes_nothing_and_three_consistent_ones_are_a_restart() 
 
 
 def test_the_clock_wraps() -> None:
-    clock = SampleClock(1e-4, 16, drift=2e-4, jump_tolerance=CYCLE)
+    clock = SampleClock(1e-4, 16, LIMITS)
     for k in range(2000):  # 20 s; 16 bits of 0.1 ms are 6.6 s
         reading = clock.read(k * CYCLE, round(k * CYCLE * 1e4) % 2**16)
         assert not reading.jumped
         assert reading.age < 1e-4 + 1e-5
+
+
+def read_all(clock: SampleClock, growth: float, duration: float, rate: float = 0.0) -> list[ClockReading]:
+    """Return readings of a delay that grows by ``growth`` and a clock that is slow by ``rate`` [s/s]."""
+    times = np.arange(0.0, duration, 0.1)
+    return [clock.read(t * (1.0 + growth), round(t * (1.0 - rate) * 1e6) % 2**32) for t in times.tolist()]
+
+
+def test_drift_is_raised_to_a_bound_and_what_grows_beyond_is_age() -> None:
+    for growth in (60e-6, 100e-6, 190e-6, 1e-3):
+        readings = read_all(SampleClock(1e-6, 32, LIMITS), growth, 600.0)
+        hidden = [growth * 0.1 * k - reading.age for k, reading in enumerate(readings)]
+        assert max(hidden) <= 10.0e-3 + 2e-6
+        first = next(k for k, reading in enumerate(readings) if reading.hides_delay)
+        assert first * 0.1 == pytest.approx(10e-3 / min(growth, 100e-6), rel=0.01)
+        assert all(reading.hides_delay for reading in readings[first:])
+
+
+@pytest.mark.parametrize("growth", [0.0, 60e-6, 190e-6, 1e-3])
+@pytest.mark.parametrize("rate", [-99e-6, 0.0, 99e-6])
+def test_the_true_age_is_never_beyond_the_stated_uncertainty(growth: float, rate: float) -> None:
+    """Even where the drift of the sender's clock hides the growth of the delay."""
+    readings = read_all(SampleClock(1e-6, 32, LIMITS), growth, 600.0, rate)
+    beyond = [growth * 0.1 * k - r.age - r.uncertainty for k, r in enumerate(readings)]
+    assert max(beyond) < 2e-6
+
+
+def test_a_clock_of_known_rate_hides_nothing() -> None:
+    limits = ClockLimits(jump_tolerance=CYCLE, rate=80e-6, tolerance=2e-6)
+    clock = SampleClock(1e-6, 32, limits)
+    readings = read_all(clock, 0.0, 1200.0, rate=80e-6)
+    assert not any(reading.hides_delay for reading in readings)
+    assert readings[-1].uncertainty < 2.5e-3
+    assert readings[-1].age < 1e-4
+    assert clock.drift_ppm == pytest.approx(80.0, abs=0.5)
+
+
+def test_a_fast_clock_hides_nothing_and_a_drained_queue_gives_back_what_was_hidden() -> None:
+    assert not any(r.hides_delay for r in read_all(SampleClock(1e-6, 32, LIMITS), 0.0, 600.0, rate=-90e-6))
+    clock = SampleClock(1e-6, 32, LIMITS)
+    assert read_all(clock, 190e-6, 300.0)[-1].hides_delay
+    assert not clock.read(300.0, 300_000_000).hides_delay
+
+
+def test_a_restart_of_the_sender_keeps_what_a_queue_may_hide() -> None:
+    clock = SampleClock(1e-6, 32, LIMITS)
+    before = read_all(clock, 190e-6, 300.0)[-1]
+    after = [clock.read(300.1 + 0.1 * k, 100_000 * k) for k in range(5)][-1]
+    assert after.hides_delay
+    assert after.uncertainty >= before.uncertainty
+    clock.anchor()
+    assert not clock.read(300.6, 500_000).hides_delay, "somebody has checked the delay"
+
+
+def test_a_clock_of_before_comes_back_unless_the_new_one_was_accepted() -> None:
+    for accepted in (False, True):
+        clock = SampleClock(1e-6, 32, LIMITS)
+        for k in range(50):
+            clock.read(k * CYCLE, 10_000 * k)
+        readings = [clock.read((50 + k) * CYCLE, 10_000 * k) for k in range(6)]
+        assert [r.jumped for r in readings] == [True] * 3 + [False] * 3
+        if accepted:
+            clock.accept()
+        back = clock.read(56 * CYCLE, 560_000)
+        assert (back.resumed, back.jumped) == (not accepted, accepted)
+
+
+def test_after_a_long_silence_our_clock_tells_how_often_the_other_wrapped() -> None:
+    clock = SampleClock(1e-4, 16, LIMITS)
+    clock.read(0.0, 0)
+    reading = clock.read(100.0, round(100.0 * 1e4) % 2**16)
+    assert (reading.jumped, reading.age) == (False, pytest.approx(0.0, abs=1e-4))
+
+
+def test_synchronised_times_are_absolute() -> None:
+    clock = SynchronisedClock(1e-6, 32, shift=1.7e9, accuracy=1e-3)
+
+    def ticks(time: float) -> int:
+        return round((1.7e9 + time) * 1e6) % 2**32
+
+    late = clock.read(5.0, ticks(4.98))
+    assert (late.age, late.uncertainty) == (pytest.approx(20e-3, abs=1e-6), 1e-3)
+    assert clock.read(6.0, ticks(6.0005)).age == 0.0
+    assert clock.read(6.0, ticks(6.002)).jumped, "from the future"
+    assert clock.read(7.0, ticks(6.0)).age == pytest.approx(1.0, abs=1e-5), "a recording is as old as it is"
 
 
 # --- gauges

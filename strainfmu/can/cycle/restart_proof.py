@@ -1,0 +1,143 @@
+"""The proof that a sender whose time has jumped is the sender, and not a recording of it.
+
+A recording of this run repeats frames bit by bit, so what has been received before proves nothing. New frames
+prove a restart if the time base began after the sender was last heard (it was switched on), or if the time went
+ahead and the counter continues at its pace (its clock was set). Anything else stays unproven until somebody
+confirms it. A recording of an earlier run can give all of this: only authentication excludes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from zlib import adler32, crc32
+
+import numpy as np
+
+from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
+
+_BITS = 26
+_MASK = (1 << _BITS) - 1
+_SPREAD = 0x9E3779B1
+"""Odd number near 2^32 over the golden ratio, Knuth's multiplicative hash."""
+
+
+class SeenFrames:
+    """Remembers frames of a run in 8 MiB, as a Bloom filter.
+
+    No frame is ever forgotten. A new one is taken for an old one once in a thousand after 10^6 frames and once in
+    ten after 10^7, so a long run makes proofs slower and never easier.
+    """
+
+    def __init__(self) -> None:
+        self._bits = np.zeros(1 << (_BITS - 3), dtype=np.uint8).data
+
+    def add(self, frames: Iterable[bytes]) -> bool:
+        """Remember ``frames``; return whether all of them are new."""
+        bits, are_new = self._bits, True
+        for data in frames:
+            is_new = False
+            for position in (crc32(data) & _MASK, adler32(data) * _SPREAD >> 6 & _MASK):
+                byte, bit = position >> 3, 1 << (position & 7)
+                if not bits[byte] & bit:
+                    bits[byte] |= bit
+                    is_new = True
+            are_new = are_new and is_new
+        return are_new
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProofLimits:
+    """Limits of a proof.
+
+    Attributes
+    ----------
+    period : nominal time from one frame to the next [s].
+    new_frames : cycles in a row that must be new.
+    startup_time : largest time of a clock that has just begun [s].
+    pause : silence after which a sender without sample time may be a recording [s].
+    max_delta : largest error of the counter.
+    counter_modulus : number of counter values, None without a counter.
+    """
+
+    period: float
+    new_frames: int
+    startup_time: float
+    pause: float
+    max_delta: int
+    counter_modulus: int | None
+
+
+class RestartProof:
+    """Follows whether the sender is proven; at the start it is, as there is nothing to compare it with."""
+
+    def __init__(self, limits: ProofLimits) -> None:
+        self._limits = limits
+        self._last: tuple[float, int | None] | None = None
+        self._new = 0
+        self._heard: float | None = None
+        self._begins = False
+        self.is_proven = True
+
+    def take(
+        self,
+        clock: SenderClock,
+        reading: ClockReading,
+        *,
+        local: float,
+        ticks: int,
+        counter: int | None,
+        is_new: bool,
+    ) -> bool:
+        """Take in a cycle with sample time; return whether its sender has been proven to be restarted with it.
+
+        Parameters
+        ----------
+        reading : of ``clock`` at ``local`` [s] and ``ticks``.
+        is_new : no frame of the cycle has been received before.
+        """
+        if not reading.jumped and (self.is_proven or reading.resumed):
+            self.is_proven, self._new, self._last = True, 0, (local, counter)
+            self._begins = False
+            return False
+        self._new = self._new + 1 if is_new else 0
+        if reading.jumped:
+            silence = 0.0 if self._last is None else local - self._last[0]
+            self._begins = clock.seconds(ticks) <= self._limits.startup_time + silence
+        if reading.jumped and not reading.restarted:
+            return False
+        self.is_proven = self._new >= self._limits.new_frames and (
+            self._has_begun(clock, ticks, counter) or self._was_set_ahead(clock, local, ticks, counter)
+        )
+        if self.is_proven:
+            clock.accept()
+            self._last = local, counter
+        return self.is_proven
+
+    def take_untimed(self, local: float, is_new: bool) -> None:
+        """Take in a cycle without sample time: behind a pause it may be a recording until it is new."""
+        if self._heard is not None and local - self._heard > self._limits.pause:
+            self.is_proven, self._new = False, 0
+        self._heard = local
+        self._new = self._new + 1 if is_new else 0
+        self.is_proven = self.is_proven or self._new >= self._limits.new_frames
+
+    def confirm(self) -> None:
+        """Take the sender for proven."""
+        self.is_proven, self._new, self._last = True, 0, None
+
+    def _has_begun(self, clock: SenderClock, ticks: int, counter: int | None) -> bool:
+        """Return whether the clock began after the sender was last heard, and the counter no earlier."""
+        modulus, limits = self._limits.counter_modulus, self._limits
+        largest = clock.seconds(ticks) / limits.period + limits.max_delta
+        return self._begins and (modulus is None or counter is None or counter <= largest or largest >= modulus)
+
+    def _was_set_ahead(self, clock: SenderClock, local: float, ticks: int, counter: int | None) -> bool:
+        """Return whether the time went ahead while the counter continued at its pace."""
+        if self._last is None or clock.seconds_ahead(local, ticks) <= 0.0:
+            return False
+        modulus, (since, last) = self._limits.counter_modulus, self._last
+        if modulus is None or counter is None or last is None:
+            return True
+        error = counter - last - round((local - since) / self._limits.period)
+        return abs((error + modulus // 2) % modulus - modulus // 2) <= self._limits.max_delta
