@@ -34,7 +34,7 @@ class CycleParts:
     pace : whether cycles may have been held back.
     clock : age of the strains by the sender's clock; None where frames have no sample time.
     seen : frames received in this run.
-    proof : whether a sender whose time jumped is proven; None where its time is synchronised.
+    proof : whether a sender whose time jumped is proven; None where none is needed or none can be given.
     decoder : strains of a closed cycle.
     gauges : plausibility of each gauge.
     flow : dynamic pressure and navigation.
@@ -102,11 +102,14 @@ def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SenderClock |
 def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof | None:
     """Return the proof of a sender that restarts; None where none is needed or none can be given.
 
-    Synchronised times date a recording. Strains that may be constant repeat themselves in any case.
+    Synchronised times date a recording, and authenticated frames are never accepted twice. Strains without sample
+    time that may be constant repeat themselves in any case.
     """
     frame = _dated(layout)
     is_timed = frame is not None and frame.sample_time is not None
-    if (is_timed and settings.synchronised is not None) or not (is_timed or settings.stuck_cycles):
+    if layout.is_authenticated or (is_timed and settings.synchronised is not None):
+        return None
+    if not is_timed and not settings.stuck_cycles:
         return None
     protection = None if frame is None else frame.layout.protection
     limits = ProofLimits(
