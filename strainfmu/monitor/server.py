@@ -14,12 +14,12 @@ from importlib.resources import files
 from typing import Any
 
 from strainfmu.errors import StrainfmuError
-from strainfmu.monitor.state import MonitorState
+from strainfmu.monitor.message import LARGEST_DATAGRAM
+from strainfmu.monitor.state import MonitorState, Seen
 
 PUSH_PERIOD = 0.1
 """Time between two events to a page [s]; an eye sees no faster changes."""
 
-LARGEST_DATAGRAM = 1 << 16
 _HEARTBEAT = 1.0
 _HOST = re.compile(r"(\[[^\[\]]*\]|[^:\[\]]*)(?::\d*)?")
 
@@ -117,10 +117,21 @@ def _bound(address: tuple[str, int]) -> socket.socket:
     return opened
 
 
+PAGE_FILES = {
+    "/": ("monitor.html", "text/html; charset=utf-8"),
+    "/page/monitor.css": ("monitor.css", "text/css; charset=utf-8"),
+    **{
+        f"/page/{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
+        for name in ("monitor", "figures", "gauges", "histories", "texts")
+    },
+}
+"""File and type of every address of the page; they need no others."""
+
+
 @cache
-def page() -> bytes:
-    """Return the page, one file without any other."""
-    return (files("strainfmu.monitor") / "page.html").read_bytes()
+def page_file(address: str) -> bytes:
+    """Return the file of one of :data:`PAGE_FILES`."""
+    return (files("strainfmu.monitor") / "page" / PAGE_FILES[address][0]).read_bytes()
 
 
 class _Server(ThreadingHTTPServer):
@@ -136,7 +147,7 @@ class _Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers / with the page, /events with the stream, /state with one snapshot."""
+    """Answers / and /page with the page, /events with the stream, /state with one snapshot."""
 
     server: _Server
 
@@ -146,10 +157,10 @@ class _Handler(BaseHTTPRequestHandler):
         if self.server.is_local and (host is None or not is_loopback(host[1].strip("[]"))):
             self.send_error(403)
             return
-        if self.path == "/":
-            self._answer("text/html; charset=utf-8", page())
+        if self.path in PAGE_FILES:
+            self._answer(PAGE_FILES[self.path][1], page_file(self.path))
         elif self.path == "/state":
-            self._answer("application/json", self.server.state.snapshot(time.monotonic(), True).encode())
+            self._answer("application/json", self.server.state.snapshot(time.monotonic()).encode())
         elif self.path == "/events":
             self._stream()
         else:
@@ -160,7 +171,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
-        self.send_header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'")
+        self.send_header("Content-Security-Policy", "default-src 'self'; img-src 'self' data:")
         self.end_headers()
         self.wfile.write(content)
 
@@ -170,13 +181,13 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", "text/event-stream")
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
-        version, first = -1, True
+        version = -1
+        seen: Seen | None = None
         try:
             while not self.server.stopped():
                 # The heartbeat reports a bridge that has gone silent.
                 version = self.server.state.wait(version, _HEARTBEAT)
-                content = self.server.state.snapshot(time.monotonic(), first)
-                first = False
+                content, seen = self.server.state.news(time.monotonic(), seen)
                 self.wfile.write(f"data: {content}\n\n".encode())
                 self.wfile.flush()
                 time.sleep(PUSH_PERIOD)

@@ -1,15 +1,18 @@
-"""The state of the live view: last datagram and last minute of the bridge; datagrams in, JSON for the page out."""
+"""The state of the live view: last datagram, last minute and events; datagrams in, JSON for the page out."""
 
 from __future__ import annotations
 
 import json
 import threading
 from collections import deque
-from collections.abc import Iterable
-from math import isfinite
-from typing import Any, NoReturn
+from typing import Any, NamedTuple
 
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.words import all_words
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.monitor.events import EventLog
+from strainfmu.monitor.message import UNITS, parsed
 
 HISTORY = 60.0
 """Length of the history that a new page gets [s]."""
@@ -18,14 +21,31 @@ HISTORY_PERIOD = 0.1
 """Time between two points of the history [s]."""
 
 SILENT_AFTER = 1.5
-"""Time without a datagram after which the page reports that the bridge is silent [s]."""
+"""Time without a datagram after which the page reports that the bridge is gone [s]."""
 
-_LARGEST = 1 << 16
-_NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
-_FURTHER_NUMBERS = ("mach_number", "altitude_m", "envelope_score", "envelope_score_limit", "age_uncertainty_ms")
-_FURTHER_TEXTS = ("health_text",)
-"""Keys that a bridge of an earlier version does not send."""
-_TEXTS = ("quality_name", "health_name", "bus_state")
+COLUMNS = (
+    *("timestamp", "quality", "chi_square", "chi_square_limit"),
+    *COEFFICIENT_NAMES,
+    *(f"sigma.{name}" for name in COEFFICIENT_NAMES),
+    *LOADS,
+    *(f"sigma.{name}" for name in LOADS),
+)
+"""What a point of the history holds; the quality is the worst since the point before."""
+
+_SEVERITY = tuple(
+    getattr(Quality, name)
+    for name in ("VALID", "UNPROTECTED", "DEGRADED", "UNCONFIRMED", "SUSPECT", "NO_DATA", "STALE", "INVALID")
+)
+"""Qualities, the best first."""
+
+_NO_LAYOUT: dict[str, Any] = {"gauges": [], "vehicle": None, "coefficient_range": {}, "validity": {}}
+
+
+class Seen(NamedTuple):
+    """What a page has had: points of the history, changes of the event list."""
+
+    points: int
+    events: int
 
 
 class MonitorState:
@@ -34,43 +54,62 @@ class MonitorState:
     def __init__(self) -> None:
         self._changed = threading.Condition()
         self._latest: dict[str, Any] | None = None
-        self._gauges: list[dict[str, Any]] = []
+        self._layout = _NO_LAYOUT
         self._history: deque[list[Any]] = deque(maxlen=round(HISTORY / HISTORY_PERIOD))
         self._last_point = self._last_time = float("-inf")
-        self.version = 0
+        self._worst = -1
+        self._is_lost = False
+        self._events = EventLog()
+        self.version = self.points = 0
         self.datagrams = self.refused = 0
 
     def take(self, datagram: bytes, now: float) -> None:
         """Take in a datagram that came at ``now`` [s, monotonic]; others than a bridge's are only counted."""
         try:
-            content = json.loads(datagram[:_LARGEST], parse_constant=_refused)
-            if "layout" in content:
-                self._take_layout([_gauge(gauge) for gauge in content["layout"]["gauges"]])
-            else:
-                self._take_result(_result(content), now)
-        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            content = parsed(datagram)
+        except (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError):
             with self._changed:
                 self.refused += 1
-
-    def _take_layout(self, gauges: list[dict[str, Any]]) -> None:
+            return
         with self._changed:
-            self._gauges = gauges
-            self._count()
+            if "layout" in content:
+                self._layout = content["layout"]
+            else:
+                self._take_result(content, now)
+            self.datagrams += 1
+            self.version += 1
+            self._changed.notify_all()
 
     def _take_result(self, result: dict[str, Any], now: float) -> None:
-        with self._changed:
-            self._latest, self._last_time = result, now
-            if now - self._last_point >= HISTORY_PERIOD:
-                values = [result[kind][name] for kind in ("coefficients", "sigma") for name in COEFFICIENT_NAMES]
-                self._history.append([result["timestamp"], *values])
-                self._last_point = now
-            self._count()
+        self._notice_silence(now)
+        self._latest, self._last_time, self._is_lost = result, now, False
+        self._events.take(result)
+        self._worst = max(self._worst, _severity(result["quality"]))
+        if now - self._last_point >= HISTORY_PERIOD:
+            kinds = (
+                ("coefficients", COEFFICIENT_NAMES),
+                ("sigma", COEFFICIENT_NAMES),
+                ("loads", LOADS),
+                ("loads_sigma", LOADS),
+            )
+            values = [result[kind][name] for kind, names in kinds for name in names]
+            head = [
+                result["timestamp"],
+                int(_SEVERITY[self._worst]),
+                result["chi_square"],
+                result["chi_square_limit"],
+            ]
+            self._history.append([*head, *values])
+            self.points += 1
+            self._last_point, self._worst = now, -1
 
-    def _count(self) -> None:
-        """Count a datagram and wake the waiting threads; the lock must be held."""
-        self.datagrams += 1
-        self.version += 1
-        self._changed.notify_all()
+    def _notice_silence(self, now: float) -> bool:
+        """Return whether the bridge is silent at ``now`` [s, monotonic]; list it the first time."""
+        is_silent = now - self._last_time > SILENT_AFTER
+        if is_silent and self._latest is not None and not self._is_lost:
+            self._is_lost = True
+            self._events.lose(self._latest["timestamp"])
+        return is_silent
 
     def wait(self, version: int, timeout: float) -> int:
         """Wait up to ``timeout`` [s] for a version other than ``version``; return the present one."""
@@ -79,70 +118,39 @@ class MonitorState:
                 self._changed.wait(timeout)
             return self.version
 
-    def snapshot(self, now: float, with_history: bool) -> str:
-        """Return the contents of the page as JSON on one line."""
+    def snapshot(self, now: float) -> str:
+        """Return all of the page's contents at ``now`` [s, monotonic] as JSON on one line."""
+        return self.news(now, None)[0]
+
+    def news(self, now: float, seen: Seen | None) -> tuple[str, Seen]:
+        """Return what a page has not seen yet as JSON on one line, and what it has seen with it.
+
+        Parameters
+        ----------
+        now : time [s, monotonic].
+        seen : returned by the call before for the same page; None for a page that has nothing yet.
+        """
         with self._changed:
+            silent = self._notice_silence(now)
+            shown = Seen(self.points, self._events.changes)
+            new = len(self._history) if seen is None else min(shown.points - seen.points, len(self._history))
             content: dict[str, Any] = {
-                "gauges": self._gauges,
+                "layout": self._layout,
                 "latest": self._latest,
-                "silent": now - self._last_time > SILENT_AFTER,
+                "silent": silent,
+                "silent_for_s": None if self._latest is None else round(now - self._last_time, 3),
                 "datagrams": self.datagrams,
                 "refused": self.refused,
+                "points": list(self._history)[len(self._history) - new :],
             }
-            if with_history:
-                content["history"] = list(self._history)
-        return json.dumps(content, separators=(",", ":"), allow_nan=False)
+            if seen is None or seen.events != shown.events:
+                content["events"] = self._events.listed()
+        if seen is None:
+            content |= {"columns": COLUMNS, "units": UNITS, "words": all_words(), "history_s": HISTORY}
+        return json.dumps(content, separators=(",", ":"), allow_nan=False), shown
 
 
-def _result(content: dict[str, Any]) -> dict[str, Any]:
-    """Return the contents of a result for the page, flat and of known types; raise if it is no result.
-
-    A page must not receive what it cannot parse: a number that JSON does not have, or a structure without end.
-    """
-    timestamp = _number(content["timestamp"])
-    if timestamp is None:
-        raise ValueError("a result without a time")
-    return {
-        "timestamp": timestamp,
-        **{name: _number(content[name]) for name in _NUMBERS},
-        **{name: _text(content[name]) for name in _TEXTS},
-        **{name: _number(content.get(name)) for name in _FURTHER_NUMBERS},
-        **{name: _text(content.get(name)) for name in _FURTHER_TEXTS},
-        "causes": [_text(cause) for cause in content["causes"]],
-        "coefficients": _numbers(content["coefficients"], COEFFICIENT_NAMES),
-        "sigma": _numbers(content["sigma"], COEFFICIENT_NAMES),
-        "strain_um_per_m": _numbers(content["strain_um_per_m"], content["strain_um_per_m"]),
-        "account": _numbers(content["account"], content["account"]),
-    }
-
-
-def _gauge(content: dict[str, Any]) -> dict[str, Any]:
-    """Return name and position of a gauge; raise if it is none."""
-    return {
-        "name": str(content["name"]),
-        "x": _number(content["x"]),
-        "roll_angle": _number(content["roll_angle"]),
-    }
-
-
-def _numbers(content: dict[str, Any], names: Iterable[str]) -> dict[str, float | None]:
-    return {name: _number(content[name]) for name in names}
-
-
-def _number(value: Any) -> float | None:
-    """Return a finite number or None; refuse anything else."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise ValueError(f"expected a finite number, got {type(value).__name__}")
-    return value
-
-
-def _text(value: Any) -> str | None:
-    if value is not None and not isinstance(value, str):
-        raise TypeError(f"expected a text, got {type(value).__name__}")
-    return value
-
-
-def _refused(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is no JSON")
+def _severity(quality: float | None) -> int:
+    """Return the rank of a quality's number; one that this version does not know is the worst."""
+    known = [int(member) for member in _SEVERITY]
+    return known.index(int(quality)) if quality in known and quality is not None else len(known) - 1

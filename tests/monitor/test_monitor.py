@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -21,13 +22,14 @@ from chromium import PROGRAM, Browser
 from clipping import WIDTHS, clipped
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.publisher import GaugePosition, Publisher, gauge_positions, parsed_address
+from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition, gauge_positions
+from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_address
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.monitor.server import Monitor, page
+from strainfmu.monitor.server import PAGE_FILES, Monitor, page_file
 
 
 @pytest.fixture
@@ -63,9 +65,8 @@ def publisher(port: int, rate: float = 1e4, score_limit: float | None = None) ->
         ("127.0.0.1", port),
         positions,
         rate=rate,
-        account=FrameAccount,
-        bus_state=lambda: BusState.ERROR_ACTIVE,
-        score_limit=score_limit,
+        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        facts=EstimatorFacts(score_limit=score_limit),
     )
 
 
@@ -127,11 +128,16 @@ def test_the_state_outside_comes_with_its_cause(monitor: Monitor) -> None:
 def test_a_bridge_of_an_earlier_version_is_shown(monitor: Monitor) -> None:
     mouth = publisher(monitor.listens_at[1])
     new = ("health_text", "envelope_score", "envelope_score_limit", "mach_number", "altitude_m")
-    content = {name: value for name, value in answer_of(mouth).items() if name not in new}
+    newer = ("sequence", "uptime_s", "chi_square_limit", "gauges_used", "suspects", "suspect_gauge", "recording")
+    objects = ("causes_since", "loads", "loads_sigma", "not_used", "results", "bus")
+    sent = answer_of(mouth).items()
+    content = {name: value for name, value in sent if name not in (*new, *newer, *objects)}
     monitor.state.take(json.dumps(content).encode(), 0.0)
     assert (monitor.state.datagrams, monitor.state.refused) == (1, 0)
     latest = json.loads(get(monitor, "/state")[1])["latest"]
-    assert [latest[name] for name in new] == [None] * 5
+    assert [latest[name] for name in (*new, *newer)] == [None] * 12
+    assert latest["not_used"] == {"b": "not used"}
+    assert latest["bus"] == {"name": None, "last_fault": None, "reconnects": None}
     mouth.close()
 
 
@@ -146,9 +152,12 @@ def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, mo
         for of_result, expected in (
             (
                 result(Quality.SUSPECT, **OUTSIDE),
-                "OUTSIDE|(the coefficients are outside what the map covers)|4.3, limit 3.0|6.020|20.10 km",
+                "OUTSIDE|the coefficients are outside what the map covers|4.3, limit 3.0|6.020|20.10 km",
             ),
-            (result(Quality.VALID, health=0), "OK||not known, limit 3.0|not known|not known"),
+            (
+                result(Quality.VALID, health=0),
+                "OK|residual as expected|not known, limit 3.0|not known|not known",
+            ),
         ):
 
             def is_shown(found: str, of_result: CycleResult = of_result, expected: str = expected) -> bool:
@@ -170,8 +179,8 @@ def test_a_publisher_without_a_listener_never_blocks() -> None:
     for _ in range(2000):
         mouth._next = 0.0
         mouth.result(result())
-    mouth.close()
     assert time.monotonic() - begin < 30.0  # a block would be for ever
+    mouth.close()
     mouth.result(result(Quality.STALE))  # a closed socket is one more thing that cannot be sent to
     assert mouth.dropped >= 1
 
@@ -181,10 +190,11 @@ def test_the_rate_is_limited_but_for_a_change_of_quality() -> None:
     mouth = publisher(9, rate=0.01)
     for _ in range(10):
         mouth.result(result())
-    assert mouth.sent == 2  # layout and result
+    until(lambda: mouth.sent + mouth.dropped == 2)  # layout and result
     mouth.result(result(Quality.STALE))
-    assert mouth.sent == 3
+    until(lambda: mouth.sent + mouth.dropped == 3)
     mouth.close()
+    assert mouth.sent + mouth.dropped == 3
 
 
 @pytest.mark.fast
@@ -213,11 +223,11 @@ def test_garbage_is_counted_and_changes_nothing(monitor: Monitor) -> None:
             mouth.sendto(datagram, monitor.listens_at)
     until(lambda: monitor.state.refused == len(bad))
     content = json.loads(get(monitor, "/state")[1])
-    assert (content["latest"], content["gauges"], content["datagrams"]) == (None, [], 0)
+    assert (content["latest"], content["layout"]["gauges"], content["datagrams"]) == (None, [], 0)
 
 
 def answer_of(mouth: Publisher) -> dict[str, Any]:
-    return json.loads(json.dumps(mouth._of_result(result())))  # type: ignore[no-any-return]
+    return json.loads(json.dumps(mouth._message(result(), Cause.NONE, time.time())))  # type: ignore[no-any-return]
 
 
 @pytest.mark.fast
@@ -251,6 +261,7 @@ def test_what_no_page_can_read_is_counted_and_changes_nothing(monitor: Monitor) 
     assert monitor.state.datagrams == 1
     latest = json.loads(get(monitor, "/state")[1])["latest"]
     del good["datagrams"]
+    good["bus"] = {"name": None, "last_fault": None, "reconnects": None}
     assert latest == good
     mouth.close()
 
@@ -265,7 +276,7 @@ def test_all_of_loopback_is_loopback(host: str) -> None:
     try:
         shown = f"[{host}]" if ":" in host else host
         assert running.url.startswith(f"http://{shown}:")
-        assert get(running, "/") == (200, page())
+        assert get(running, "/") == (200, page_file("/"))
         for name in ("localhost", "LOCALHOST:1", "127.9.9.9:80", "[::1]", "[::ffff:127.0.0.1]:5"):
             assert get(running, "/state", name)[0] == 200, name
         for name in (
@@ -285,7 +296,7 @@ def test_all_of_loopback_is_loopback(host: str) -> None:
 def test_the_server_is_on_loopback_and_answers_nobody_else(monitor: Monitor) -> None:
     assert monitor.url.startswith("http://127.0.0.1:")
     assert monitor.listens_at[0] == "127.0.0.1"
-    assert get(monitor, "/") == (200, page())
+    assert get(monitor, "/") == (200, page_file("/"))
     assert get(monitor, "/etc/passwd")[0] == 404
     # A foreign name that was made to point here, as in DNS rebinding.
     assert get(monitor, "/state", "evil.example")[0] == 403
@@ -295,10 +306,21 @@ def test_the_server_is_on_loopback_and_answers_nobody_else(monitor: Monitor) -> 
 
 @pytest.mark.fast
 def test_the_page_needs_nothing_from_elsewhere() -> None:
-    text = page().decode()
-    assert [part for part in text.split('"') if part.startswith(("http:", "https:", "//"))] == [
-        "http://www.w3.org/2000/svg"
-    ]
+    """No address of another host in any of its files; the names of SVG's elements are none."""
+    for address in PAGE_FILES:
+        text = page_file(address).decode()
+        found = re.findall(r"(?:https?:)?//[\w.]+\.\w+[^\s\"')]*", text)
+        assert set(found) <= {"http://www.w3.org/2000/svg"}, address
+
+
+@pytest.mark.fast
+def test_every_file_of_the_page_is_served_and_nothing_else_is_fetched(monitor: Monitor) -> None:
+    asked = set(re.findall(r'(?:href|src)="(page/[^"]+)"', page_file("/").decode()))
+    for address in PAGE_FILES:
+        asked |= {f"page/{name}" for name in re.findall(r'from "\./([^"]+)"', page_file(address).decode())}
+        assert get(monitor, address) == (200, page_file(address))
+    assert {f"/{name}" for name in asked} | {"/"} == set(PAGE_FILES)
+    assert get(monitor, "/page/../state.py")[0] == 404
 
 
 @pytest.mark.fast
@@ -308,14 +330,15 @@ def test_events_carry_what_is_newest(monitor: Monitor) -> None:
     connection.request("GET", "/events")
     stream = connection.getresponse()
     first = json.loads(stream.readline().removeprefix(b"data: "))
-    assert (first["latest"], first["history"]) == (None, [])
+    assert (first["latest"], first["points"], first["events"]) == (None, [], [])
     mouth = publisher(monitor.listens_at[1])
     for k in range(500):
         mouth.result(result(value=float(k)))
         mouth._next = 0.0
-    until(lambda: json.loads(monitor.state.snapshot(time.monotonic(), False))["latest"] is not None)
+        until(lambda: not mouth._waiting)
+    until(lambda: json.loads(monitor.state.snapshot(time.monotonic()))["latest"] is not None)
     time.sleep(0.3)
-    expected = json.loads(monitor.state.snapshot(time.monotonic(), False))["latest"]["coefficients"]["C_A"]
+    expected = json.loads(monitor.state.snapshot(time.monotonic()))["latest"]["coefficients"]["C_A"]
     seen = []
     while not seen or seen[-1] != expected:
         line = stream.readline()
@@ -360,16 +383,17 @@ def test_chromium_shows_live_data_and_goes_on_after_a_restart(
             running.start()
             browser.wait("document.getElementById('quality').textContent", lambda found: found == "VALID")
             browser.wait("document.getElementById('now_C_N').textContent", lambda found: " ± " in found)
-            received = "[...document.querySelectorAll('#account td')].map(cell => cell.textContent).join()"
+            received = "[...document.querySelectorAll('#account dt')].map(cell => cell.textContent).join()"
             counted.append(browser.wait(received, lambda found: "received," in found and "used," in found))
-            assert browser.value("document.querySelectorAll('rect.gauge').length") == N_GAUGES
+            assert browser.value("document.querySelectorAll('g.gauge').length") == N_GAUGES
             # One for each coefficient, in pieces where a busy machine left gaps.
             browser.wait(
                 "document.querySelectorAll('polygon.band').length", lambda found: found and found % 5 == 0
             )
             running.join()
-            browser.wait("document.getElementById('link').textContent", lambda found: found == "bridge silent")
-            assert browser.value("document.getElementById('quality').textContent") == "SILENT"
+            browser.wait("document.getElementById('quality').textContent", lambda found: found == "GONE")
+            assert "bridge silent" in browser.value("document.getElementById('link').textContent")
+            assert "BRIDGE GONE" in browser.value("document.getElementById('alarm').textContent")
         assert len(counted) == 2
         browser.screenshot(tmp_path / "page.png")
         assert (tmp_path / "page.png").stat().st_size > 10_000

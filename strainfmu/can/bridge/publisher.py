@@ -1,94 +1,39 @@
-"""Results as UDP datagrams of JSON, for displays; those that cannot be sent at once are dropped and counted."""
+"""Results as UDP datagrams of JSON, for displays; those that cannot be sent at once are dropped and counted.
+
+A thread of its own makes and sends them, so that the bridge's cycle only hands over a reference.
+"""
 
 from __future__ import annotations
 
 import json
-import re
 import socket
+import threading
 import time
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from math import isfinite
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
+from strainfmu.can.bridge.page_message import (
+    EstimatorFacts,
+    GaugePosition,
+    layout_message,
+    result_message,
+)
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 LAYOUT_PERIOD = 1.0
 """Period of the datagrams with the positions of the gauges [s]: the longest wait of a new display."""
 
-_LIMIT = re.compile(r"OUTSIDE above (\S+)")
-_PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) deg)?")
+WAITING = 64
+"""Maximum number of results that wait for the thread; further ones are dropped and counted."""
 
-
-@dataclass(frozen=True)
-class GaugePosition:
-    """Position of a gauge: ``x`` [m] aft of the nose tip, ``roll_angle`` [deg]; None where it is not known."""
-
-    name: str
-    x: float | None = None
-    roll_angle: float | None = None
-
-
-def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
-    """Return the positions of the gauges of an estimator FMU, from the descriptions of its inputs.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing, damaged, or no estimator.
-    """
-    from strainfmu.cosim.fmu_step import gauge_names_of
-    from strainfmu.cosim.instance import read_description
-
-    found = {}
-    for variable in read_description(fmu).modelVariables:
-        match = _PLACE.match(variable.description or "")
-        if match:
-            angle = None if match[3] is None else float(match[3])
-            found[match[1]] = GaugePosition(match[1], float(match[2]), angle)
-    return tuple(found.get(name, GaugePosition(name)) for name in gauge_names_of(fmu))
-
-
-def envelope_score_limit(fmu: Path) -> float | None:
-    """Return the envelope score above which an estimator FMU says OUTSIDE, None if it states none.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing or damaged.
-    """
-    from strainfmu.cosim.instance import read_description
-
-    for variable in read_description(fmu).modelVariables:
-        match = _LIMIT.search(variable.description or "")
-        if variable.name == ENVELOPE_SCORE and match:
-            return _finite(float(match[1]))
-    return None
-
-
-def health_text(result: CycleResult, score_limit: float | None) -> str | None:
-    """Return what is outside in a result of health OUTSIDE, None of others.
-
-    The state alone does not tell. A score above its limit shows that the coefficients are outside; below it, it is
-    the flow.
-    """
-    if result.health != HealthState.OUTSIDE:
-        return None
-    if score_limit is None or not isfinite(result.envelope_score):
-        return "outside what the map covers"
-    if result.envelope_score > score_limit:
-        return "the coefficients are outside what the map covers"
-    if isfinite(result.mach_number) or isfinite(result.altitude):
-        return "dynamic pressure, Mach number or altitude is outside the map's range, or they do not agree"
-    return "the dynamic pressure is outside the map's range"
+_ATTEMPTS, _FRAME_TIME = 5, 1e-4
+_PATIENCE = 2.0
 
 
 def parsed_address(text: str, option: str) -> tuple[str, int]:
@@ -105,6 +50,23 @@ def parsed_address(text: str, option: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
+@dataclass(frozen=True, kw_only=True)
+class BridgeReports:
+    """Functions that return what a bridge does at this moment; the publisher's thread calls them.
+
+    Attributes
+    ----------
+    account, bus_state : frames so far, state of the bus controller.
+    bus : name of the bus, its last fault, how often it was reopened.
+    recording : file, frames, lost frames and failure of the recording; None without one.
+    """
+
+    account: Callable[[], FrameAccount]
+    bus_state: Callable[[], BusState]
+    bus: Callable[[], dict[str, Any]] = dict
+    recording: Callable[[], dict[str, Any] | None] = lambda: None
+
+
 class Publisher:
     """Sends every result, or at most ``rate`` per second; a change of quality is sent at once.
 
@@ -112,8 +74,8 @@ class Publisher:
     ----------
     address : host and port.
     gauges : n_d positions, order of the strains.
-    account, bus_state : return the present account and state.
-    score_limit : envelope score above which the estimator says OUTSIDE, None if it is not known.
+    reports : of the bridge.
+    facts : of the estimator.
 
     Raises
     ------
@@ -125,10 +87,10 @@ class Publisher:
         self,
         address: tuple[str, int],
         gauges: Sequence[GaugePosition],
+        *,
         rate: float,
-        account: Callable[[], FrameAccount],
-        bus_state: Callable[[], BusState],
-        score_limit: float | None = None,
+        reports: BridgeReports,
+        facts: EstimatorFacts | None = None,
     ) -> None:
         try:
             family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
@@ -138,51 +100,67 @@ class Publisher:
         self._socket.setblocking(False)
         self._target = target
         self._gauges, self._period = tuple(gauges), 1.0 / rate
-        self._account, self._bus_state = account, bus_state
-        self._score_limit = score_limit
+        self._reports, self._facts = reports, facts or EstimatorFacts()
+        self._start = time.monotonic()
         self._next = self._next_layout = float("-inf")
         self._quality: Quality | None = None
-        self.sent = self.dropped = 0
+        self._since = Cause.NONE
+        self._counts: Counter[Quality] = Counter()
+        self.sent = self.dropped = self._sequence = 0
+        self._waiting: deque[tuple[CycleResult, Cause, float]] = deque()
+        self._wake, self._stop = threading.Event(), False
+        self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
+        self._thread.start()
 
     def result(self, result: CycleResult) -> None:
-        """Send a result, unless one was sent just before."""
+        """Hand over a result to be sent, unless one was just before; never waits."""
         now = time.monotonic()
-        if now < self._next and result.quality is self._quality:
+        quality = result.quality
+        self._since |= result.causes
+        self._counts[quality] += 1
+        if now < self._next and quality is self._quality:
             return
-        self._quality, self._next = result.quality, now + self._period
-        if now >= self._next_layout:
-            self._next_layout = now + LAYOUT_PERIOD
-            self._send({"layout": {"gauges": [asdict(gauge) for gauge in self._gauges]}})
-        self._send(self._of_result(result))
+        self._quality, self._next = quality, now + self._period
+        if len(self._waiting) >= WAITING or self._stop:
+            self.dropped += 1
+            return
+        self._waiting.append((result, self._since, time.time()))
+        self._since = Cause.NONE
+        self._wake.set()
 
     def close(self) -> None:
-        """Close the socket."""
+        """Send what waits, end the thread and close the socket."""
+        self._stop = True
+        self._wake.set()
+        self._thread.join(_PATIENCE)
         self._socket.close()
 
-    def _of_result(self, result: CycleResult) -> dict[str, Any]:
-        account = self._account()
-        micro = [None if not isfinite(value) else round(1e6 * value, 3) for value in result.strain.tolist()]
+    def _run(self) -> None:
+        while not self._stop or self._waiting:
+            self._wake.wait()
+            self._wake.clear()
+            while self._waiting:
+                result, since, timestamp = self._waiting.popleft()
+                now = time.monotonic()
+                if now >= self._next_layout:
+                    self._next_layout = now + LAYOUT_PERIOD
+                    self._send(layout_message(self._gauges, self._facts))
+                self._send(self._message(result, since, timestamp))
+
+    def _message(self, result: CycleResult, since: Cause, timestamp: float) -> dict[str, Any]:
+        """Return the message of one result with the state of the bridge."""
+        account = _settled(self._reports.account)
+        self._sequence += 1
         return {
-            "timestamp": time.time(),
-            "quality": int(result.quality),
-            "quality_name": result.quality.name,
-            "causes": [cause.name for cause in result.causes],
-            "coefficients": _named(result.coefficients.tolist()),
-            "sigma": _named(result.coefficients_std.tolist()),
-            "strain_um_per_m": dict(zip((g.name for g in self._gauges), micro, strict=True)),
-            "dynamic_pressure_Pa": _finite(result.dynamic_pressure),
-            "mach_number": _finite(result.mach_number),
-            "altitude_m": _finite(result.altitude),
-            "age_ms": _finite(1e3 * result.age),
-            "age_uncertainty_ms": _finite(1e3 * result.age_uncertainty),
-            "health": result.health,
-            "health_name": None if result.health is None else health_name(result.health),
-            "health_text": health_text(result, self._score_limit),
-            "chi_square": _finite(result.chi_square),
-            "envelope_score": _finite(result.envelope_score),
-            "envelope_score_limit": self._score_limit,
-            "bus_state": self._bus_state().name,
+            "timestamp": timestamp,
+            "sequence": self._sequence,
+            "uptime_s": round(time.monotonic() - self._start, 3),
+            **result_message(result, self._gauges, self._facts.score_limit, since),
+            "bus_state": self._reports.bus_state().name,
+            "bus": self._reports.bus(),
+            "recording": self._reports.recording(),
             "account": {**dict(account.rows()), "not accounted for": account.unaccounted},
+            "results": {quality.name: count for quality, count in sorted(self._counts.copy().items())},
             "datagrams": {"sent": self.sent, "dropped": self.dropped},
         }
 
@@ -195,10 +173,14 @@ class Publisher:
         self.sent += 1
 
 
-def _named(values: Sequence[float]) -> dict[str, float | None]:
-    return {name: _finite(value) for name, value in zip(COEFFICIENT_NAMES, values, strict=True)}
-
-
-def _finite(value: float) -> float | None:
-    """Return the number, None where JSON has none for it."""
-    return value if isfinite(value) else None
+def _settled(take: Callable[[], FrameAccount]) -> FrameAccount:
+    """Return the account, read again if the bridge's threads were in the middle of a frame."""
+    for _ in range(_ATTEMPTS):
+        try:
+            account = take()
+        except RuntimeError:  # a table of it grew meanwhile
+            continue
+        if account.unaccounted == 0:
+            return account
+        time.sleep(_FRAME_TIME)
+    return take()

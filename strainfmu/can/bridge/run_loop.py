@@ -311,6 +311,16 @@ class Bridge:
         return self._core.unanswered
 
     @property
+    def last_fault(self) -> str:
+        """Last failure of the bus, "" if there was none."""
+        return self._last_fault
+
+    @property
+    def reconnects(self) -> int:
+        """How often the bus was reopened."""
+        return self._back_off.reconnects
+
+    @property
     def bus_state(self) -> BusState:
         """State of the bus controller."""
         return self._core.bus_state

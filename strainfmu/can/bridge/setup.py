@@ -65,12 +65,14 @@ class Taps:
     ----------
     on_received, on_sent : called with every frame and its time, in the order of their times.
     on_result : called with every result after it was sent.
+    outputs : further outputs of the estimator that results hold, as far as it has them.
     """
 
     clock: Clock = monotonic
     on_received: Callable[[Frame], None] | None = None
     on_sent: Callable[[Frame], None] | None = None
     on_result: Callable[[CycleResult], None] | None = None
+    outputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +107,7 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     taps = taps or Taps()
     bus = bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
-    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step, ExitStack() as stack:
+    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE, *taps.outputs)) as step, ExitStack() as stack:
         start = taps.clock()
         core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)
         keeper = _freshness_keeper(core, options)

@@ -10,6 +10,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.assembler import Arrival, Cycle
 from strainfmu.can.cycle.decoder import DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.held_flow import FlowState
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
@@ -129,13 +130,28 @@ class CycleJudge:
             causes |= Cause.GAUGE_INVALID
         refused = trailer.refused or (FrameClass.TOO_OLD if of_time & _UNUSABLE else None)
         classes: FrameClass | list[FrameClass] = FrameClass.USED
-        valid = plausible
+        valid, verdicts = plausible, None
         if refused or not (all_trusted and all_plausible):
             valid = np.zeros_like(plausible) if refused else plausible & trusted
             classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
-        return self._answer(
-            cycle, now, causes=causes, valid=valid, decoded=decoded, age=(age, uncertainty)
-        ), classes
+            verdicts = GaugeVerdicts(
+                present=decoded.present,
+                trusted=trusted,
+                refused=decoded.refused,
+                plausible=plausible,
+                faults=self._gauges.faults,
+                cycle="" if refused is None else refused.value,
+            )
+        answer = self._answer(
+            cycle,
+            now,
+            causes=causes,
+            valid=valid,
+            decoded=decoded,
+            age=(age, uncertainty),
+            verdicts=verdicts,
+        )
+        return answer, classes
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""
@@ -208,10 +224,12 @@ class CycleJudge:
         self,
         cycle: Cycle,
         now: float,
+        *,
         causes: Cause,
         valid: BoolArray,
         decoded: DecodedCycle,
         age: tuple[float, float],
+        verdicts: GaugeVerdicts | None,
     ) -> CycleResult:
         """Return the result of a judged cycle; ``age`` and its uncertainty in s."""
         flow = self._flow.state(now)
@@ -249,6 +267,8 @@ class CycleJudge:
             health=None if step is None else step.health,
             envelope_score=np.nan if step is None else step.further.get(ENVELOPE_SCORE, np.nan),
             arrival=max([arrival.frame.time for arrival in cycle.arrivals.values()]),
+            verdicts=verdicts,
+            further={} if step is None else step.further,
         )
 
     def _estimate(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.can.cycle.gauge_verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.settings import BridgeSettings
 
 _ROUND_OFF = 1e-15
@@ -42,6 +43,8 @@ class GaugeChecks:
         # The longest time without a change of any gauge, when and how many cycles ago it was found.
         self._longest_found, self._found_at, self._cycles_since = np.inf, 0.0, 0
         self._changed_at = np.nan
+        self.faults: dict[str, BoolArray] = {}
+        """Gauges (n_d,) that failed each check of the last cycle, by its words."""
 
     def update(
         self,
@@ -112,10 +115,14 @@ class GaugeChecks:
         """Apply every check to a cycle; parameters and result as of :meth:`update`."""
         finite = np.isfinite(strain)
         bad = refused | ~finite
-        bad |= self._out_of_range(strain)
-        bad |= self._jumping(strain)
-        bad |= self._stuck(raw, present, now)
-        bad |= self._dropped_to_zero(strain, raw, present)
+        self.faults = {
+            OUT_OF_RANGE: self._out_of_range(strain),
+            JUMPS: self._jumping(strain),
+            FROZEN: self._stuck(raw, present, now),
+            ZERO: self._dropped_to_zero(strain, raw, present),
+        }
+        for failed in self.faults.values():
+            bad |= failed
         good = present & ~bad
         self._good += good
         self._good[present & bad] = 0

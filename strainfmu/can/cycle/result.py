@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
@@ -37,6 +39,8 @@ class CycleResult:
     coefficients, coefficients_std, chi_square, health : the estimate; NaN and None without one.
     envelope_score : standard deviations by which the coefficients leave what the map covers [1]; NaN if not known.
     arrival : of the last frame of the cycle [s], None of a status without frames.
+    verdicts : what was found of each gauge; None if all are used, and of a status without frames.
+    further : other outputs of the estimator that were asked for, by name; none without an estimate.
     """
 
     time: float
@@ -57,6 +61,8 @@ class CycleResult:
     health: int | None = None
     envelope_score: float = np.nan
     arrival: float | None = None
+    verdicts: GaugeVerdicts | None = None
+    further: Mapping[str, float] = field(default_factory=dict)
 
 
 def published(result: CycleResult, now: float, max_age: float) -> CycleResult:

@@ -6,8 +6,11 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from strainfmu.can.bridge.publisher import Publisher, envelope_score_limit, gauge_positions, parsed_address
+from strainfmu.can.bridge.page_message import PAGE_OUTPUTS, estimator_facts, gauge_positions
+from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_address
+from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.clock import monotonic
@@ -80,6 +83,7 @@ def observed_bridge(
             on_received=None if recorder is None else recorder.received,
             on_sent=None if recorder is None else recorder.sent,
             on_result=on_result,
+            outputs=() if address is None else PAGE_OUTPUTS,
         )
         ready = stack.enter_context(make_bridge(fmu, options, taps))
         if recorder is not None:
@@ -91,10 +95,31 @@ def observed_bridge(
                 address,
                 positions,
                 rate=publish_rate,
-                account=bridge.account,
-                bus_state=lambda: bridge.bus_state,
-                score_limit=envelope_score_limit(fmu),
+                reports=BridgeReports(
+                    account=bridge.account,
+                    bus_state=lambda: bridge.bus_state,
+                    bus=lambda: _bus_report(bridge, f"{options.interface}:{options.channel}"),
+                    recording=lambda: _recording_report(recorder),
+                ),
+                facts=estimator_facts(fmu),
             )
             watchers.append(publisher.result)
             stack.callback(publisher.close)
         yield ObservedBridge(ready, recorder, publisher)
+
+
+def _bus_report(bridge: Bridge, name: str) -> dict[str, Any]:
+    """Return what a display shows of the bus besides its state."""
+    return {"name": name, "last_fault": bridge.last_fault, "reconnects": bridge.reconnects}
+
+
+def _recording_report(recorder: Recorder | None) -> dict[str, Any] | None:
+    """Return what a display shows of the recording, None without one."""
+    if recorder is None:
+        return None
+    return {
+        "file": recorder.path.name,
+        "frames": recorder.recorded,
+        "lost": recorder.lost,
+        "failure": recorder.failure,
+    }

@@ -1,0 +1,219 @@
+"""The messages to displays: one result as a JSON object of flat, named numbers, and the layout of the gauges.
+
+Names end in their unit where they have one; strains, coefficients and loads are objects by name. None where there
+is no value.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+from strainfmu.can.cycle.gauge_verdicts import gauge_reasons
+from strainfmu.can.cycle.quality import Cause
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.fmu.package import CONTENTS
+from strainfmu.interface.estimator_variables import LOADS
+
+CHI_SQUARE_LIMIT, GAUGES_USED = "health.chi_square_limit", "health.valid_gauges"
+SUSPECT_GAUGE, SUSPECTS = "health.suspect_gauge", "health.suspects"
+PAGE_OUTPUTS = (
+    *LOADS,
+    *(f"sigma.{name}" for name in LOADS),
+    CHI_SQUARE_LIMIT,
+    GAUGES_USED,
+    SUSPECT_GAUGE,
+    SUSPECTS,
+)
+"""Outputs of the estimator that a display shows besides those that every result holds."""
+
+_LIMIT = re.compile(r"OUTSIDE above (\S+)")
+_PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) deg)?")
+_RANGE = re.compile(r"(\S+)(?: to (\S+))?(?: (\S+))?")
+
+
+@dataclass(frozen=True)
+class GaugePosition:
+    """Position of a gauge: ``x`` [m] aft of the nose tip, ``roll_angle`` [deg]; None where it is not known."""
+
+    name: str
+    x: float | None = None
+    roll_angle: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorFacts:
+    """What a display shows of an estimator that does not change.
+
+    Attributes
+    ----------
+    vehicle : its name, "" if it is not known.
+    score_limit : envelope score above which it says OUTSIDE [1], None if it states none.
+    ranges : smallest and largest coefficient that the snapshots of its map cover [1], by name.
+    validity : flight conditions that they cover, as texts with their units, by quantity.
+    """
+
+    vehicle: str = ""
+    score_limit: float | None = None
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    validity: Mapping[str, str] = field(default_factory=dict)
+
+
+def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
+    """Return the positions of the gauges of an estimator FMU, from the descriptions of its inputs.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing, damaged, or no estimator.
+    """
+    from strainfmu.cosim.fmu_step import gauge_names_of
+    from strainfmu.cosim.instance import read_description
+
+    found = {}
+    for variable in read_description(fmu).modelVariables:
+        match = _PLACE.match(variable.description or "")
+        if match:
+            angle = None if match[3] is None else float(match[3])
+            found[match[1]] = GaugePosition(match[1], float(match[2]), angle)
+    return tuple(found.get(name, GaugePosition(name)) for name in gauge_names_of(fmu))
+
+
+def estimator_facts(fmu: Path) -> EstimatorFacts:
+    """Return what the estimator at ``fmu`` states of itself; another program's FMU may state nothing.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged.
+    """
+    try:
+        with ZipFile(fmu) as archive:
+            contents = json.loads(archive.read(CONTENTS))
+        vehicle, stated = str(contents.get("vehicle", "")), dict(contents.get("validity", {}))
+    except (OSError, BadZipFile, KeyError, ValueError, TypeError, AttributeError):
+        vehicle, stated = "", {}
+    validity = {str(name): str(text) for name, text in stated.items()}
+    ranges = {name: found for name in COEFFICIENT_NAMES if (found := _range(validity.pop(name, "")))}
+    return EstimatorFacts(vehicle=vehicle, score_limit=envelope_score_limit(fmu), ranges=ranges, validity=validity)
+
+
+def envelope_score_limit(fmu: Path) -> float | None:
+    """Return the envelope score above which an estimator FMU says OUTSIDE, None if it states none.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged.
+    """
+    from strainfmu.cosim.instance import read_description
+
+    for variable in read_description(fmu).modelVariables:
+        match = _LIMIT.search(variable.description or "")
+        if variable.name == ENVELOPE_SCORE and match:
+            return finite(float(match[1]))
+    return None
+
+
+def health_text(result: CycleResult, score_limit: float | None) -> str | None:
+    """Return what is outside in a result of health OUTSIDE, None of others.
+
+    The state alone does not tell. A score above its limit shows that the coefficients are outside; below it, it is
+    the flow.
+    """
+    if result.health != HealthState.OUTSIDE:
+        return None
+    if score_limit is None or not isfinite(result.envelope_score):
+        return "outside what the map covers"
+    if result.envelope_score > score_limit:
+        return "the coefficients are outside what the map covers"
+    if isfinite(result.mach_number) or isfinite(result.altitude):
+        return "dynamic pressure, Mach number or altitude is outside the map's range, or they do not agree"
+    return "the dynamic pressure is outside the map's range"
+
+
+def layout_message(gauges: Sequence[GaugePosition], facts: EstimatorFacts) -> dict[str, Any]:
+    """Return the message with what does not change during a run."""
+    return {
+        "layout": {
+            "gauges": [asdict(gauge) for gauge in gauges],
+            "vehicle": facts.vehicle,
+            "coefficient_range": {name: list(found) for name, found in facts.ranges.items()},
+            "validity": dict(facts.validity),
+        }
+    }
+
+
+def result_message(
+    result: CycleResult, gauges: Sequence[GaugePosition], score_limit: float | None, since: Cause
+) -> dict[str, Any]:
+    """Return the message of one result.
+
+    Parameters
+    ----------
+    gauges : n_d positions, order of the strains.
+    score_limit : envelope score above which the estimator says OUTSIDE, None if it is not known.
+    since : causes of the results since the message before, of this one too.
+    """
+    further = result.further
+    names = [gauge.name for gauge in gauges]
+    micro = [None if not isfinite(value) else round(1e6 * value, 3) for value in result.strain.tolist()]
+    reasons = gauge_reasons(result.verdicts, result.valid)
+    has_numbers = result.quality.has_coefficients
+    loads = {name: finite(further.get(name)) if has_numbers else None for name in LOADS}
+    loads_sigma = {name: finite(further.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
+    first, number = int(further.get(SUSPECT_GAUGE, 0)), int(further.get(SUSPECTS, 0))
+    return {
+        "quality": int(result.quality),
+        "quality_name": result.quality.name,
+        "causes": [cause.name for cause in result.causes],
+        "causes_since": [cause.name for cause in since],
+        "coefficients": _named(result.coefficients.tolist()),
+        "sigma": _named(result.coefficients_std.tolist()),
+        "loads": loads,
+        "loads_sigma": loads_sigma,
+        "strain_um_per_m": dict(zip(names, micro, strict=True)),
+        "not_used": {name: reason for name, reason in zip(names, reasons, strict=True) if reason},
+        "gauges_used": int(further.get(GAUGES_USED, result.valid.sum())),
+        "suspect_gauge": names[first - 1] if 0 < first <= len(names) else None,
+        "suspects": number,
+        "dynamic_pressure_Pa": finite(result.dynamic_pressure),
+        "mach_number": finite(result.mach_number),
+        "altitude_m": finite(result.altitude),
+        "age_ms": finite(1e3 * result.age),
+        "age_uncertainty_ms": finite(1e3 * result.age_uncertainty),
+        "health": result.health,
+        "health_name": None if result.health is None else health_name(result.health),
+        "health_text": health_text(result, score_limit),
+        "chi_square": finite(result.chi_square),
+        "chi_square_limit": finite(further.get(CHI_SQUARE_LIMIT)),
+        "envelope_score": finite(result.envelope_score),
+        "envelope_score_limit": score_limit,
+    }
+
+
+def finite(value: float | None) -> float | None:
+    """Return the number, None where JSON has none for it."""
+    return value if value is not None and isfinite(value) else None
+
+
+def _named(values: Sequence[float]) -> dict[str, float | None]:
+    return {name: finite(value) for name, value in zip(COEFFICIENT_NAMES, values, strict=True)}
+
+
+def _range(text: str) -> tuple[float, float] | None:
+    """Return smallest and largest of "low to high", None if it is something else."""
+    match = _RANGE.fullmatch(text)
+    try:
+        return None if match is None else (float(match[1]), float(match[2] or match[1]))
+    except ValueError:
+        return None

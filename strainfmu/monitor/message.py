@@ -1,0 +1,166 @@
+"""The check of a bridge's datagrams: what comes in is of known form and type before any page receives it.
+
+A page must not receive what it cannot parse: a number that JSON does not have, or a structure without end.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from math import isfinite
+from typing import Any, NoReturn
+
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.interface.estimator_variables import LOADS
+
+LARGEST_DATAGRAM = 1 << 16
+
+UNITS = {
+    "timestamp": "s since 1970",
+    "sequence": "1",
+    "uptime_s": "s",
+    "quality": "code",
+    "coefficients": "1",
+    "sigma": "1",
+    "loads": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
+    "loads_sigma": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
+    "strain_um_per_m": "um/m",
+    "gauges_used": "gauges",
+    "suspects": "gauges",
+    "dynamic_pressure_Pa": "Pa",
+    "mach_number": "1",
+    "altitude_m": "m",
+    "age_ms": "ms",
+    "age_uncertainty_ms": "ms",
+    "health": "code",
+    "chi_square": "1",
+    "chi_square_limit": "1",
+    "envelope_score": "standard deviations",
+    "envelope_score_limit": "standard deviations",
+    "account": "frames",
+    "results": "results",
+    "bus": {"reconnects": "times"},
+    "recording": {"frames": "frames", "lost": "frames"},
+}
+"""Unit of every number of a result, by its key; a code is a number whose name stands beside it."""
+
+_NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
+_TEXTS = ("quality_name", "health_name", "bus_state")
+_FURTHER_NUMBERS = (
+    *("sequence", "uptime_s", "mach_number", "altitude_m", "envelope_score", "envelope_score_limit"),
+    *("chi_square_limit", "gauges_used", "suspects", "age_uncertainty_ms"),
+)
+_FURTHER_TEXTS = ("health_text", "suspect_gauge")
+"""Keys that a bridge of an earlier version does not send."""
+
+
+def parsed(datagram: bytes) -> dict[str, Any]:
+    """Return the object of a datagram: {"layout": ...} or a result, flat and of known types.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError
+        It is none of a bridge's.
+    """
+    content = json.loads(datagram[:LARGEST_DATAGRAM], parse_constant=_refused)
+    return {"layout": _layout(content["layout"])} if "layout" in content else _result(content)
+
+
+def _result(content: dict[str, Any]) -> dict[str, Any]:
+    """Return the contents of a result for the page."""
+    timestamp = _number(content["timestamp"])
+    if timestamp is None:
+        raise ValueError("a result without a time")
+    strains = _numbers(content["strain_um_per_m"], content["strain_um_per_m"])
+    return {
+        "timestamp": timestamp,
+        **{name: _number(content[name]) for name in _NUMBERS},
+        **{name: _text(content[name]) for name in _TEXTS},
+        **{name: _number(content.get(name)) for name in _FURTHER_NUMBERS},
+        **{name: _text(content.get(name)) for name in _FURTHER_TEXTS},
+        "causes": [_text(cause) for cause in content["causes"]],
+        "causes_since": [_text(cause) for cause in content.get("causes_since", [])],
+        "coefficients": _numbers(content["coefficients"], COEFFICIENT_NAMES),
+        "sigma": _numbers(content["sigma"], COEFFICIENT_NAMES),
+        "loads": _numbers(content.get("loads") or {}, LOADS),
+        "loads_sigma": _numbers(content.get("loads_sigma") or {}, LOADS),
+        "strain_um_per_m": strains,
+        "not_used": _not_used(content.get("not_used"), strains),
+        "account": _numbers(content["account"], content["account"]),
+        "results": _numbers(content.get("results") or {}, content.get("results") or {}),
+        "bus": _bus(content.get("bus") or {}),
+        "recording": _recording(content.get("recording")),
+    }
+
+
+def _not_used(stated: dict[str, Any] | None, strains: dict[str, float | None]) -> dict[str, str]:
+    """Return why gauges are not used; an earlier bridge states none, and leaves their strains out."""
+    if stated is None:
+        return {name: "not used" for name, strain in strains.items() if strain is None}
+    return {name: str(_text(reason) or "not used") for name, reason in stated.items() if name in strains}
+
+
+def _bus(content: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": _text(content.get("name")),
+        "last_fault": _text(content.get("last_fault")),
+        "reconnects": _number(content.get("reconnects")),
+    }
+
+
+def _recording(content: dict[str, Any] | None) -> dict[str, Any] | None:
+    if content is None:
+        return None
+    return {
+        "file": _text(content["file"]),
+        "frames": _number(content["frames"]),
+        "lost": _number(content["lost"]),
+        "failure": _text(content["failure"]),
+    }
+
+
+def _layout(content: dict[str, Any]) -> dict[str, Any]:
+    """Return gauges and limits of an estimator."""
+    ranges = content.get("coefficient_range") or {}
+    return {
+        "gauges": [_gauge(gauge) for gauge in content["gauges"]],
+        "vehicle": _text(content.get("vehicle")),
+        "coefficient_range": {
+            name: [_number(ranges[name][0]), _number(ranges[name][1])]
+            for name in COEFFICIENT_NAMES
+            if name in ranges
+        },
+        "validity": {str(name): _text(text) for name, text in (content.get("validity") or {}).items()},
+    }
+
+
+def _gauge(content: dict[str, Any]) -> dict[str, Any]:
+    """Return name and position of a gauge; raise if it is none."""
+    return {
+        "name": str(content["name"]),
+        "x": _number(content["x"]),
+        "roll_angle": _number(content["roll_angle"]),
+    }
+
+
+def _numbers(content: dict[str, Any], names: Iterable[str]) -> dict[str, float | None]:
+    return {name: _number(content.get(name)) for name in names}
+
+
+def _number(value: Any) -> float | None:
+    """Return a finite number or None; refuse anything else."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise ValueError(f"expected a finite number, got {type(value).__name__}")
+    return value
+
+
+def _text(value: Any) -> str | None:
+    if value is not None and not isinstance(value, str):
+        raise TypeError(f"expected a text, got {type(value).__name__}")
+    return value
+
+
+def _refused(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is no JSON")

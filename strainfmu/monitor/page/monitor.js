@@ -1,0 +1,174 @@
+// The page of the monitor: takes the stream, keeps the last minute, and writes head, events and frame account.
+import { drawGauges } from "./gauges.js";
+import { drawHistories, makeCharts, SYMBOLS } from "./histories.js";
+import { byId, clock, duration, element, known, number, text } from "./texts.js";
+
+const NO_NEWS = 3000; // ms without an event of the stream, which sends one a second at least
+const DRAW_EVERY = 200; // ms
+let content = null;
+let constant = { words: { quality: {}, cause: {}, bus: {}, health: {} }, history_s: 60 };
+let points = [];
+let events = [];
+let heard = 0;
+let waiting = false;
+let drawn = 0;
+
+/** Whether what is shown is current: live, waiting (nothing yet), gone (no bridge) or unreachable (no monitor). */
+function link() {
+  if (heard && performance.now() - heard > NO_NEWS) return "unreachable";
+  if (content === null || content.latest === null) return "waiting";
+  return content.silent ? "gone" : "live";
+}
+
+/** What an operator must know of a bus that carries nothing. */
+function busAlarm(latest) {
+  if (latest === null || !["BUS_OFF", "DISCONNECTED"].includes(latest.bus_state)) return "";
+  const fault = latest.bus.last_fault || "", isOff = latest.bus_state === "BUS_OFF" || fault === "bus off";
+  const what = isOff ? "BUS OFF: the controller has left the bus" : `BUS DISCONNECTED: ${fault || "no frames"}`;
+  return `${what}. The bridge opens it again, ${latest.bus.reconnects ?? 0} times so far.`;
+}
+
+function writeLink(state) {
+  const latest = content === null ? null : content.latest, alarm = byId("alarm");
+  document.body.dataset.link = state;
+  const isOld = state === "gone" || (state === "unreachable" && latest !== null);
+  document.body.classList.toggle("old", isOld);
+  const at = latest === null ? "" : ` Everything below is old: of ${clock(latest.timestamp, 0)}.`;
+  const since = performance.now() - heard;
+  const words = {
+    live: busAlarm(latest), waiting: "",
+    gone: `BRIDGE GONE: nothing received for ${content && duration(content.silent_for_s + Math.max(0, since - 500) / 1e3)}.${at}`,
+    unreachable: `MONITOR NOT REACHABLE for ${duration(since / 1e3)}: this page is not connected.${at}`,
+  }[state];
+  alarm.hidden = !words;
+  text("alarm", words);
+  const received = content === null ? "" : `${content.datagrams} datagrams`;
+  text("link", {
+    live: latest ? `live, ${clock(latest.timestamp, 1)} · ${received}` : "",
+    waiting: "no datagram yet", gone: `bridge silent · ${received}`, unreachable: "monitor not reachable, trying again",
+  }[state]);
+}
+
+function writeVerdict(latest, isOld) {
+  const name = latest.quality_name, badge = document.querySelector(".badge");
+  text("quality", isOld ? "GONE" : name);
+  text("symbol", isOld ? "✕" : SYMBOLS[name] || "");
+  badge.className = `badge q q${latest.quality}`;
+  text("quality_text", isOld ? `last quality ${name}` : constant.words.quality[name] || "");
+  const words = latest.causes.map((cause) => `${cause}: ${constant.words.cause[cause] || "unknown cause"}`);
+  if (byId("causes").dataset.shown === words.join()) return;
+  byId("causes").dataset.shown = words.join();
+  byId("causes").replaceChildren(...words.map((word) => element("li", word)));
+}
+
+function tile(id, value, isBad, further = "") {
+  text(id, value);
+  byId(id).closest("div").classList.toggle("bad", Boolean(isBad));
+  if (further !== null) text(further.id, further.text);
+}
+
+function writeTiles(layout, latest) {
+  const limit = latest.envelope_score_limit, score = latest.envelope_score, valid = layout.validity;
+  const total = Object.keys(latest.strain_um_per_m).length;
+  const used = latest.gauges_used ?? total - Object.keys(latest.not_used).length;
+  const health = latest.health_text || constant.words.health[latest.health_name] || "";
+  tile("health", latest.health_name || "-", latest.health_name && latest.health_name !== "OK", { id: "health_text", text: health });
+  const suspect = latest.suspect_gauge ? `suspect: ${latest.suspect_gauge}` : latest.health_name ? "none suspect" : "";
+  tile("used", `${used} of ${total}`, used < total || latest.suspect_gauge, { id: "suspect", text: suspect });
+  const chiLimit = latest.chi_square_limit, chi = latest.chi_square;
+  tile("chi", number(chi, 1) + (chiLimit === null ? "" : `, limit ${chiLimit.toFixed(1)}`), chi !== null && chiLimit !== null && chi > chiLimit, null);
+  tile("envelope", known(score, 1) + (limit === null ? "" : `, limit ${limit.toFixed(1)}`), score !== null && limit !== null && score > limit, null);
+  const of = (quantity) => (valid[quantity] ? `map: ${valid[quantity]}` : "");
+  const pressure = latest.dynamic_pressure_Pa;
+  tile("pressure", pressure === null ? "-" : number(pressure / 1e3, 2, " kPa"), pressure === null, { id: "pressure_range", text: of("dynamic pressure") });
+  tile("mach", known(latest.mach_number, 3), false, { id: "mach_range", text: of("Mach number") });
+  const altitude = latest.altitude_m === null ? null : latest.altitude_m / 1e3;
+  tile("altitude", known(altitude, 2, " km"), false, { id: "altitude_range", text: of("altitude") });
+  const doubt = latest.age_uncertainty_ms;
+  tile("age", number(latest.age_ms, 1, " ms"), latest.causes.includes("OLD") || latest.causes.includes("HIDDEN_DELAY"), {
+    id: "age_text", text: doubt === null ? "" : `up to ${doubt.toFixed(1)} ms more may hide`,
+  });
+  const { bus, recording } = latest, isBusBad = latest.bus_state !== "ERROR_ACTIVE";
+  const fault = bus.last_fault ? `last fault ${bus.last_fault}, reopened ${bus.reconnects ?? 0} times` : "";
+  const busWords = isBusBad && constant.words.bus[latest.bus_state] !== bus.last_fault ? constant.words.bus[latest.bus_state] || "" : "";
+  tile("bus", latest.bus_state, isBusBad, { id: "bus_text", text: [bus.name, busWords, fault].filter(Boolean).join(" · ") });
+  const state = recording === null ? "off" : recording.failure ? "ENDED EARLY" : "on";
+  const written = recording === null ? "" : `${recording.file}, ${recording.frames} frames, ${recording.lost} lost`;
+  tile("recording", state, recording !== null && (recording.failure || recording.lost > 0), {
+    id: "recording_text", text: recording !== null && recording.failure ? `${recording.failure} · ${written}` : written,
+  });
+}
+
+function writeAccount(latest) {
+  const rows = Object.entries(latest.account).map(([name, count]) => {
+    const row = element("div");
+    row.append(element("dt", name), element("dd", String(count)));
+    row.classList.toggle("bad", name === "not accounted for" && count !== 0);
+    return row;
+  });
+  byId("account").replaceChildren(...rows);
+  const missing = latest.account["not accounted for"];
+  text("account_sum", missing === 0 ? "every frame in one class" : `${missing} frames not accounted for`);
+}
+
+function writeEvents() {
+  const rows = [...events].reverse().map((event) => {
+    const row = element("tr", "", { class: event.level });
+    const often = event.count > 1 ? ` (${event.count} times, last ${clock(event.last, 0)})` : "";
+    row.append(element("td", clock(event.first), { class: "time" }), element("td", (event.level === "alarm" ? "! " : "") + event.what + often), element("td", event.why));
+    return row;
+  });
+  byId("event_rows").replaceChildren(...rows);
+  text("event_count", `${events.length}, newest first`);
+}
+
+function choices() {
+  const value = (name) => document.querySelector(`input[name=${name}]:checked`).value;
+  return { view: value("view"), span: Number(value("span")) };
+}
+
+function draw() {
+  waiting = false;
+  drawn = performance.now();
+  const state = link();
+  writeLink(state);
+  if (content === null || content.latest === null) return;
+  const { layout, latest } = content;
+  text("vehicle", layout.vehicle || "");
+  writeVerdict(latest, state === "gone" || state === "unreachable");
+  writeTiles(layout, latest);
+  drawGauges(layout, latest);
+  drawHistories(content, points, choices());
+  writeAccount(latest);
+}
+
+/** Draw soon, but not more often than an eye needs. */
+function redraw() {
+  if (waiting) return;
+  waiting = true;
+  setTimeout(() => requestAnimationFrame(draw), Math.max(0, DRAW_EVERY - (performance.now() - drawn)));
+}
+
+function take(news) {
+  if (news.words) {
+    constant = news;
+    points = [];
+  }
+  points.push(...news.points);
+  while (points.length && points[points.length - 1][0] - points[0][0] > constant.history_s) points.shift();
+  if (news.events) {
+    events = news.events;
+    writeEvents();
+  }
+  content = news;
+  heard = performance.now();
+  redraw();
+}
+
+makeCharts();
+const stream = new EventSource("events");
+stream.onmessage = (event) => take(JSON.parse(event.data));
+setInterval(() => { if (link() !== "live") redraw(); }, 500);
+window.addEventListener("resize", redraw);
+for (const input of document.querySelectorAll("input")) input.addEventListener("change", redraw);
+new ResizeObserver(redraw).observe(byId("gauges"));
