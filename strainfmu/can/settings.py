@@ -61,9 +61,10 @@ class BridgeSettings:
     invalid_after : silence after which results are INVALID.
     max_delta : maximum step of an E2E counter that is accepted.
     state_machine : limits of the E2E state machine.
-    stuck_cycles : equal raw values in a row after which a gauge is left out; 0 turns this check and that of the
-        whole cycle off, for signals that are constant by nature.
-    zero_cycles : exact zeros in a row after which a gauge is left out.
+    stuck_cycles : equal raw values in a row after which a gauge is left out; 0 turns this check and those of
+        frames and the whole cycle off, for signals that are constant by nature; None: as the gauge's noise allows.
+    zero_cycles : exact zeros in a row after which a gauge is left out; None: as the gauge's noise allows.
+    gauge_noise : standard deviation of the gauges' noise at rest [m/m]; None: what the estimator was made with.
     zero_jump : a fall to exactly zero by more than this [m/m] and three times the last change counts at once.
     rate_limit : maximum change from one cycle to the next [m/m].
     sensor_range : maximum |strain| [m/m], whatever the layout allows.
@@ -91,8 +92,9 @@ class BridgeSettings:
     invalid_after: float = 30.0
     max_delta: int = 3
     state_machine: StateMachineSettings = field(default_factory=StateMachineSettings)
-    stuck_cycles: int = 25
-    zero_cycles: int = 5
+    stuck_cycles: int | None = None
+    zero_cycles: int | None = None
+    gauge_noise: float | None = None
     zero_jump: float = 2e-6
     rate_limit: float = 2e-3
     sensor_range: float = 0.05
@@ -116,9 +118,9 @@ class BridgeSettings:
         for name in ("deadline", *ages, "timeout", "rate_limit", "sensor_range"):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise InputError(f"{name}: expected a positive number, got {getattr(self, name):g}")
-        if self.stuck_cycles < 0:
+        if self.stuck_cycles is not None and self.stuck_cycles < 0:
             raise InputError(f"stuck_cycles: expected 0 for never or a positive number, got {self.stuck_cycles}")
-        if self.zero_cycles < 1:
+        if self.zero_cycles is not None and self.zero_cycles < 1:
             raise InputError(f"zero_cycles: expected a positive number, got {self.zero_cycles}")
         for name in (
             "clock_tolerance",
@@ -132,6 +134,8 @@ class BridgeSettings:
                 raise InputError(f"{name}: expected 0 or a positive number, got {getattr(self, name):g}")
         if not abs(self.clock_rate) <= LARGEST_CLOCK_RATE:
             raise InputError(f"clock_rate: expected at most {LARGEST_CLOCK_RATE:g} s/s, got {self.clock_rate:g}")
+        if self.gauge_noise is not None and not 0.0 < self.gauge_noise < float("inf"):
+            raise InputError(f"gauge_noise: expected a positive number, got {self.gauge_noise:g}")
         if self.deadline >= 1.0:
             raise InputError(f"deadline: expected less than 1 cycle, got {self.deadline:g} cycles")
 

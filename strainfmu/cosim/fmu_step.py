@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tempfile
@@ -29,6 +30,9 @@ _OUTPUTS = (
     "health.chi_square",
     "health.state",
 )
+_CONTENTS = "extra/strainfmu/contents.json"
+"""What an FMU of this project states beside its model description (strainfmu/fmu/package.py)."""
+
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
 
@@ -55,6 +59,7 @@ class FmuStep:
     further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
+    noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
 
     Raises
     ------
@@ -103,6 +108,7 @@ class FmuStep:
             )
             self._folder = Path(folder)
             unzip(path, self._folder)
+            self.noise_std = _noise_std(self._folder / _CONTENTS, self.n_gauges)
             self._open()
         except BaseException:
             self._stack.close()
@@ -223,6 +229,17 @@ def _columns(columns: NDArray[np.intp]) -> slice | NDArray[np.intp]:
     first = int(columns[0])
     is_run = np.array_equal(columns, np.arange(first, first + len(columns)))
     return slice(first, first + len(columns)) if is_run else columns
+
+
+def _noise_std(contents: Path, n_gauges: int) -> FloatArray | None:
+    """Return (n_d,) the noise that ``contents`` of an unzipped FMU states [m/m], None if it does not."""
+    try:
+        stated = json.loads(contents.read_text())["gauge_noise_um_per_m"]
+        noise = 1e-6 * np.asarray(stated, dtype=float)
+    except (OSError, ValueError, TypeError, KeyError):
+        return None  # of an earlier version, or of another program
+    usable = noise.shape == (n_gauges,) and bool((np.isfinite(noise) & (noise > 0.0)).all())
+    return noise if usable else None
 
 
 def _inputs(path: Path, description: Any) -> list[Any]:

@@ -49,3 +49,12 @@ Step = Callable[..., StepResult]
 def further_inputs(step: Step) -> tuple[str, ...]:
     """Return the inputs that ``step`` takes by name: its attribute ``further_inputs``, or none."""
     return tuple(getattr(step, "further_inputs", ()))
+
+
+def noise_of(step: Step) -> FloatArray | None:
+    """Return (n_d,) the standard deviations of the gauges' noise [m/m] by which the estimator was made.
+
+    They are ``step``'s attribute ``noise_std``; None where it has none.
+    """
+    noise: FloatArray | None = getattr(step, "noise_std", None)
+    return noise

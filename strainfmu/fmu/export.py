@@ -180,6 +180,7 @@ def _estimator_extras(
         "map": content_hash,
         "vehicle": inverse_map.vehicle,
         "gauges": list(inverse_map.gauge_names),
+        "gauge_noise_um_per_m": [float(f"{1e6 * std:.6g}") for std in inverse_map.noise_std],
         "validity": {one.quantity: one.text for one in all_ranges(inverse_map)},
     }
     return {

@@ -22,6 +22,8 @@ Run = Callable[..., tuple[int, str, str]]
 
 WRONG = {
     ("--stuck-cycles", "-5"): "--stuck-cycles: expected 0 .. 1000000, got -5",
+    ("--zero-cycles", "0"): "--zero-cycles: expected 1 .. 1000000, got 0",
+    ("--gauge-noise", "0"): "--gauge-noise: expected 0.0001 .. 1000 um/m, got 0",
     ("--duration", "nan"): "--duration: expected 0.001 .. 100000000 s, got nan",
     ("--duration", "-3"): "--duration: expected 0.001 .. 100000000 s, got -3",
     ("--duration", "inf"): "--duration: expected 0.001 .. 100000000 s, got inf",

@@ -12,10 +12,11 @@ from strainfmu.can.bridge.result_frames import ResultFrames
 from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
+from strainfmu.can.cycle.plausibility import MIN_STUCK_CYCLES
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender
+from strainfmu.can.tools.fault_injection import FaultySender, frozen_gauges
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import AuthenticationKey
 from strainfmu.can.wire.frame import Frame
@@ -28,6 +29,8 @@ CYCLE = 0.01
 N_GAUGES = 30
 QUANTUM = 0.25e-6
 KEY = AuthenticationKey(bytes(range(16)))
+NOISE = 2e-6
+"""Noise of the true strains [m/m], which the estimator states."""
 OWN = Frame(identifier=0x380, data=bytes(64), is_fd=True)
 
 
@@ -51,6 +54,7 @@ class Projection:
     def __init__(self, n_gauges: int) -> None:
         self.weights = np.random.default_rng(5).uniform(0.5, 1.5, size=(4, n_gauges))
         self.health = HealthState.OK
+        self.noise_std: np.ndarray | None = np.full(n_gauges, NOISE)
 
     def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
         missing = not np.isfinite(strain).all()
@@ -77,7 +81,7 @@ class Truth:
             random = np.random.default_rng((self.seed, k))
             gauge = np.arange(self.n_gauges)
             slow = 300e-6 * np.sin(2.0 * np.pi * k / 700.0 + gauge) + 500e-6
-            self.strain.append(slow + 2e-6 * random.normal(size=self.n_gauges))
+            self.strain.append(slow + NOISE * random.normal(size=self.n_gauges))
             self.dynamic_pressure.append(9e4 + 10.0 * k % 2e4)
         return self.strain[number], self.dynamic_pressure[number]
 
@@ -171,7 +175,8 @@ class Oracle:
         self._valid_cycles.add(last)
         oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
         strains = [self._truth.cycle(number)[0] for number in range(oldest, last + 1)]
-        if not any(self._fits(result, strain) for strain in strains + self._stuck(last, oldest)):
+        known = strains + self._stuck(last, oldest)
+        if not any(self._fits(result, strain) for strain in known) and not self._is_dithered(result, last):
             self.false_valid.append(f"strains at {now:.4f} s, sampled {result.sample_time}, {result.causes!r}")
         q_oldest = max(int((now - (self._settings.pressure_max_age + 1.5) * cycle) / cycle), 0)
         pressures = [self._truth.cycle(number)[1] for number in range(q_oldest, last + 1)]
@@ -179,16 +184,36 @@ class Oracle:
             self.false_valid.append(f"dynamic pressure {result.coefficients[4]:.6g} Pa at {now:.4f} s")
 
     def _fits(self, result: CycleResult, strain: np.ndarray) -> bool:
-        expected = self._step.outputs(strain, 0.0)[:4]
-        return bool(np.abs(result.coefficients[:4] - expected).max() <= self._tolerance)
+        return self._distance(result, strain) <= self._tolerance
+
+    def _distance(self, result: CycleResult, strain: np.ndarray) -> float:
+        return float(np.abs(result.coefficients[:4] - self._step.outputs(strain, 0.0)[:4]).max())
+
+    def _is_dithered(self, result: CycleResult, last: int) -> bool:
+        """Return whether the strains are those of a frozen sender with dither that need not be found yet."""
+        n = self._layout.n_gauges
+        limit = 8.0 + 58.0 / n  # cycles, as documented
+        largest = self._tolerance + self._step.outputs(np.full(n, QUANTUM), 0.0)[:4].max()
+        return any(
+            fault.kind is FaultKind.DITHER
+            and last < fault.start + limit
+            and self._distance(result, self._truth.cycle(fault.start)[0]) <= largest
+            for fault in self._faults_near(last)
+        )
 
     def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
         """Return truths with stuck gauges as they were, for as long as the documented detection of that takes."""
         held = {}
         for fault in self._faults_near(last):
-            if fault.kind is FaultKind.STUCK_GAUGE and last < fault.start + self._settings.stuck_cycles:
-                gauge = int(np.random.default_rng(fault.seed).integers(self._layout.n_gauges))
-                held[gauge] = self._truth.cycle(fault.start)[0][gauge]
+            gauges, limit = list[int](), 0
+            if fault.kind is FaultKind.STUCK_GAUGE:
+                gauges = [int(np.random.default_rng(fault.seed).integers(self._layout.n_gauges))]
+                limit = self._settings.stuck_cycles or MIN_STUCK_CYCLES
+            elif fault.kind is FaultKind.PARTIAL_FREEZE:
+                gauges = frozen_gauges(self._layout, fault)
+                limit = 4 if len(gauges) > 3 else 7
+            if last < fault.start + limit:
+                held |= {gauge: self._truth.cycle(fault.start)[0][gauge] for gauge in gauges}
         found = []
         for number in range(oldest, last + 1) if held else ():
             strain = self._truth.cycle(number)[0].copy()

@@ -17,6 +17,8 @@ from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Verdic
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
 from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauge_noise import GaugeNoise, gauge_noise
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, sender_clock
@@ -30,7 +32,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout, SignalLayout
-from strainfmu.cosim.step import Step, StepResult
+from strainfmu.cosim.step import Step, StepResult, noise_of
 from strainfmu.estimator.health import HealthState
 
 MakeCore = Callable[..., BridgeCore]
@@ -219,7 +221,34 @@ class AcceptsZero(GaugeChecks):
         return np.zeros_like(super()._dropped_to_zero(strain, raw, present))
 
 
-class NeverFrozen(GaugeChecks):
+class IgnoresWatch(FreezeWatch):
+    """Finds no gauges that are frozen together."""
+
+    def update(self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray) -> None:
+        return None
+
+
+class RepeatsTogether(GaugeChecks):
+    def new_watch(self, noise: GaugeNoise) -> FreezeWatch:
+        return IgnoresWatch(noise)
+
+
+class IgnoresScatter(FreezeWatch):
+    """Finds gauges that repeat their readings, not those that scatter too little."""
+
+    def _watch_scatter(self, difference: FloatArray, run: IntArray) -> None:
+        super()._watch_scatter(difference, run)
+        self._any_too_little = False
+
+
+class ScattersTooLittle(GaugeChecks):
+    def new_watch(self, noise: GaugeNoise) -> FreezeWatch:
+        return IgnoresScatter(noise)
+
+
+class NeverFrozen(RepeatsTogether):
+    """Finds neither a cycle nor gauges that do not change."""
+
     def frozen(self, present: BoolArray, now: float) -> float:
         return 0.0
 
@@ -302,7 +331,9 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
             pace=chosen(ArrivalPace)(settings.max_age * layout.cycle_time, settings.rate / layout.cycle_time),
             clock=around(whole.clock),
             decoder=chosen(StrainDecoder)(layout),
-            gauges=chosen(GaugeChecks)(layout.n_gauges, layout.cycle_time, settings),
+            gauges=chosen(GaugeChecks)(
+                layout.n_gauges, layout.cycle_time, settings, gauge_noise(layout, noise_of(step))
+            ),
             flow=HeldFlow(
                 [
                     chosen(HeldValue)(
@@ -341,6 +372,8 @@ WITHOUT: dict[str, MakeCore] = {
     "pace": core_without(NeverHeldBack),
     "clock_jump": core_without(clock=NeverJumps),
     "frozen": core_without(NeverFrozen),
+    "partial_freeze": core_without(RepeatsTogether),
+    "dither": core_without(ScattersTooLittle),
     "stuck": core_without(AcceptsStuck),
     "zero": core_without(AcceptsZero),
     "not_available": core_without(DecodesNoValueCodes, HoldsNoValueCodes),

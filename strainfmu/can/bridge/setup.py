@@ -39,6 +39,8 @@ class BridgeOptions:
     result_form : one of RESULT_FORMS, None for the input's.
     key_file : key of profile fd64-sec, None of others.
     freshness_file : where the freshness value is remembered across runs, None for beside the key.
+    stuck_cycles, zero_cycles, max_age : as of :class:`BridgeSettings`.
+    gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
     """
 
     interface: str
@@ -51,7 +53,9 @@ class BridgeOptions:
     identifiers: Identifiers = field(default_factory=Identifiers)
     dynamic_pressure: float | None = None
     result_form: str | None = None
-    stuck_cycles: int = 25
+    stuck_cycles: int | None = None
+    zero_cycles: int | None = None
+    gauge_noise: float | None = None
     max_age: float = 5.0
     key_file: Path | None = None
     freshness_file: Path | None = None
@@ -152,7 +156,12 @@ def make_core(
         An option or a file is wrong.
     """
     checked_cycle_time(options.cycle_time, "cycle time")
-    settings = BridgeSettings(max_age=options.max_age, stuck_cycles=options.stuck_cycles)
+    settings = BridgeSettings(
+        max_age=options.max_age,
+        stuck_cycles=options.stuck_cycles,
+        zero_cycles=options.zero_cycles,
+        gauge_noise=options.gauge_noise,
+    )
     layout, configuration = input_layout(options, gauge_names)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
     options.identifiers.checked(1, len(results))

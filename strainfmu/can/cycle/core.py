@@ -20,7 +20,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
-from strainfmu.cosim.step import Step
+from strainfmu.cosim.step import Step, noise_of
 from strainfmu.errors import InputError
 
 _CATCH_UP = 10
@@ -284,7 +284,10 @@ def bridge_core(
     """
     own_keys = frozenset(own_keys)
     _check_input(layout, own_keys, dynamic_pressure)
-    parts = cycle_parts(layout, settings, own_keys=own_keys, dynamic_pressure=dynamic_pressure)
+    noise_std = noise_of(step) if settings.gauge_noise is None else settings.gauge_noise
+    parts = cycle_parts(
+        layout, settings, own_keys=own_keys, dynamic_pressure=dynamic_pressure, noise_std=noise_std
+    )
     judge = CycleJudge(layout, step, settings=settings, parts=parts)
     return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 

@@ -128,6 +128,8 @@ class CycleJudge:
             causes |= Cause.NOT_TRUSTED
         if not all_plausible and (decoded.present & ~plausible).any():
             causes |= Cause.GAUGE_INVALID
+        if self._gauges.has_frozen:
+            causes |= Cause.FROZEN
         refused = trailer.refused or (FrameClass.TOO_OLD if of_time & _UNUSABLE else None)
         classes: FrameClass | list[FrameClass] = FrameClass.USED
         valid, verdicts = plausible, None
@@ -183,7 +185,7 @@ class CycleJudge:
             causes |= Cause.UNPROVEN_RESTART
         if age > limit or (self._clock is None and self._may_be_held_back):
             causes |= Cause.OLD
-        if self._settings.stuck_cycles:
+        if self._settings.stuck_cycles != 0:
             # Strains that the sender repeats have the age of their first occurrence.
             frozen = self._gauges.frozen(decoded.present, cycle.first_time)
             age += frozen

@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from numpy.typing import ArrayLike
+
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.assembler import CycleAssembler, Limits
 from strainfmu.can.cycle.decoder import StrainDecoder
+from strainfmu.can.cycle.gauge_noise import gauge_noise
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception
@@ -53,7 +56,11 @@ class CycleParts:
 
 
 def cycle_parts(
-    layout: InputLayout, settings: BridgeSettings, own_keys: Iterable[int], dynamic_pressure: float | None
+    layout: InputLayout,
+    settings: BridgeSettings,
+    own_keys: Iterable[int],
+    dynamic_pressure: float | None,
+    noise_std: ArrayLike | None = None,
 ) -> CycleParts:
     """Return the parts for ``layout``.
 
@@ -61,6 +68,7 @@ def cycle_parts(
     ----------
     own_keys : keys of the frames that the bridge sends.
     dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    noise_std : (n_d,) or one standard deviation of the gauges' noise [m/m], None where not known.
     """
     period, seen = layout.cycle_time, SeenFrames()
     return CycleParts(
@@ -72,7 +80,7 @@ def cycle_parts(
         seen=seen,
         proof=restart_proof(layout, settings),
         decoder=StrainDecoder(layout),
-        gauges=GaugeChecks(layout.n_gauges, period, settings),
+        gauges=GaugeChecks(layout.n_gauges, period, settings, gauge_noise(layout, noise_std)),
         flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen),
     )
 

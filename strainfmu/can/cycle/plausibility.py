@@ -6,6 +6,9 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.can.cycle.gauge_verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
+from strainfmu.can.cycle.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauge_noise import GaugeNoise, like_gauges
+from strainfmu.can.cycle.quantised_noise import longest_repetition
 from strainfmu.can.settings import BridgeSettings
 
 _ROUND_OFF = 1e-15
@@ -13,6 +16,17 @@ _ROUND_OFF = 1e-15
 
 _PACE = 3.0
 """Maximum plausible fall to exactly zero, in changes of one cycle."""
+
+_FADING = 0.9
+"""Factor per cycle on the largest recent change, which the last one may be far below by chance."""
+
+RARE = 1e-9
+"""Maximum probability per gauge and cycle with which a healthy one repeats its reading, or zero, for too long."""
+
+MIN_STUCK_CYCLES, MIN_ZERO_CYCLES = 25, 5
+"""Smallest numbers of equal readings and of zeros that are too many, however large the noise."""
+
+_LONGEST_COUNT = 1e6
 
 
 class GaugeChecks:
@@ -22,9 +36,10 @@ class GaugeChecks:
     state.
     """
 
-    def __init__(self, n_gauges: int, cycle_time: float, settings: BridgeSettings) -> None:
+    def __init__(
+        self, n_gauges: int, cycle_time: float, settings: BridgeSettings, noise: GaugeNoise | None = None
+    ) -> None:
         self._settings = settings
-        self._longest_unchanged = (settings.stuck_cycles - 0.5) * cycle_time if settings.stuck_cycles else np.inf
         self._last_raw = np.zeros(n_gauges, dtype=np.int64)
         self._last_strain = np.full(n_gauges, np.nan)
         self._cycle_time = cycle_time
@@ -32,7 +47,7 @@ class GaugeChecks:
         self._good_time = np.zeros(n_gauges)
         self._pace = np.zeros(n_gauges)
         self._changed = np.full(n_gauges, np.inf)
-        self._repeats = np.zeros(n_gauges)
+        self._repeats = np.zeros(n_gauges, dtype=np.int64)
         self._zeros = np.zeros(n_gauges, dtype=np.int64)
         self._good = np.full(n_gauges, settings.heal_cycles, dtype=np.int64)
         self._seen = np.zeros(n_gauges, dtype=bool)
@@ -45,6 +60,15 @@ class GaugeChecks:
         self._changed_at = np.nan
         self.faults: dict[str, BoolArray] = {}
         """Gauges (n_d,) that failed each check of the last cycle, by its words."""
+        self._watch = self.new_watch(noise or like_gauges(n_gauges))
+        self._counted_on: FloatArray | None = None
+        self._count_on(self._watch.noise_ratio)
+        self.has_frozen = False
+        """Gauges of the last cycle repeat readings, or scatter too little, together."""
+
+    def new_watch(self, noise: GaugeNoise) -> FreezeWatch:
+        """Return the watch for gauges that are frozen together."""
+        return FreezeWatch(noise)
 
     def update(
         self,
@@ -68,7 +92,8 @@ class GaugeChecks:
         is_clean : all gauges are present and none is refused. False if that is not known.
         """
         if is_clean and self._is_quiet and self._stays_quiet(strain, raw, now):
-            return self._all
+            frozen = self._frozen_together(strain, present)
+            return self._all if frozen is None else self._left_out(frozen)
         return self._checked(strain, raw, present=present, refused=refused, now=now)
 
     def _stays_quiet(self, strain: FloatArray, raw: IntArray, now: float) -> bool:
@@ -77,7 +102,8 @@ class GaugeChecks:
         What it asks for is enough for every check below to pass, and costs a fifth of them. If it is not met,
         nothing is changed, False is returned and the checks decide.
         """
-        size, change = np.abs(strain), np.abs(strain - self._last_strain)
+        difference = strain - self._last_strain
+        size, change = np.abs(strain), np.abs(difference)
         smallest, largest = np.minimum.reduce(size), np.maximum.reduce(size)
         if not (smallest > _ROUND_OFF and largest <= self._settings.sensor_range):  # False of NaN
             return False
@@ -88,11 +114,12 @@ class GaugeChecks:
         differs = raw != self._last_raw
         if np.count_nonzero(differs):
             self._changed_at = now
-        self._repeats += 1.0
-        np.putmask(self._repeats, differs, 0.0)
+        self._repeats += 1
+        np.putmask(self._repeats, differs, 0)
         np.putmask(self._changed, differs, now)
         cycles = max((now - self._last_time) / self._cycle_time, 1.0)
-        self._pace = change if cycles == 1.0 else change / cycles
+        self._pace = np.maximum(change if cycles == 1.0 else change / cycles, _FADING * self._pace)
+        self._difference = difference
         self._last_raw, self._last_strain, self._last_good = raw, strain, strain
         self._good_time.fill(now)
         self._last_time = now
@@ -103,22 +130,55 @@ class GaugeChecks:
         """Return whether no gauge can be stuck, even if none has changed."""
         # By how much a gauge that has not changed since then is nearer to its limit, this cycle included.
         later = max(now - self._found_at, (self._cycles_since + 1) * self._cycle_time)
-        if self._longest_found + later < self._longest_unchanged:
+        if self._longest_found + later < self._shortest_stuck:
             return True
         self._longest_found = float(self._unchanged(now).max())
         self._found_at, self._cycles_since = now, 0
-        return self._longest_found + self._cycle_time < self._longest_unchanged
+        return self._longest_found + self._cycle_time < self._shortest_stuck
+
+    def _frozen_together(self, strain: FloatArray, present: BoolArray) -> BoolArray | None:
+        """Return which gauges of this cycle are frozen together, None if none is."""
+        frozen = self._watch.update(strain, self._difference, run=self._repeats, present=present)
+        if self._watch.noise_ratio is not self._counted_on:
+            self._count_on(self._watch.noise_ratio)
+        self.has_frozen = frozen is not None and self._settings.stuck_cycles != 0
+        return frozen if self.has_frozen else None
+
+    def _left_out(self, frozen: BoolArray) -> BoolArray:
+        """Return the valid gauges of a cycle in which nothing else than ``frozen`` was found."""
+        self.faults = {FROZEN: frozen}
+        self._good[frozen] = 0
+        self._is_quiet, self._longest_found = False, np.inf
+        return ~frozen
+
+    def _count_on(self, noise_ratio: FloatArray) -> None:
+        """Derive how many equal readings and zeros are too many from the noise [quantisation steps]."""
+        self._counted_on, stated, n = noise_ratio, self._settings, len(noise_ratio)
+        ratios, which = np.unique(noise_ratio, return_inverse=True)
+        longest = [min(longest_repetition(ratio, RARE), _LONGEST_COUNT) for ratio in ratios.tolist()]
+        by_noise = np.ceil(longest)[which]
+        stuck = np.maximum(by_noise, MIN_STUCK_CYCLES)
+        if stated.stuck_cycles is not None:
+            stuck = np.full(n, stated.stuck_cycles or np.inf)
+        self._longest_unchanged = (stuck - 0.5) * self._cycle_time
+        self._shortest_stuck = float(self._longest_unchanged.min())
+        self._zero_cycles = np.maximum(by_noise, MIN_ZERO_CYCLES)
+        if stated.zero_cycles is not None:
+            self._zero_cycles = np.full(n, float(stated.zero_cycles))
 
     def _checked(
         self, strain: FloatArray, raw: IntArray, present: BoolArray, refused: BoolArray, now: float
     ) -> BoolArray:
         """Apply every check to a cycle; parameters and result as of :meth:`update`."""
         finite = np.isfinite(strain)
+        self._difference = strain - self._last_strain
         bad = refused | ~finite
+        stuck = self._stuck(raw, present, now)
+        frozen = self._frozen_together(strain, present)
         self.faults = {
             OUT_OF_RANGE: self._out_of_range(strain),
-            JUMPS: self._jumping(strain),
-            FROZEN: self._stuck(raw, present, now),
+            JUMPS: self._jumping(self._difference),
+            FROZEN: stuck if frozen is None else stuck | frozen,
             ZERO: self._dropped_to_zero(strain, raw, present),
         }
         for failed in self.faults.values():
@@ -137,14 +197,14 @@ class GaugeChecks:
         """Find gauges beyond the range of a sensor."""
         return ~(np.abs(strain) <= self._settings.sensor_range)
 
-    def _jumping(self, strain: FloatArray) -> BoolArray:
+    def _jumping(self, difference: FloatArray) -> BoolArray:
         """Find gauges that changed too much since the last cycle."""
-        return np.abs(strain - self._last_strain) > self._settings.rate_limit  # false against NaN
+        return np.abs(difference) > self._settings.rate_limit  # false of NaN
 
     def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
         """Keep good strains and their rates of change [m/m per cycle]."""
         cycles = np.maximum((now - self._good_time) / self._cycle_time, 1.0)
-        pace = np.abs(strain - self._last_good) / cycles
+        pace = np.maximum(np.abs(strain - self._last_good) / cycles, _FADING * self._pace)
         # The first good strain has no pace. New arrays, as the old ones may be those of a result.
         self._pace = np.where(good & np.isfinite(pace), pace, self._pace)
         self._last_good = np.where(good, strain, self._last_good)
@@ -172,7 +232,7 @@ class GaugeChecks:
             self._changed_at = now
         self._changed[changed] = now
         self._repeats += same
-        self._repeats[changed] = 0.0
+        self._repeats[changed] = 0
         self._last_raw = np.where(present, raw, self._last_raw)
         self._seen |= present
         return same & (self._unchanged(now) >= self._longest_unchanged)
@@ -190,4 +250,4 @@ class GaugeChecks:
         # A strain that passes through zero may well meet it: only a fall faster than its own pace counts at once.
         usual = self._settings.zero_jump + _PACE * self._pace
         fell = np.abs(strain - self._last_good) > usual
-        return zero & (fell | (self._zeros >= self._settings.zero_cycles))
+        return zero & (fell | (self._zeros >= self._zero_cycles))

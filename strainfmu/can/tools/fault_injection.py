@@ -15,6 +15,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.can.bridge.freshness_file import FIRST_TRIP
+from strainfmu.can.cycle.gauge_noise import gauge_noise
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import authenticated, freshness_of, is_authentic, sent_freshness
 from strainfmu.can.wire.crc import Protection, counter_in, protect
@@ -55,6 +56,7 @@ class FaultySender:
         self._next = 0
         self._active: list[Fault] = []
         self._encoder = StrainEncoder(layout, trip)
+        self._resolution = gauge_noise(layout, None).step
         self._waiting: list[tuple[float, int, Frame]] = []
         self._order = count()
         self._held: dict[Fault, Sample] = {}
@@ -139,6 +141,12 @@ class FaultySender:
         match fault.kind:
             case FaultKind.FREEZE:
                 sample.strain = held.strain.copy()
+            case FaultKind.PARTIAL_FREEZE:
+                gauges = frozen_gauges(self._layout, fault)
+                sample.strain[gauges] = held.strain[gauges]
+            case FaultKind.DITHER:
+                bits = np.random.default_rng((fault.seed, number)).integers(0, 2, size=len(sample.strain))
+                sample.strain = held.strain + self._resolution * bits
             case FaultKind.STUCK_GAUGE:
                 sample.strain[gauge] = held.strain[gauge]
             case FaultKind.ZERO_GAUGE:
@@ -341,6 +349,15 @@ class FaultySender:
                 data = bytearray(protect(bytes(data), protection, counter_in(data, protection)))
             changed.append(replace(frame, data=bytes(data)))
         return changed
+
+
+def frozen_gauges(layout: InputLayout, fault: Fault) -> list[int]:
+    """Return the gauges of a partial freeze: all but one by an even seed, those of one frame by an odd one."""
+    frames = layout.strain_frames
+    if fault.seed % 2 and len(frames) > 1:
+        return list(frames[fault.seed // 2 % len(frames)].gauges)
+    alive = fault.seed // 2 % layout.n_gauges
+    return [gauge for gauge in range(layout.n_gauges) if gauge != alive]
 
 
 def _other_length(frame: Frame, random: np.random.Generator) -> bytes:

@@ -73,12 +73,27 @@ def bridge(
         typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Stop after so long."),
     ] = None,
     stuck_cycles: Annotated[
-        int,
+        int | None,
         typer.Option(
             callback=within(0, 1_000_000),
-            help="Equal values in a row after which a gauge is left out; 0: never.",
+            help="Equal values in a row after which a gauge is left out; 0: never. Default: as its noise allows.",
         ),
-    ] = 25,
+    ] = None,
+    zero_cycles: Annotated[
+        int | None,
+        typer.Option(
+            callback=within(1, 1_000_000),
+            help="Exact zeros in a row after which a gauge is left out. Default: as its noise allows.",
+        ),
+    ] = None,
+    gauge_noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="UM/M",
+            callback=within(1e-4, 1000.0, "um/m"),
+            help="Standard deviation of the gauges' noise at rest. Default: that of the estimator.",
+        ),
+    ] = None,
     max_age: Annotated[
         float,
         typer.Option(
@@ -132,6 +147,8 @@ def bridge(
         dynamic_pressure=dynamic_pressure,
         result_form=result,
         stuck_cycles=stuck_cycles,
+        zero_cycles=zero_cycles,
+        gauge_noise=None if gauge_noise is None else 1e-6 * gauge_noise,
         max_age=max_age,
         key_file=key,
         freshness_file=freshness,

@@ -161,6 +161,8 @@ SCENARIOS: dict[str, tuple[Callable[[MakeCore], Campaign], Callable[[Campaign], 
         lambda run: not any(result.causes & Cause.CLOCK_JUMP for result in run.results),
     ),
     "frozen": (of_kind(FaultKind.FREEZE), has_false_valid),
+    "partial_freeze": (of_kind(FaultKind.PARTIAL_FREEZE), has_false_valid),
+    "dither": (of_kind(FaultKind.DITHER, cycles=30), has_false_valid),
     "stuck": (of_kind(FaultKind.STUCK_GAUGE, cycles=60), has_false_valid),
     "zero": (of_kind(FaultKind.ZERO_GAUGE), has_false_valid),
     "not_available": (lambda make_core: value_inside_the_range(make_core), has_false_valid),
@@ -236,7 +238,7 @@ def test_every_guard_is_needed(guard: str) -> None:
 
 def test_every_guard_has_its_scenario() -> None:
     assert set(SCENARIOS) == set(WITHOUT)
-    assert len(WITHOUT) == 25
+    assert len(WITHOUT) == 27
 
 
 def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:

@@ -238,7 +238,7 @@ def test_synchronised_times_are_absolute() -> None:
 
 def verdicts(strains: list[float], settings: BridgeSettings | None = None) -> list[bool]:
     """Return the verdict on one gauge over cycles, beside another that is well."""
-    checks = GaugeChecks(2, CYCLE, settings or BridgeSettings())
+    checks = GaugeChecks(2, CYCLE, settings or BridgeSettings(stuck_cycles=25, zero_cycles=5))
     found = []
     present = np.ones(2, dtype=bool)
     for k, value in enumerate(strains):
@@ -273,7 +273,7 @@ def test_gauges_are_left_out_and_used_again(strains: list[float], bad: list[int]
 
 
 def test_constant_signals_can_be_allowed_but_zeros_are_always_found() -> None:
-    constant = BridgeSettings(stuck_cycles=0)
+    constant = BridgeSettings(stuck_cycles=0, zero_cycles=5)
     assert all(verdicts([200e-6] * 60, constant))
     assert not any(verdicts([*moving(3), *[0.0] * 50], constant)[3:])
     with pytest.raises(InputError, match="zero_cycles: expected a positive number, got 0"):

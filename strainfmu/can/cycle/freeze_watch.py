@@ -1,0 +1,194 @@
+"""The watch for frozen gauges: too many that repeat their reading, or readings that scatter less than noise does.
+
+Repeated readings: of the n gauges of a frame, or of all, at least k have repeated theirs m times in a row. With
+quantised noise (:mod:`~strainfmu.can.cycle.quantised_noise`) that has at most the probability C(n, k) P(m)^k.
+Those k gauges are frozen where it is below FALSE_ALARM.
+
+Scatter: a sender that repeats old strains and changes their last bit never repeats a reading. The second
+differences of the readings, in which load hardly appears, then have less variance than noise gives them. A CUSUM
+test of the variance, one for each frame and one for all gauges, has the log-likelihood ratio of LOW_VARIANCE
+times the usual variance against the usual one as its increment (E. S. Page, Biometrika 41, 1954).
+
+The usual variance is that of the stated noise, or what has been seen in this run where that is less.
+"""
+
+from __future__ import annotations
+
+from math import lgamma, log
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.can.cycle.gauge_noise import GaugeNoise
+from strainfmu.can.cycle.quantised_noise import LONGEST_RUN, noise_table
+
+FALSE_ALARM = 1e-12
+"""Maximum probability per frame and cycle of taking healthy gauges for frozen."""
+
+SHORTEST_RUN = 3
+"""Repetitions that count: an amplifier may sample at a third of the rate at which it sends."""
+
+LOW_VARIANCE = 0.2
+"""Variance of a frozen frame's scatter that the test is made for, as part of the usual one."""
+
+_BLOCK = 4
+"""Cycles whose second differences are judged together."""
+
+_LARGEST_SQUARE = 4.0
+"""Maximum square of a second difference, as part of its variance: one gauge must not outweigh a frame."""
+
+_MEMORY, _FIRST_MEMORY, _LARGEST_LEARNED = 64, 4, 1.2
+"""Blocks over which the usual variance is averaged, as many at the start, and the largest of one block, as part of
+the stated one."""
+
+_ALIVE = 25
+"""Repetitions in a row beyond which a gauge says nothing about the usual variance."""
+
+_QUIET = 0.2
+"""Noise in quantisation steps that is assumed at the start: less than that of most gauges."""
+
+_SMALLEST_SCATTER = 0.3
+"""Usual variance [quantisation steps^2] below which scatter is not judged.
+
+It is that of noise of half a step; with less of it, scatter depends on where in a step the strain lies."""
+
+_HELD, _LARGEST_EVIDENCE = 5.0, 35.0
+"""Evidence above which the usual variance is not learned, and beyond which it is not counted."""
+
+_MARGIN = 0.9
+"""Factor on the usual variance, and on the standard deviation that follows from it."""
+
+
+class FreezeWatch:
+    """Follows the readings of the gauges of all frames over successive cycles."""
+
+    def __init__(self, noise: GaugeNoise) -> None:
+        n = len(noise.step)
+        self._noise, self._table = noise, noise_table()
+        self._order = np.argsort(noise.frame, kind="stable")
+        self._first = np.flatnonzero(np.diff(noise.frame[self._order], prepend=-1))
+        self._frames = [np.flatnonzero(noise.frame == frame) for frame in np.unique(noise.frame)]
+        self._log_choices = {len(one): _log_choices(len(one)) for one in [*self._frames, np.arange(n)]}
+        self._variance = self._table.variance_of(noise.ratio)
+        self._weight = 1.0 / (6.0 * self._variance * noise.step**2)
+        self._difference = np.full(n, np.nan)
+        self._squares, self._counts = np.zeros(n), np.zeros(n)
+        self._blocked = 0
+        groups = self._by_group(np.ones(n))
+        self._steps_squared = self._by_group(self._variance) / groups
+        quiet = self._table.variance_of(np.minimum(noise.ratio, _QUIET)) / self._variance
+        self._level = self._by_group(quiet) / groups
+        self._evidence = np.zeros(len(self._level))
+        self._memory = np.full(len(self._level), float(_FIRST_MEMORY))
+        self._scatters_too_little = np.zeros(n, dtype=bool)
+        self._any_too_little = False
+        self._limit = log(FALSE_ALARM)
+        self._learn()
+
+    def update(
+        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray
+    ) -> BoolArray | None:
+        """Return (n_d,) which gauges are frozen, None if none is.
+
+        Parameters
+        ----------
+        strain : (n_d,) [m/m].
+        difference : (n_d,) change since the last cycle [m/m], NaN where there is none.
+        run : (n_d,) number of repetitions of the reading.
+        present : (n_d,) gauges of this cycle.
+        """
+        self._watch_scatter(difference, run)
+        log_probability = self._log_repeated[self._gauge, np.minimum(run, LONGEST_RUN)]
+        repeating = None
+        if (log_probability * present).sum() < self._limit:  # else no choice of gauges can be below it
+            at_zero = np.abs(strain) < 0.5 * self._noise.step
+            of_zero = self._log_repeated_zero[self._gauge, np.minimum(run, LONGEST_RUN)]
+            log_probability = np.where(at_zero, of_zero, log_probability)
+            repeating = self._repeating(np.where(present, log_probability, 0.0))
+        if not self._any_too_little:
+            return repeating
+        found = self._scatters_too_little & present
+        return found if repeating is None else found | repeating
+
+    @property
+    def noise_ratio(self) -> FloatArray:
+        """(n_d,) noise in quantisation steps that is counted on: stated, or less where less has been seen."""
+        return self._ratio
+
+    # --- repeated readings --------------------------------------------------------------------------------------
+
+    def _repeating(self, log_probability: FloatArray) -> BoolArray | None:
+        """Return which gauges repeat their reading together, None if chance may have it."""
+        found = np.zeros(len(log_probability), dtype=bool)
+        for group in [np.arange(len(found)), *self._frames]:
+            own = log_probability[group]
+            ranked = np.sort(own)
+            number = np.arange(1, len(own) + 1)
+            improbable = self._log_choices[len(own)] + number * ranked < self._limit
+            improbable[:1] = False  # single gauges have a limit of their own
+            if improbable.any():
+                found[group] |= own <= ranked[np.flatnonzero(improbable)[-1]]
+        return found if found.any() else None
+
+    # --- scatter ------------------------------------------------------------------------------------------------
+
+    def _watch_scatter(self, difference: FloatArray, run: IntArray) -> None:
+        """Take in the readings' second differences; judge them at the end of a block."""
+        second = difference - self._difference
+        self._difference = difference
+        square = np.fmin(second * second * self._weight, _LARGEST_SQUARE)
+        known = second == second
+        self._squares += square * known
+        self._counts += known
+        self._blocked += 1
+        if self._blocked == _BLOCK:
+            self._judge_scatter()
+            self._learn_level(run <= _ALIVE)
+            self._squares[:], self._counts[:], self._blocked = 0.0, 0.0, 0
+
+    def _judge_scatter(self) -> None:
+        """Update the evidence of every group."""
+        count = self._by_group(self._counts)
+        variance = self._by_group(self._squares) / np.maximum(count, 1.0)
+        usual = np.minimum(_MARGIN * self._level, 1.0)
+        # Second differences of noise are correlated: half of them count.
+        increment = 0.25 * count * (-log(LOW_VARIANCE) - (1.0 / LOW_VARIANCE - 1.0) * variance / usual)
+        increment[usual * self._steps_squared < _SMALLEST_SCATTER] = -_LARGEST_EVIDENCE
+        self._evidence = np.clip(self._evidence + increment, 0.0, _LARGEST_EVIDENCE)
+        found = self._evidence > -self._limit
+        self._any_too_little = self._noise.is_known and bool(found.any())
+        self._scatters_too_little = found[self._noise.frame] | found[-1]
+
+    def _learn_level(self, is_alive: BoolArray) -> None:
+        """Bring the usual variance of groups without much evidence up to date."""
+        count = self._by_group(self._counts * is_alive)
+        variance = self._by_group(self._squares * is_alive) / np.maximum(count, 1.0)
+        learned = count > 0.0
+        if self._noise.is_known:
+            learned &= self._evidence <= _HELD
+        change = (np.minimum(variance, _LARGEST_LEARNED) - self._level) / self._memory
+        self._memory = np.minimum(self._memory + learned, _MEMORY)
+        self._level += np.where(learned, change, 0.0)
+        if (np.abs(self._level - self._learned) > 0.05 * self._learned).any():
+            self._learn()
+
+    def _learn(self) -> None:
+        """Derive from the usual variance which noise is counted on, and the probabilities of repetitions."""
+        self._learned = self._level.copy()
+        usual = np.minimum(_MARGIN * self._level[self._noise.frame], 1.0)
+        self._ratio = np.minimum(_MARGIN * self._table.ratio_of(usual * self._variance), self._noise.ratio)
+        row = self._table.row(self._ratio)
+        self._log_repeated = self._table.log_repeated[row]
+        self._log_repeated_zero = self._table.log_repeated_zero[row]
+        self._log_repeated[:, :SHORTEST_RUN] = self._log_repeated_zero[:, :SHORTEST_RUN] = 0.0
+        self._gauge = np.arange(len(self._ratio))
+
+    def _by_group(self, values: FloatArray) -> FloatArray:
+        """Return (n_f + 1,) the sums of (n_d,) ``values`` over each of n_f frames, and over all."""
+        sums = np.add.reduceat(values[self._order], self._first)
+        return np.append(sums, sums.sum())
+
+
+def _log_choices(n: int) -> FloatArray:
+    """Return (n,) the logarithms of the number of choices of k = 1 .. n from n."""
+    return np.array([lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) for k in range(1, n + 1)])

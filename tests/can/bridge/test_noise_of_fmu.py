@@ -1,0 +1,39 @@
+"""The noise that an estimator FMU states, which the bridge judges its gauges by."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from strainfmu.cosim.fmu_step import _noise_std
+from strainfmu.cosim.step import noise_of
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.mark.parametrize(
+    ("content", "noise"),
+    [
+        ({"gauge_noise_um_per_m": [0.24, 0.3]}, [0.24e-6, 0.3e-6]),
+        ({"gauge_noise_um_per_m": [0.24]}, None),
+        ({"gauge_noise_um_per_m": [0.24, -1.0]}, None),
+        ({"gauge_noise_um_per_m": "x"}, None),
+        ({}, None),
+        ([], None),
+    ],
+)
+def test_noise_is_read_or_not_known(tmp_path: Path, content: object, noise: list[float] | None) -> None:
+    path = tmp_path / "contents.json"
+    path.write_text(json.dumps(content))
+    found = _noise_std(path, 2)
+    assert (found is None) == (noise is None)
+    if found is not None:
+        np.testing.assert_allclose(found, np.array(noise), rtol=1e-12)
+
+
+def test_no_entry_and_no_attribute_are_not_known(tmp_path: Path) -> None:
+    assert _noise_std(tmp_path / "contents.json", 2) is None
+    assert noise_of(lambda *_: None) is None

@@ -1,0 +1,53 @@
+"""A bridge core in virtual time behind gauges with noise and quantisation, as a rack of amplifiers sends them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from can_case import CYCLE, Projection, layout_of
+
+from strainfmu.can.cycle.core import bridge_core
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.wire.strain_encoder import StrainEncoder
+
+STEP = 0.25e-6
+"""Quantisation step of the profiles' integers [m/m]."""
+
+Falsify = Callable[[int, np.ndarray], np.ndarray]
+
+
+class NoisyStep(Projection):
+    """An estimator that states the noise of its gauges."""
+
+    def __init__(self, n_gauges: int, noise_std: float | None) -> None:
+        super().__init__(n_gauges)
+        self.noise_std = None if noise_std is None else np.full(n_gauges, noise_std)
+
+
+def strains_at_rest(n_cycles: int, n_gauges: int, noise: float, level: float = 0.0, seed: int = 1) -> np.ndarray:
+    """Return (n_cycles, n_gauges) strains [m/m]: a constant of up to ``level`` and white noise."""
+    random = np.random.default_rng(seed)
+    return random.uniform(-level, level, n_gauges) + noise * random.normal(size=(n_cycles, n_gauges))
+
+
+def answers(
+    strains: np.ndarray,
+    stated_noise: float | None,
+    layout: InputLayout | None = None,
+    settings: BridgeSettings | None = None,
+) -> list[CycleResult]:
+    """Return the results of all cycles of ``strains`` (n_cycles, n_d) [m/m] sent in time."""
+    layout = layout or layout_of("fd64", strains.shape[1])
+    core = bridge_core(layout, NoisyStep(layout.n_gauges, stated_noise), settings or BridgeSettings(), start=0.0)
+    encoder, results = StrainEncoder(layout), []
+    for number, strain in enumerate(strains):
+        time = number * CYCLE
+        for index, frame in enumerate(encoder.encode(strain, 9e4, cycle=number, sample_time=time)):
+            object.__setattr__(frame, "time", time + 1e-5 * index)
+            results += core.receive(frame)
+        results += core.advance(time + 0.9 * CYCLE)
+    assert core.account.unaccounted == 0
+    return results
