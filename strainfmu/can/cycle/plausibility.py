@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.gauge_verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.cycle.freeze_watch import FreezeWatch
 from strainfmu.can.cycle.gauge_noise import GaugeNoise, like_gauges
+from strainfmu.can.cycle.gauge_verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.cycle.quantised_noise import longest_repetition
 from strainfmu.can.settings import BridgeSettings
 
