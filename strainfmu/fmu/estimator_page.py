@@ -5,10 +5,13 @@ from __future__ import annotations
 from html import escape
 from math import atan2, degrees
 
+import numpy as np
+
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation import Section
-from strainfmu.fmu.reference_run import ReferenceRun, example_plot
+from strainfmu.fmu.reference_run import ReferenceRun, estimate_figure
+from strainfmu.fmu.reference_strains import failing_gauge, reference_strains
 from strainfmu.pages import table_html
 from strainfmu.version import __version__
 
@@ -63,8 +66,8 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
         (
             "Example",
             [
-                "The coefficients of the reference run in extra/org.fmi-standard.fmi-ls-ref, with 3 sigma bands.",
-                example_plot(run),
+                _example_text(inverse_map, run),
+                estimate_figure(inverse_map, run),
             ],
         ),
         ("Gauges", [_gauge_table(inverse_map)]),
@@ -76,6 +79,19 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
     ]
+
+
+def _example_text(inverse_map: InverseMap, run: ReferenceRun) -> str:
+    """Return what the example shows."""
+    gauge, size = failing_gauge(inverse_map)
+    _, fails = reference_strains(inverse_map, len(run.time))
+    begin, end = run.time[np.flatnonzero(fails)[[0, -1]] + 1].tolist()
+    return (
+        "The reference run in extra/org.fmi-standard.fmi-ls-ref: a motion within what the snapshots cover, with "
+        "errors of the strains as large as the map states them. A step shows the inputs at its start. From "
+        f"{begin:g} to {end:g} s gauge {escape(inverse_map.gauge_names[gauge])} reads {1e6 * size:.3g} um/m too "
+        "much."
+    )
 
 
 def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:

@@ -225,7 +225,7 @@ def export_plant(
         capabilities=python_package.CAPABILITIES,
     )
     reference = python_plant_reference(model, trajectory)
-    sections = [*plant_sections(model, trajectory, content_hash), *reference.sections]
+    sections = [*plant_sections(model, trajectory, content_hash), *reference.sections(description.interface)]
     pages = documentation_files(description, sections, "python")
     contents = {
         "kind": "python",

@@ -228,7 +228,7 @@ def _native_fmu(
         capabilities=capabilities,
         source_files=compiled_files(sources),
     )
-    pages = documentation_files(description, [*sections, *reference.sections], "native")
+    pages = documentation_files(description, [*sections, *reference.sections(interface)], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
     arrays = {variable.array for variable in interface}
     terminals = {"gauges": ("strain", "Strain of every gauge")} if "strain" in arrays else {}

@@ -6,8 +6,8 @@ The native ones are C; what they are held against are the flight model, noise, l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from math import floor, log10
 
@@ -19,11 +19,12 @@ from strainfmu.cosim.autopilot import AutopilotSettings
 from strainfmu.cosim.autopilot_law import AutopilotSample, autopilot_design, first_state, next_state
 from strainfmu.cosim.flight_model import FlightModel, evaluate
 from strainfmu.cosim.plant_law import Plant, plant_rows
-from strainfmu.cosim.schedule import ScheduledSignal, value_at
+from strainfmu.cosim.schedule import ScheduledSignal, schedule_interface, value_at
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.fmu.documentation import Section
 from strainfmu.fmu.reference_run import INPUT_FORMAT, ReferenceRun, layered_standard_files
+from strainfmu.fmu.run_panels import shown_unit, signals_figure
 from strainfmu.interface.estimator_variables import valid_names
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion, native_plant_interface
@@ -50,16 +51,22 @@ class Reference:
     ----------
     source : what computed it.
     run : None where the vehicle is outside the envelope at once: then the FMU holds nothing of it.
+    groups : what the figure of it shows: text of the legend by signal, by title of the panel.
+    in_steps : whether all signals are drawn in steps.
     """
 
     source: str
     run: ReferenceRun | None
+    groups: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    in_steps: bool = False
 
-    @property
-    def sections(self) -> list[Section]:
-        """The section of the FMU's page on it."""
+    def sections(self, interface: Sequence[Variable]) -> list[Section]:
+        """Return the section of the FMU's page on it."""
+        if self.run is None:
+            return []
         text = "Input and output of a short run, 6 digits, lie in extra/org.fmi-standard.fmi-ls-ref. Computed with"
-        return [] if self.run is None else [("Reference run", [f"{text} {escape(self.source)}."])]
+        figure = signals_figure(self.run, interface, self.groups, in_steps=self.in_steps)
+        return [("Reference run", [f"{text} {escape(self.source)}.", figure])]
 
     @property
     def contents(self) -> dict[str, object]:
@@ -76,7 +83,20 @@ def plant_reference(plant: Plant) -> Reference:
 
     There is none where it does so within the first steps, as one does that starts outside.
     """
-    return Reference("strainfmu.cosim.plant_law (numpy)", _plant_run(plant))
+    kinds = {f"strain[{k}]": f"{k}: {kind.name.lower()}" for k, (kind, _) in enumerate(FAULTS, start=1)}
+    return Reference("strainfmu.cosim.plant_law (numpy)", _plant_run(plant), _plant_groups(kinds))
+
+
+def _plant_groups(gauges: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return what the figure of a plant's run shows, of the strains ``gauges`` and one that is healthy."""
+    last = f"strain[{len(gauges) + 1}]"
+    return {
+        "Strain": {**gauges, last: f"{len(gauges) + 1}: healthy"},
+        "Flow": {"angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"},
+        "Forces": {name: name for name in ("C_A", "C_N", "C_Y")},
+        "Moments": {name: name for name in ("M_P", "M_Y")},
+        "Control": {"control_moment": "moment"},
+    }
 
 
 def _plant_run(plant: Plant) -> ReferenceRun | None:
@@ -135,7 +155,7 @@ def python_plant_reference(model: FlightModel, trajectory: Trajectory, seed: int
     Its noise is that of numpy's PCG64, one draw per communication point.
     """
     source = "strainfmu.cosim.flight_model (numpy), which is inside the FMU too"
-    return Reference(source, _python_plant_run(model, trajectory, seed))
+    return Reference(source, _python_plant_run(model, trajectory, seed), _plant_groups({}))
 
 
 def _python_plant_run(model: FlightModel, trajectory: Trajectory, seed: int) -> ReferenceRun | None:
@@ -200,7 +220,15 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
     names = ("control_moment", "estimated_angle_of_attack", "trusted", "isolated_gauges")
     outputs = (*names, *valid_names(model.n_gauges))
     run = ReferenceRun(np.array(time), inputs, dict(zip(outputs, found, strict=True)))
-    return Reference("strainfmu.cosim.autopilot_law (numpy)", run)
+    return Reference("strainfmu.cosim.autopilot_law (numpy)", run, _AUTOPILOT_GROUPS)
+
+
+_AUTOPILOT_GROUPS = {
+    "Incidence": {"commanded_angle_of_attack": "commanded", "estimated_angle_of_attack": "inferred"},
+    "Moment": {"control_moment": "of the controls"},
+    "Estimate": {"C_N": "C_N", "M_P": "M_P"},
+    "Gauges": {"trusted": "trusted", "suspect_gauge": "suspect", "isolated_gauges": "out of use"},
+}
 
 
 def schedule_reference(signals: Sequence[ScheduledSignal]) -> Reference:
@@ -212,7 +240,12 @@ def schedule_reference(signals: Sequence[ScheduledSignal]) -> Reference:
     outputs = {
         signal.variable.name: np.array([value_at(signal, t * (1.0 + 1e-12)) for t in time]) for signal in signals
     }
-    return Reference("strainfmu.cosim.schedule (numpy)", ReferenceRun(np.array(time), {}, outputs))
+    run = ReferenceRun(np.array(time), {}, outputs)
+    by_unit: dict[str, dict[str, str]] = {}
+    for variable in schedule_interface(signals):
+        by_unit.setdefault(shown_unit(variable)[0], {})[variable.name] = variable.name
+    groups = {f"Signals {k}": names for k, names in enumerate(by_unit.values(), start=1)}
+    return Reference("strainfmu.cosim.schedule (numpy)", run, groups, in_steps=True)
 
 
 def covering_step(span: float, n_steps: int) -> float:

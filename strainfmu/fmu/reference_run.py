@@ -8,29 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi, sin
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 from numpy.typing import NDArray
 
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import Estimator
+from strainfmu.fmu.reference_strains import reference_strains, reference_truth
+from strainfmu.fmu.run_figure import Line, Panel, run_figure
 from strainfmu.interface.estimator_variables import estimator_interface, output_values
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
 
-STOP_TIME = 1.0
-STEP_SIZE = 0.1
-N_ROWS = 11
+STEP_SIZE = 0.05
+N_ROWS = 21
 
 INPUT_FORMAT = ".9g"
 """Of inputs: files hold exactly what the outputs belong to."""
 
 CHI_SQUARE_DECIMALS = 9
-"""Of the chi-square; what is smaller is round-off, and follows the processor."""
+"""Of the chi-square."""
 
 _LS_REF = "org.fmi-standard.fmi-ls-ref"
-_COLOURS = ("#1b6ca8", "#c0392b", "#2e8b57", "#8e44ad", "#b8860b")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,33 +50,24 @@ class ReferenceRun:
 
 
 def reference_run(inverse_map: InverseMap) -> ReferenceRun:
-    """Return a run in which each state swings at its own frequency, within the strains of the snapshots.
+    """Return a run within what the snapshots cover, with errors as the map states them, and a gauge that fails.
 
-    Strains are rounded to 9 digits, so that files hold exactly what the outputs belong to. Dynamic pressure keeps
-    its start value: FMPy 0.3 takes no table with an array and a scalar of one type.
+    Strains are those of :func:`~strainfmu.fmu.reference_strains.reference_strains`, rounded to 9 digits, so that
+    files hold exactly what the outputs belong to. Dynamic pressure keeps its start value: FMPy 0.3 takes no table
+    with an array and a scalar of one type.
     """
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
-    rows = [_strain(inverse_map, t) for t in time]
-    strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows])
+    rows, _ = reference_strains(inverse_map, N_ROWS)
+    strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows.tolist()])
     q, estimator = inverse_map.nominal_dynamic_pressure, Estimator(inverse_map)
     values = np.array([output_values(estimator.step(row, q)) for row in strain])
     held = np.concatenate([values[:1], values[:-1]])
     outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
     signals = dict(zip(outputs, held.T, strict=True))
-    # The strains fit the states, so that chi-square is round-off, whose digits follow the processor.
+    # As many states as gauges leave no residual: then chi-square is round-off, whose digits follow the processor.
     signals["health.chi_square"] = np.round(signals["health.chi_square"], CHI_SQUARE_DECIMALS)
     names = strain_names(inverse_map.n_gauges)
     return ReferenceRun(np.array(time), dict(zip(names, strain.T, strict=True)), signals)
-
-
-def _strain(inverse_map: InverseMap, time: float) -> NDArray[np.float64]:
-    """Return (n_d,) strain [m/m] of states that divide the range of the snapshots evenly."""
-    operator = inverse_map.state_operator
-    largest = np.max(np.abs(operator), axis=0)
-    part = float(np.max(inverse_map.strain_range)) / operator.shape[1]
-    swing = [sin(2.0 * pi * (0.5 + 0.25 * k) * time) for k in range(operator.shape[1])]
-    amplitude = part / np.where(largest > 0.0, largest, np.inf) * np.array(swing)
-    return np.asarray(inverse_map.mean_strain + np.sum(operator * amplitude, axis=1))
 
 
 def signal_table(
@@ -152,33 +143,18 @@ def layered_standard_files(run: ReferenceRun, interface: Sequence[Variable]) -> 
     }
 
 
-def example_plot(run: ReferenceRun) -> str:
-    """Return an SVG of the coefficients of ``run`` over time, each with its band of 3 sigma."""
-    height, width, left = 110, 640, 70
-    parts = []
-    for k, (name, colour) in enumerate(zip(COEFFICIENTS, _COLOURS, strict=True)):
-        value, sigma = run.outputs[name], 3.0 * run.outputs[f"sigma.{name}"]
-        low, high = float(np.min(value - sigma)), float(np.max(value + sigma))
-        x = left + (width - left - 10) * run.time / run.time[-1]
-        top = k * height + 12
-
-        def y(values: NDArray[np.float64], top: int = top, low: float = low, high: float = high) -> list[float]:
-            return (top + (height - 30) * (high - values) / (high - low)).tolist()
-
-        upper = [f"{a:.1f},{b:.1f}" for a, b in zip(x, y(value + sigma), strict=True)]
-        lower = [f"{a:.1f},{b:.1f}" for a, b in zip(x, y(value - sigma), strict=True)]
-        line = [f"{a:.1f},{b:.1f}" for a, b in zip(x, y(value), strict=True)]
-        parts += [
-            f'<polygon points="{" ".join([*upper, *lower[::-1]])}" fill="{colour}" fill-opacity=".2"/>',
-            f'<polyline points="{" ".join(line)}" fill="none" stroke="{colour}" stroke-width="1.5"/>',
-            f'<text x="4" y="{top + 40}">{name} [1]</text>',
-            f'<text x="{left - 4}" y="{top + 8}" text-anchor="end" font-size="9">{high:.3g}</text>',
-            f'<text x="{left - 4}" y="{top + height - 30}" text-anchor="end" font-size="9">{low:.3g}</text>',
-        ]
-    total = len(COEFFICIENTS) * height + 10
-    axis = f'<text x="{width // 2}" y="{total - 4}">time, 0 to {run.time[-1]:g} s</text>'
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {total}" width="{width}" '
-        f'font-family="sans-serif" font-size="12" role="img" '
-        f'aria-label="Coefficients with 3 sigma bands">{"".join(parts)}{axis}</svg>'
-    )
+def estimate_figure(inverse_map: InverseMap, run: ReferenceRun) -> str:
+    """Return an SVG of the coefficients of ``run`` over time, each with its band of 3 sigma, truth, and health."""
+    truth = reference_truth(inverse_map, len(run.time))
+    panels = []
+    for name, true in zip(COEFFICIENTS, np.concatenate([truth[:1], truth[:-1]]).T, strict=True):
+        sigma = run.outputs[f"sigma.{name}"]
+        estimate = Line(name="estimate, 3 sigma", values=run.outputs[name], spread=3.0 * sigma)
+        panels.append(Panel(title=f"{name} [1]", lines=[estimate, Line(name="true", values=true, dashed=True)]))
+    state = run.outputs["health.state"]
+    met = sorted({int(value) for value in state})
+    place = {value: float(k) for k, value in enumerate(met)}
+    shown = np.array([place[int(value)] for value in state])
+    words = [(place[value], HealthState(value).name) for value in met]
+    panels.append(Panel(title="health", lines=[Line(name="state", values=shown, steps=True)], words=words))
+    return run_figure(run.time, panels, "Coefficients with 3 sigma bands, and the state of health")
