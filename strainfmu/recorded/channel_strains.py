@@ -10,22 +10,21 @@ from typing import Any
 import numpy as np
 
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.recorded.column_names import Wanted, columns_to_read
+from strainfmu.recorded.column_names import Wanted, columns_to_read, last_part
+from strainfmu.recorded.mdf_file import opened_mdf
+from strainfmu.recorded.rasters import Channel, on_one_raster
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
 
 
 @contextmanager
 def mf4_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open an MF4 file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
-    try:
-        from asammdf import MDF
-    except ImportError as error:
-        raise StrainfmuError("asammdf is not installed: pip install 'strainfmu[mf4]'") from error
-    try:
-        file = MDF(str(path))
-    except Exception as error:  # asammdf raises whatever its parsers do
-        raise InputError(f"{path}: damaged, or not an MF4 file") from error
-    with file:
+    with opened_mdf(path) as file:
+        if (
+            all(name.startswith(("CAN_", "t", "T")) for name in file.channels_db)
+            and "CAN_DataFrame" in file.channels_db
+        ):
+            raise InputError(f"{path}: holds CAN frames, and no channels of gauges: use 'strainfmu replay'")
         names = [name for name in file.channels_db if name.lower() not in ("time", "t", "timestamps")]
         read, _ = columns_to_read(path, names, wanted)
         signals = {}
@@ -35,16 +34,19 @@ def mf4_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
             signals[name] = file.get(name)
         if not signals:
             raise InputError(f"{path}: no channel of a gauge found, it holds {', '.join(names[:6])}")
-        clock = next(iter(signals.values())).timestamps
-        for name, signal in signals.items():
-            if not np.array_equal(signal.timestamps, clock):
-                raise InputError(
-                    f"{path}: channel '{name}': other sample times than '{next(iter(signals))}' found"
-                )
-        columns: dict[str, Any] = {"time": clock, **dict.fromkeys(names)}
-        columns |= {name: signal.samples for name, signal in signals.items()}
+        channels = {name: _channel(path, name, signal) for name, signal in signals.items()}
+        merged = on_one_raster(path, channels, [name for name in channels if last_part(name) not in wanted.flow])
+        columns: dict[str, Any] = {"time": merged.time, **dict.fromkeys(names), **merged.values}
         units: dict[str, str | None] = {"time": "s", **{name: signal.unit for name, signal in signals.items()}}
-        yield column_file(path, columns, units=units, wanted=wanted)
+        yield column_file(path, columns, units=units, wanted=wanted, notes=merged.notes)
+
+
+def _channel(path: Path, name: str, signal: Any) -> Channel:
+    """Return the numbers of a channel of asammdf."""
+    try:
+        return Channel(np.asarray(signal.timestamps, dtype=float), np.asarray(signal.samples, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: channel '{name}': values that are no numbers") from error
 
 
 @contextmanager

@@ -118,7 +118,9 @@ def estimate_file(
         with open_strains(data, wanted) as opened:
             plan = opened.plan
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
-            summary = EstimationSummary(unused=plan.unused, notes=_unused_inputs(source, estimator, plan))
+            summary = EstimationSummary(
+                unused=plan.unused, notes=[*opened.notes, *_unused_inputs(source, estimator, plan)]
+            )
             names = _columns(plan, estimator.gauge_names if residuals else ())
             with estimate_writer(output, names, (SUSPECTS_COLUMN,)) as writer:
                 last = float("nan")

@@ -20,11 +20,12 @@ BLOCK_ROWS = 2000
 
 @dataclass(frozen=True, eq=False)
 class StrainFile:
-    """An open file: its length, in any unit; blocks with the position that each reaches in it; its columns."""
+    """An open file: length, in any unit; blocks with the position that each reaches in it; columns; notes."""
 
     length: int
     blocks: Iterator[tuple[StrainBlock, int]]
     plan: ColumnPlan
+    notes: tuple[str, ...] = ()
 
 
 def checked_block(plan: ColumnPlan, table: FloatArray, first_row: int, last: float) -> tuple[StrainBlock, float]:
@@ -38,7 +39,13 @@ def checked_block(plan: ColumnPlan, table: FloatArray, first_row: int, last: flo
     return block, float(block.time[-1])
 
 
-def column_file(path: Path, columns: dict[str, Any], units: dict[str, str | None], wanted: Wanted) -> StrainFile:
+def column_file(
+    path: Path,
+    columns: dict[str, Any],
+    units: dict[str, str | None],
+    wanted: Wanted,
+    notes: tuple[str, ...] = (),
+) -> StrainFile:
     """Read columns that a library provides one by one; all must have the same length."""
     names = list(columns)
     plan = plan_columns(path, names, wanted, units=[units.get(name) for name in names])
@@ -62,4 +69,4 @@ def column_file(path: Path, columns: dict[str, Any], units: dict[str, str | None
             block, last = checked_block(plan, table, first_row=first + 1, last=last)
             yield block, rows.stop
 
-    return StrainFile(n, blocks(), plan)
+    return StrainFile(n, blocks(), plan, notes)

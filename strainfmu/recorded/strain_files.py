@@ -42,7 +42,7 @@ def open_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     with reader(path, wanted) as opened:
-        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan)
+        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, opened.notes)
 
 
 def _not_empty(path: Path, blocks: Iterator[tuple[StrainBlock, int]]) -> Iterator[tuple[StrainBlock, int]]:

@@ -10,10 +10,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.tools.recording import check_log, whole_microseconds
+from strainfmu.can.tools.recording import LOG_SUFFIXES, check_log, whole_microseconds
 from strainfmu.can.wire.frame import Frame, from_message
-from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError
+from strainfmu.recorded.mdf_file import opened_mdf
+
+MF4 = ".mf4"
+
+_BUS_EVENT, _BUS, _CAN = 2, 2, 2
+"""Flag of a channel group whose records are events of a bus, type of its source, and of the bus (ASAM MDF 4)."""
+
+READ_SUFFIXES = (*LOG_SUFFIXES, MF4)
+"""Formats of logs that are read; all but MF4 are also recorded."""
+
+FRAME_CHANNEL = "CAN_DataFrame"
+"""Channel of an MF4 file that holds the frames of a bus (ASAM MDF, bus logging)."""
+
+
+def is_bus_log(path: Path) -> bool:
+    """Return whether a file is a log of a bus: by its name, of MF4 if it holds frames and no channels beside them.
+
+    Raises
+    ------
+    InputError
+        An MF4 file is missing or damaged.
+    StrainfmuError
+        asammdf is not installed.
+    """
+    if path.suffix.lower() != MF4:
+        return path.suffix.lower() in LOG_SUFFIXES
+    with opened_mdf(path) as file:
+        groups = [group for group in file.groups if group.channel_group.cycles_nr]
+        held = [any(channel.name.startswith("CAN_") for channel in group.channels) for group in groups]
+        return FRAME_CHANNEL in file.channels_db and all(held)
 
 
 @dataclass
@@ -42,10 +72,13 @@ def log_frames(
     InputError
         The file is missing, of another format, or no log.
     """
-    check_log(path)
+    if path.suffix.lower() != MF4:
+        check_log(path)
     can = import_can()
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    if path.suffix.lower() == MF4:
+        _check_mf4(path)
     size = path.stat().st_size
     from can.io.blf import BLFParseError
 
@@ -83,7 +116,51 @@ def _reader(path: Path, raw: Any) -> Any:
     from can.io import ASCReader, BLFReader, CanutilsLogReader
 
     kind = path.suffix.lower()
+    if kind == MF4:
+        return _mf4_messages(path)
     if kind == ".blf":
         return BLFReader(raw)
     text = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
     return ASCReader(text) if kind == ".asc" else CanutilsLogReader(text)
+
+
+def _mf4_messages(path: Path) -> Iterator[Any]:
+    """Yield the messages of an MF4 file, those of all its channel groups by their times.
+
+    Raises
+    ------
+    ValueError
+        It is damaged.
+    """
+    from can.io.mf4 import MF4Reader
+
+    reader = MF4Reader(path)
+    try:
+        yield from reader
+    except Exception as error:  # asammdf raises whatever its parsers do
+        raise ValueError(error_line(error)) from error
+    finally:
+        reader.stop()
+
+
+def _check_mf4(path: Path) -> None:
+    """Refuse an MF4 file whose frames python-can would pass over, or that holds none.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`is_bus_log`.
+    """
+    with opened_mdf(path) as file:
+        if FRAME_CHANNEL not in file.channels_db:
+            raise InputError(
+                f"{path}: expected a log of a CAN bus, with the channel {FRAME_CHANNEL}, got other channels"
+            )
+        for group, _ in file.channels_db[FRAME_CHANNEL]:
+            found = file.groups[group].channel_group
+            source = found.acq_source
+            is_can = source is not None and source.source_type & _BUS and source.bus_type == _CAN
+            if not found.flags & _BUS_EVENT or not is_can:
+                raise InputError(
+                    f"{path}: channel group {group}: {FRAME_CHANNEL} is not marked as an event of a CAN bus"
+                )

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 
 def replay(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording of a bus: BLF, ASC or candump's log.")],
+    log: Annotated[
+        Path, typer.Argument(metavar="LOG", help="Recording of a bus: BLF, ASC, candump's log or MF4.")
+    ],
     fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Results to write: CSV or HDF5.")],
     profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be, float2 or fd64-sec.")] = None,
@@ -67,7 +69,7 @@ def replay(
 def estimate(
     source: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="CSV, HDF5, MF4, TDMS, or a CAN log: BLF, ASC, log.")
+        Path, typer.Argument(metavar="DATA", help="CSV, HDF5, MF4, TDMS, or a CAN log: BLF, ASC, log, MF4.")
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Estimates to write: CSV or HDF5.")],
     dynamic_pressure: Annotated[
@@ -102,11 +104,11 @@ def estimate(
 
         strainfmu estimate estimator.fmu run.blf -o loads.h5
     """
-    from strainfmu.can.tools.recording import LOG_SUFFIXES
+    from strainfmu.can.tools.log_frames import is_bus_log
     from strainfmu.recorded.run import estimate_file
 
     console = Console()
-    if data.suffix.lower() in LOG_SUFFIXES:
+    if is_bus_log(data):
         if residuals or ignore_columns or accept_strain_level:
             raise InputError(
                 f"{data}: --residuals, --ignore-columns and --accept-strain-level: expected none with a CAN log"
