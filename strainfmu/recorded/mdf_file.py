@@ -39,7 +39,7 @@ def opened_mdf(path: Path) -> Iterator[Any]:
 def _opened(mdf: Any, path: Path) -> Any:
     """Return asammdf's object, None if it cannot read the file.
 
-    An object of which only a part was made fails in its destructor as well, which Python reports on standard error.
+    An object that was made in part fails in its destructor as well, which Python reports on standard error.
     """
     hook = sys.unraisablehook
     sys.unraisablehook = lambda _: None

@@ -67,8 +67,8 @@ def on_one_raster(path: Path, channels: Mapping[str, Channel], gauges: Collectio
         others.setdefault(round(channel.period, 9), []).append(name)
     period = 1e3 * channels[base].period
     notes = tuple(
-        f"{path}: {len(names)} channels sampled every {1e3 * own:.6g} ms ('{names[0]}'{', ..' if names[1:] else ''}) "
-        f"interpolated at the samples of '{base}', every {period:.6g} ms"
+        f"{path}: {len(names)} channels of {1e3 * own:.6g} ms ('{names[0]}'{', ..' if names[1:] else ''})"
+        f" interpolated at the samples of '{base}', every {period:.6g} ms"
         for own, names in others.items()
     )
     return OneRaster(time, values, notes)

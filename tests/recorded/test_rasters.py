@@ -34,9 +34,7 @@ def test_a_straight_line_is_exact_on_any_raster() -> None:
     inside = (FAST >= 0.003) & (SLOW[-1] + 0.003 >= FAST)
     np.testing.assert_allclose(found.values["q"][inside], ramp(FAST)[inside], rtol=1e-12)
     assert np.isnan(found.values["q"][~inside]).all()
-    assert found.notes == (
-        "f.mf4: 1 channels sampled every 50 ms ('q') interpolated at the samples of 'a', every 10 ms",
-    )
+    assert found.notes == ("f.mf4: 1 channels of 50 ms ('q') interpolated at the samples of 'a', every 10 ms",)
 
 
 def test_the_raster_is_that_of_most_gauges_then_the_slower_one() -> None:
