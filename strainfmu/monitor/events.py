@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from strainfmu.can.cycle.gauge_verdicts import HEALING
 from strainfmu.can.cycle.words import all_words
 
 LISTED = 100
@@ -108,7 +109,7 @@ class EventLog:
         now, total = result["not_used"], len(result["strain_um_per_m"])
         out: dict[str, list[str]] = {}
         for gauge, reason in now.items():
-            if was.get(gauge) != reason:
+            if was.get(gauge) != reason and not (gauge in was and reason == HEALING):
                 out.setdefault(reason, []).append(gauge)
         for reason, gauges in out.items():
             self._add(time, "gauges", "alarm", f"{_gauges(gauges, total)} not used", reason)

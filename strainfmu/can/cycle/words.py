@@ -36,6 +36,7 @@ CAUSE_WORDS = {
     Cause.OVERLOAD: "frames were dropped: no time for them",
     Cause.BUS: "the bus is passive, off or was reopened",
     Cause.NAVIGATION: "Mach number or altitude is no longer known",
+    Cause.NOT_AUTHENTIC: "a frame is not from the sender that holds the key, or is older than one seen before",
     Cause.HIDDEN_DELAY: "the sender's clock runs slow or a delay grows: more may hide",
     Cause.UNPROVEN_RESTART: "a restart of the sender that may be a recording",
     Cause.SECOND_SENDER: "a second sender of the same frames",

@@ -1,0 +1,159 @@
+"""The page in a browser: what an operator reads in five states of a real run, keys, and nothing cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from chromium import PROGRAM, Browser
+from clipping import WIDTHS, clipped
+from operator_states import TestRange, running_range
+from synthetic_vehicle import synthetic_inverse_map
+
+from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.can.tools.two_processes import check_multicast, private_port
+from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.fmu.export import export_estimator
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
+
+N_GAUGES = 30
+"""More than one frame holds, so that a lost one leaves some."""
+
+TEXT = "document.body.innerText"
+FOCUSED = "document.activeElement.id || document.activeElement.className"
+
+
+def flown(n_cycles: int) -> list[FlownSample]:
+    """Return pressure states that move, seen by the gauges of the synthetic map with its noise."""
+    inverse_map, random = synthetic_inverse_map(1, N_GAUGES), np.random.default_rng(2)
+    state = 1e5 * np.sin(0.05 * np.arange(n_cycles)[:, None] + np.arange(3.0))
+    strain = inverse_map.mean_strain + state @ inverse_map.state_operator.T
+    strain += 1e-7 * random.normal(size=strain.shape)
+    return [FlownSample(one, 95.8e3, np.full(5, np.nan)) for one in strain]
+
+
+@pytest.fixture(scope="module")
+def on_range(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestRange, Browser]]:
+    try:
+        check_multicast(private_port())
+    except StrainfmuError as error:
+        pytest.skip(str(error))
+    folder = tmp_path_factory.mktemp("range")
+    save_inverse_map(synthetic_inverse_map(1, N_GAUGES), folder / "map.h5")
+    export_estimator(folder / "map.h5", folder / "estimator.fmu")
+    with running_range(folder / "estimator.fmu", flown(400), record=folder / "run.blf") as state:
+        browser = Browser(folder / "profile", state.url)
+        try:
+            yield state, browser
+        finally:
+            browser.close()
+
+
+def press(browser: Browser, key: str) -> None:
+    codes = {"Tab": 9, "ArrowRight": 39, "ArrowDown": 40}
+    for kind in ("keyDown", "keyUp"):
+        browser.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=codes[key])
+
+
+def shows(*texts: str) -> Callable[[Any], bool]:
+    return lambda found: isinstance(found, str) and all(text in found for text in texts)
+
+
+def is_whole(browser: Browser) -> None:
+    for width in WIDTHS:
+        assert clipped(browser, width) == []
+
+
+def test_all_good(on_range: tuple[TestRange, Browser]) -> None:
+    _, browser = on_range
+    found = browser.wait(
+        TEXT,
+        shows("VALID", "every gauge valid", f"{N_GAUGES} of {N_GAUGES}", "none suspect", "limit", "ERROR_ACTIVE"),
+    )
+    for text in (
+        "udp_multicast:",
+        "run.blf",
+        " ± ",
+        "(3 sigma)",
+        "C_N [1], normal",
+        "-60 s",
+        "x aft of the nose tip [m]",
+    ):
+        assert text in found
+    assert "OLD" not in browser.value("document.querySelector('main').innerText")
+    browser.wait("document.querySelectorAll('polygon.band').length", lambda found: found >= 5)
+    # Its own number in the middle of every band, and the limit of chi-square as a line.
+    assert browser.value("document.querySelectorAll('#chart_chi polyline.limit').length") >= 1
+    is_whole(browser)
+
+
+def test_loads_instead_of_coefficients(on_range: tuple[TestRange, Browser]) -> None:
+    _, browser = on_range
+    browser.value("document.getElementById('view_loads').click()")
+    browser.wait(TEXT, shows("Normal force [kN]", "Pitching moment [kN m]"))
+    assert " ± " in browser.value("document.getElementById('now_C_N').textContent")
+    is_whole(browser)
+    browser.value("document.getElementById('view_coefficients').click()")
+    browser.wait(TEXT, shows("C_N [1], normal"))
+
+
+def test_everything_is_reached_by_keys(on_range: tuple[TestRange, Browser]) -> None:
+    _, browser = on_range
+    browser.value("document.activeElement.blur()")
+    visited = []
+    for _ in range(5):
+        press(browser, "Tab")
+        visited.append(browser.value(FOCUSED))
+    assert visited == ["skip", "gauges", "events", "view_coefficients", "span_60"]
+    browser.value("document.getElementById('gauges').focus()")
+    press(browser, "ArrowRight")
+    first = browser.wait("document.getElementById('chosen').textContent", shows("µm/m, used"))
+    press(browser, "ArrowRight")
+    browser.wait("document.getElementById('chosen').textContent", lambda found: "µm/m" in found and found != first)
+
+
+def test_one_suspect(on_range: tuple[TestRange, Browser]) -> None:
+    state, browser = on_range
+    state.enter("suspect")
+    browser.wait(
+        TEXT, shows("SUSPECT", "suspect: G4", "above its limit", "gauge G4 suspect", "does not fit the others")
+    )
+    assert browser.value("document.querySelectorAll('.mark.suspect').length") == 2  # the gauge, and the legend's
+    is_whole(browser)
+
+
+def test_a_lost_frame(on_range: tuple[TestRange, Browser]) -> None:
+    state, browser = on_range
+    state.enter("lost_frame")
+    found = browser.wait(
+        TEXT, shows("DEGRADED", "PARTIAL_CYCLE: frames of the cycle are missing", f"27 of {N_GAUGES}")
+    )
+    assert "3 gauges not used: no frame — G27, G28, G29" in found
+    assert browser.value("document.querySelectorAll('.mark.masked').length") == 3 + 1
+    is_whole(browser)
+
+
+def test_bus_off(on_range: tuple[TestRange, Browser]) -> None:
+    state, browser = on_range
+    state.enter("bus_off")
+    browser.wait(TEXT, shows("BUS OFF: the controller has left the bus", "The bridge opens it again", "SILENT"))
+    found = browser.value(TEXT)
+    assert "no value: " in found or "STALE" in found
+    is_whole(browser)
+    state.enter("good")
+    browser.wait(TEXT, shows("every gauge valid"))
+
+
+def test_bridge_gone(on_range: tuple[TestRange, Browser]) -> None:
+    state, browser = on_range
+    state.enter("gone")
+    found = browser.wait(TEXT, shows("BRIDGE GONE: nothing received for", "Everything below is old", "GONE"))
+    assert "bridge gone" in found  # in the list of events
+    assert browser.value("document.body.classList.contains('old')")
+    marks = "[...document.querySelectorAll('.current h2')].map(one => getComputedStyle(one, '::before').content)"
+    assert set(browser.value(marks)) == {'"OLD · "'}
+    is_whole(browser)
