@@ -22,7 +22,8 @@ AT_ONCE = 64
 """Maximum number of messages between two turns of the queue."""
 
 ERRORS_PER_SECOND = 200
-"""Failed receptions within a second after which the bus counts as broken; single ones are ignored."""
+"""Failed receptions within a second after which the bus counts as broken; single ones are ignored. Messages that
+are no frames are no such failures."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,10 @@ class FrameQueue:
             self._ready.notify()
         return dropped
 
+    def __len__(self) -> int:
+        """Number of waiting items."""
+        return len(self._items)
+
     def take(self, timeout: float, clock: Clock) -> tuple[list[Frame | BusFault], float]:
         """Wait up to ``timeout`` [s]; return at most a cycle of items and a time that no later item precedes."""
         with self._ready:
@@ -95,11 +100,96 @@ class FrameQueue:
         return isinstance(item, BusFault) or item.key not in self._uncounted
 
 
-class Receiver:
+class ReceiverBase:
+    """What all receivers do with frames and failures; ``account`` holds the frames refused or dropped here.
+
+    Attributes
+    ----------
+    malformed : number of messages that were no frames: the sender's fault, never a reason to give up the bus.
+    failures : number of failed receptions.
+    last_failure, last_malformed : the latest of each in words.
+    """
+
+    def __init__(
+        self,
+        queue: FrameQueue,
+        acceptance: Acceptance,
+        clock: Clock,
+        on_received: Callable[[Frame], None] | None = None,
+    ) -> None:
+        self._queue, self._acceptance, self._clock = queue, acceptance, clock
+        self._on_received = on_received
+        self.account = FrameAccount()
+        self.malformed = self.failures = 0
+        self.last_failure = self.last_malformed = ""
+        self._failure_times: deque[float] = deque(maxlen=ERRORS_PER_SECOND)
+
+    def start(self) -> None:
+        """Begin to receive."""
+        raise NotImplementedError
+
+    def stop(self) -> None:
+        """End reception; shut the bus down only after that."""
+        raise NotImplementedError
+
+    def _is_accepted(self, frame: Frame) -> bool:
+        """Report a frame to ``on_received``; return whether it is to be queued, and count it here if not."""
+        if self._on_received is not None:
+            self._on_received(frame)
+        refused = self._acceptance.refused(frame)
+        if refused is None or refused is FrameClass.ERROR_FRAME:
+            return True
+        self.account.received += 1
+        self.account.refuse(refused, frame.key, frame.time)
+        return False
+
+    def _count_dropped(self, dropped: int, time: float) -> None:
+        """Count frames that the queue dropped by ``time`` [s]; they never reach the core."""
+        if dropped:
+            self.account.received += dropped
+            self.account.settle(FrameClass.OVERRUN, time, dropped)
+
+    def _count_malformed(self, error: Exception) -> None:
+        """Count a message that is no frame."""
+        self.malformed += 1
+        self.last_malformed = error_line(error)
+
+    def _is_broken(self, error: Exception) -> bool:
+        """Count a failed reception; if the bus is to be given up, report it to the bridge and return True."""
+        if is_of_sender(error):
+            self._count_malformed(error)
+            return False
+        now = self._clock()
+        self.failures += 1
+        self.last_failure = error_line(error)
+        self._failure_times.append(now)
+        full = len(self._failure_times) == ERRORS_PER_SECOND
+        too_many = full and now - self._failure_times[0] < 1.0
+        if not too_many and isinstance(error, import_can().CanError | OSError) and self._is_open():
+            return False
+        self._queue.put([BusFault(self.last_failure, now)])
+        return True
+
+    def _is_open(self) -> bool:
+        """Return whether the bus still has its socket."""
+        return True
+
+
+def is_of_sender(error: BaseException) -> bool:
+    """Return whether a failed reception is due to what was sent: a message that is no frame.
+
+    python-can reports contents that it cannot unpack as it reports a broken socket, but by another cause.
+    """
+    if isinstance(error, MalformedFrame):
+        return True
+    cause = error.__cause__
+    return isinstance(error, import_can().CanError) and cause is not None and not isinstance(cause, OSError)
+
+
+class Receiver(ReceiverBase):
     """Receives from one bus until it is stopped, or until the bus fails, which it reports through the queue.
 
-    ``account`` holds the frames that were refused or dropped here; it is exact once the thread has ended, and
-    approximate while it runs.
+    ``account`` is exact once the thread has ended, and approximate while it runs.
 
     Parameters
     ----------
@@ -116,13 +206,8 @@ class Receiver:
         on_received: Callable[[Frame], None] | None = None,
         collect_time: float = 0.0,
     ) -> None:
-        self._bus, self._queue, self._acceptance, self._clock = bus, queue, acceptance, clock
-        self._collect_time = collect_time
-        self._on_received = on_received
-        self.account = FrameAccount()
-        self.failures = 0
-        self.last_failure = ""
-        self._failure_times: deque[float] = deque(maxlen=ERRORS_PER_SECOND)
+        super().__init__(queue, acceptance, clock=clock, on_received=on_received)
+        self._bus, self._collect_time = bus, collect_time
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="CAN receiver", daemon=True)
 
@@ -177,35 +262,8 @@ class Receiver:
                     malformed.append(error)
             dropped = self._queue.put([frame for frame in frames if self._is_accepted(frame)])
             if dropped:
-                # They never reach the core, so they are counted here.
-                self.account.received += dropped
-                self.account.settle(FrameClass.OVERRUN, frames[-1].time, dropped)
+                self._count_dropped(dropped, frames[-1].time)
         return malformed
-
-    def _is_accepted(self, frame: Frame) -> bool:
-        """Report a frame to ``on_received``; return whether it is to be queued, and count it here if not."""
-        if self._on_received is not None:
-            self._on_received(frame)
-        refused = self._acceptance.refused(frame)
-        if refused is None or refused is FrameClass.ERROR_FRAME:
-            return True
-        self.account.received += 1
-        self.account.refuse(refused, frame.key, frame.time)
-        return False
-
-    def _is_broken(self, error: Exception) -> bool:
-        """Count a failed reception; if the bus is to be given up, report it to the bridge and return True."""
-        now = self._clock()
-        self.failures += 1
-        self.last_failure = error_line(error)
-        self._failure_times.append(now)
-        full = len(self._failure_times) == ERRORS_PER_SECOND
-        too_many = full and now - self._failure_times[0] < 1.0
-        is_ignored = isinstance(error, MalformedFrame | import_can().CanError)
-        if not too_many and is_ignored and self._is_open():
-            return False
-        self._queue.put([BusFault(self.last_failure, now)])
-        return True
 
     def _is_open(self) -> bool:
         """Return whether the bus still has its socket; a bus without one counts as open."""

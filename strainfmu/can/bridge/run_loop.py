@@ -1,7 +1,7 @@
 """The run loop of the bridge: receiver, queue, core and transmitter on a bus, which is reopened when it fails.
 
-One thread receives; the caller's thread steps and sends. Results go to the bus first, then to ``on_result``, which
-must not block.
+From a raw socket (``raw_bus``) the caller's thread receives, steps and sends; from other interfaces of python-can
+a second thread receives. Results go to the bus first, then to ``on_result``, which must not block.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ import numpy as np
 
 from strainfmu.can.bridge.backlog import Backlog
 from strainfmu.can.bridge.bus import OpenBus, kernel_drops, shut_down
-from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver
+from strainfmu.can.bridge.inline_receiver import InlineReceiver
+from strainfmu.can.bridge.raw_bus import raw_bus
+from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver, ReceiverBase
 from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
 from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
 from strainfmu.can.bridge.result_layouts import STATUS_PERIOD
@@ -86,11 +88,12 @@ class Bridge:
         self._on_received, self._on_sent = on_received, on_sent
         self.known = clock()
         self._bus: Any = None
-        self._receiver: Receiver | None = None
+        self._receiver: ReceiverBase | None = None
         self._past_receivers = FrameAccount()
         self._drops = 0
         self._drops_known = False
-        self._malformed = 0
+        self._malformed = self._failures = 0
+        self._last_malformed = ""
         self._shed = 0
         self._stop = False
         self._qualities: Counter[Quality] = Counter()
@@ -143,7 +146,9 @@ class Bridge:
             latency=np.array(self._latency),
             sent=self._transmitter.sent,
             send_failures=self._transmitter.failures,
-            malformed=self._malformed + (self._receiver.failures if self._receiver else 0),
+            malformed=self._malformed + (self._receiver.malformed if self._receiver else 0),
+            last_malformed=(self._receiver and self._receiver.last_malformed) or self._last_malformed,
+            failures=self._failures + (self._receiver.failures if self._receiver else 0),
             reconnects=self._back_off.reconnects,
             kernel_drops=self._drops if self._drops_known else None,
             queue_highest=self._queue.highest,
@@ -155,7 +160,7 @@ class Bridge:
         """Wait for frames or for the next event, and process it."""
         now = self._clock()
         due = min(self._core.next_event, self._next_status, end)
-        items, known = self._queue.take(min(max(due - now, 0.0), _LONGEST_WAIT), self._clock)
+        items, known = self._next_items(min(max(due - now, 0.0), _LONGEST_WAIT))
         self.known = known
         self._watch_receiver()
         is_answered = not items or self._backlog.is_answered(self._clock() - items[-1].time)
@@ -175,6 +180,13 @@ class Bridge:
             self._lose_bus("bus off", now)
         if self._back_off.due is not None and now >= self._back_off.due:
             self._reconnect(now)
+
+    def _next_items(self, timeout: float) -> tuple[list[Frame | BusFault], float]:
+        """Wait up to ``timeout`` [s]; return the frames of a cycle and a time that no later frame precedes."""
+        if isinstance(self._receiver, InlineReceiver):
+            known = self._receiver.collect(0.0 if len(self._queue) else timeout)
+            return self._queue.take(0.0, lambda: known)
+        return self._queue.take(timeout, self._clock)
 
     def _publish(self, results: list[CycleResult]) -> None:
         """Send results, then count them and pass them on."""
@@ -241,16 +253,28 @@ class Bridge:
         self._bus = self._open_bus()
         acceptance = Acceptance(core.layout, self._own_keys, core.settings)
         collect_time = min(COLLECT * core.layout.cycle_time, MAX_COLLECT)
-        self._receiver = Receiver(
-            self._bus,
-            self._queue,
-            acceptance=acceptance,
-            clock=self._clock,
-            on_received=self._on_received,
-            collect_time=collect_time,
-        )
+        raw = raw_bus(self._bus)
+        if raw is None:
+            self._receiver = Receiver(
+                self._bus,
+                self._queue,
+                acceptance=acceptance,
+                clock=self._clock,
+                on_received=self._on_received,
+                collect_time=collect_time,
+            )
+        else:
+            self._receiver = InlineReceiver(
+                raw,
+                self._queue,
+                acceptance=acceptance,
+                clock=self._clock,
+                on_received=self._on_received,
+                collect_time=collect_time,
+                cycle=core.layout.cycle_length,
+            )
         self._shed = 0
-        self._transmitter.use(self._bus)
+        self._transmitter.use(self._bus, raw)
         self._receiver.start()
 
     def _disconnect(self) -> None:
@@ -259,7 +283,9 @@ class Bridge:
         if self._receiver is not None:
             self._receiver.stop()
             self._past_receivers = self._past_receivers.plus(self._receiver.account)
-            self._malformed += self._receiver.failures
+            self._malformed += self._receiver.malformed
+            self._failures += self._receiver.failures
+            self._last_malformed = self._receiver.last_malformed or self._last_malformed
             self._receiver = None
         if self._bus is not None:
             drops = kernel_drops(self._bus)

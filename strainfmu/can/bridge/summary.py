@@ -31,7 +31,8 @@ class BridgeSummary:
     healths : estimates by state of health.
     navigated : number of results with both Mach number and altitude.
     latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
-    sent, send_failures, malformed, reconnects : frames sent and not sent, failed receptions, buses reopened.
+    sent, send_failures, failures, reconnects : frames sent and not sent, failed receptions, buses reopened.
+    malformed, last_malformed : number of messages that were no frames, and why the last one was none.
     kernel_drops : datagrams that the system dropped, None where that is not known.
     queue_highest : maximum number of waiting frames.
     drift_ppm : how much slower than ours the sender's clock ran; NaN if not known.
@@ -47,7 +48,9 @@ class BridgeSummary:
     latency: np.ndarray = field(default_factory=lambda: np.empty(0))
     sent: int = 0
     send_failures: int = 0
+    failures: int = 0
     malformed: int = 0
+    last_malformed: str = ""
     reconnects: int = 0
     kernel_drops: int | None = None
     queue_highest: int = 0
@@ -73,7 +76,10 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
     rows.append(("frames sent", f"{summary.sent}, {summary.send_failures} failed"))
     drops = "not known" if summary.kernel_drops is None else str(summary.kernel_drops)
     rows.append(("dropped by the system", drops))
-    rows.append(("failed receptions", f"{summary.malformed}"))
+    rows.append(("failed receptions", f"{summary.failures}"))
+    rows.append(("messages that are no frames", f"{summary.malformed}"))
+    if summary.last_malformed:
+        rows.append(("the last of these", summary.last_malformed))
     rows.append(("maximum of frames waiting", f"{summary.queue_highest}"))
     if not isnan(summary.drift_ppm):
         rows.append(("sender's clock slower by", f"{summary.drift_ppm:.1f} ppm"))

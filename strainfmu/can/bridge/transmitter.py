@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from strainfmu.can.bridge.raw_bus import RawBus
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.libraries import error_line, import_can
 
@@ -21,15 +22,16 @@ class Transmitter:
     def __init__(self, on_sent: Callable[[Frame], None] | None = None) -> None:
         self._on_sent = on_sent
         self._bus: Any = None
+        self._raw: RawBus | None = None
         self._errors: tuple[type[Exception], ...] = ()
         self._in_a_row = 0
         self.sent = 0
         self.failures = 0
         self.last_failure = ""
 
-    def use(self, bus: Any) -> None:
-        """Send on ``bus`` from now on; on none if None."""
-        self._bus = bus
+    def use(self, bus: Any, raw: RawBus | None = None) -> None:
+        """Send on ``bus`` from now on, through its socket ``raw`` if that is known; on none if None."""
+        self._bus, self._raw = bus, raw
         self._errors = (import_can().CanError, OSError, ValueError)
         self._in_a_row = 0
 
@@ -37,9 +39,13 @@ class Transmitter:
         """Send ``frames``, each at most once; return False when the bus counts as broken."""
         if self._bus is None:
             return True
+        raw = self._raw
         for frame in frames:
             try:
-                self._bus.send(to_message(frame), timeout=SEND_TIMEOUT)
+                if raw is None:
+                    self._bus.send(to_message(frame), timeout=SEND_TIMEOUT)
+                else:
+                    raw.send(frame)
             except self._errors as error:
                 self.failures += 1
                 self._in_a_row += 1

@@ -11,7 +11,7 @@ import can
 import pytest
 from can_case import CYCLE, layout_of
 
-from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver
+from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue, Receiver
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.log_frames import LogState, log_frames
@@ -64,12 +64,14 @@ class Scripted(can.BusABC):
 
 
 def received(
-    messages: list[can.Message], on_received: Callable[[Frame], None] | None = None
+    messages: list[can.Message],
+    on_received: Callable[[Frame], None] | None = None,
+    kind: type[Scripted] = Scripted,
 ) -> tuple[Receiver, list[Frame | BusFault]]:
     """Return a receiver that has taken ``messages``, and what it has queued."""
     layout = layout_of("fd64")
     queue = FrameQueue(1000, 3)
-    bus = Scripted(list(messages))
+    bus = kind(list(messages))
     acceptance = Acceptance(layout, [], BridgeSettings())
     receiver = Receiver(bus, queue, acceptance=acceptance, clock=time.monotonic, on_received=on_received)
     receiver.start()
@@ -89,9 +91,25 @@ def test_a_receiver_counts_malformed_messages_and_goes_on() -> None:
     bad = [can.Message(**(GOOD | {"arbitration_id": number})) for number in (5.5, float("nan"), 768.0)]
     receiver, items = received([good, bad[0], good, bad[1], bad[2], good])
     assert [item.identifier for item in items if isinstance(item, Frame)] == [0x301] * 3
-    assert receiver.failures == 3
-    assert "identifier 768.0 found" in receiver.last_failure
+    assert (receiver.malformed, receiver.failures) == (3, 0)
+    assert "identifier 768.0 found" in receiver.last_malformed
     assert not any(isinstance(item, BusFault) for item in items)
+
+
+class Garbled(Scripted):
+    """A bus whose interface cannot unpack what it receives, and says so as python-can's udp_multicast does."""
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        message, is_filtered = super()._recv_internal(timeout)
+        if message is None:
+            return message, is_filtered
+        raise can.CanOperationError("could not unpack received message") from ValueError("extra data")
+
+
+def test_what_an_interface_cannot_unpack_never_ends_a_bus() -> None:
+    receiver, items = received([can.Message(**GOOD)] * (3 * ERRORS_PER_SECOND), kind=Garbled)
+    assert items == []
+    assert (receiver.malformed, receiver.failures) == (3 * ERRORS_PER_SECOND, 0)
 
 
 def test_whatever_else_goes_wrong_in_the_receiver_is_said_to_the_bridge() -> None:

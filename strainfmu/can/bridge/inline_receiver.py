@@ -1,0 +1,99 @@
+"""Reception in the stepping thread itself, from a raw socket: no second thread to wait for, frames in batches."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from strainfmu.can.bridge.raw_bus import RawBus
+from strainfmu.can.bridge.receiver import AT_ONCE, FrameQueue, ReceiverBase
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.e2e.clock import Clock
+from strainfmu.can.wire.frame import Frame, MalformedFrame
+
+
+class InlineReceiver(ReceiverBase):
+    """Reads one bus whenever it is told to; the socket's own buffer holds what comes meanwhile.
+
+    A frame has the time at which the kernel received it, so that its age holds the time for which it waited; it is
+    never older than a time that :meth:`collect` has returned.
+
+    Parameters
+    ----------
+    cycle : frames of a cycle; while fewer have come, further ones are collected for ``collect_time`` [s].
+    """
+
+    def __init__(
+        self,
+        raw: RawBus,
+        queue: FrameQueue,
+        acceptance: Acceptance,
+        clock: Clock,
+        on_received: Callable[[Frame], None] | None = None,
+        collect_time: float = 0.0,
+        cycle: int = 1,
+    ) -> None:
+        super().__init__(queue, acceptance, clock=clock, on_received=on_received)
+        self._raw, self._collect_time, self._cycle = raw, collect_time, cycle
+        self._known = clock()
+        self._is_broken_off = False
+
+    def start(self) -> None:
+        """Do nothing: there is no thread."""
+
+    def stop(self) -> None:
+        """Queue what still waits and free the socket; the bus is shut down after that."""
+        try:
+            while self._raw.is_open and not self._is_broken_off and self._take() == AT_ONCE:
+                pass
+        except OSError:
+            pass  # of a bus that failed nothing more is expected
+        self._raw.close()
+
+    def collect(self, timeout: float) -> float:
+        """Wait up to ``timeout`` [s] for frames and queue them; return a time that no later frame precedes."""
+        if self._is_broken_off:
+            return self._clock()
+        try:
+            if timeout > 0.0:
+                self._raw.wait(timeout)
+            if not self._raw.is_open:
+                raise OSError("the socket was closed")
+            n_taken = self._take()
+            if 0 < n_taken < self._cycle and self._collect_time > 0.0:
+                time.sleep(self._collect_time)
+                self._take()
+        except Exception as error:  # whatever a socket raises, the bridge must learn of it
+            self._known = max(self._clock(), self._known)
+            self._is_broken_off = self._is_broken(error)
+        return self._known
+
+    def _take(self) -> int:
+        """Queue the frames that wait; return the number of datagrams."""
+        now = max(self._clock(), self._known)
+        found, is_drained = self._raw.read(AT_ONCE)
+        frames: list[Frame] = []
+        after = self._known
+        stamped = self._clock() if found else now
+        for datagram, waited in found:
+            after = min(max(_whole_microseconds(stamped - waited), after), stamped)
+            try:
+                frame = self._raw.frame(datagram, after)
+            except MalformedFrame as error:
+                self._count_malformed(error)
+                continue
+            if self._is_accepted(frame):
+                frames.append(frame)
+        if frames:
+            self._count_dropped(self._queue.put(frames), after)
+        # Once nothing waits, all that came before is known; else what waits is younger than what was taken.
+        self._known = max(after, now) if is_drained else after
+        return len(found)
+
+    def _is_open(self) -> bool:
+        return self._raw.is_open
+
+
+def _whole_microseconds(time: float) -> float:
+    """Return a time [s] that every log format holds exactly."""
+    return round(1e6 * time) / 1e6

@@ -1,0 +1,156 @@
+"""The socket under python-can's interfaces: the same frames as python-can's own way, in both directions."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import pytest
+from can.interfaces.socketcan.socketcan import build_can_frame
+from can.interfaces.udp_multicast.utils import pack_message
+
+from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.inline_receiver import InlineReceiver
+from strainfmu.can.bridge.raw_bus import RawMulticast, RawSocketCan, can_frame, raw_bus
+from strainfmu.can.bridge.receiver import FrameQueue
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message, to_message
+
+pytestmark = pytest.mark.fast
+
+GROUP = "239.74.163.11"
+FRAMES = [
+    Frame(identifier=0x301, data=bytes(range(64)), is_fd=True, bitrate_switch=True),
+    Frame(identifier=0x301, data=bytes(12), is_fd=True),
+    Frame(identifier=0x7FF, data=b"12345678"),
+    Frame(identifier=0x1FFFFFFF, data=b"", is_extended=True),
+    Frame(identifier=0x123, data=b"", is_remote=True),
+]
+ERROR = Frame(identifier=0x40, data=bytes(8), is_error=True)
+
+
+@pytest.fixture
+def buses() -> Iterator[list[can.BusABC]]:
+    """Return two buses on a port that nobody else has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    settings = BusSettings(interface="udp_multicast", channel=GROUP, options={"port": port})
+    with open_bus(settings) as first, open_bus(settings) as second:
+        yield [first, second]
+
+
+def raw_multicast(bus: can.BusABC) -> RawMulticast:
+    found = raw_bus(bus)
+    assert isinstance(found, RawMulticast)
+    return found
+
+
+def waiting(raw: Any, n: int) -> list[tuple[bytes, float]]:
+    """Return the next ``n`` datagrams."""
+    found: list[tuple[bytes, float]] = []
+    end = time.monotonic() + 10.0
+    while len(found) < n and time.monotonic() < end:
+        raw.wait(0.1)
+        found += raw.read(n - len(found))[0]
+    return found
+
+
+def test_multicast_is_what_python_can_sends_and_receives(buses: list[can.BusABC]) -> None:
+    raw = raw_multicast(buses[0])
+    for frame in [*FRAMES, ERROR]:
+        buses[1].send(to_message(frame))
+    assert [raw.frame(data, 0.0) for data, _ in waiting(raw, 6)] == [*FRAMES, ERROR]
+    for frame in FRAMES:
+        raw.send(frame)
+    heard = [buses[1].recv(5.0) for _ in range(6 + len(FRAMES))][6:]
+    assert [from_message(message, 0.0) for message in heard] == FRAMES
+    raw.close()
+
+
+def test_a_frame_has_the_time_at_which_the_kernel_received_it(buses: list[can.BusABC]) -> None:
+    raw = raw_multicast(buses[0])
+    buses[1].send(to_message(FRAMES[0]))
+    time.sleep(0.05)
+    ((_, waited),) = waiting(raw, 1)
+    assert 0.05 <= waited < 5.0
+    assert raw.read(1) == ([], True)
+    raw.close()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"dlc": 63}, {"arbitration_id": 0x800}, {"is_remote_frame": True}, {"arbitration_id": 5.5}, {"is_fd": False}],
+)
+def test_what_python_can_refuses_is_no_frame(buses: list[can.BusABC], wrong: dict[str, Any]) -> None:
+    raw = raw_multicast(buses[0])
+    message = to_message(FRAMES[0])
+    for name, value in wrong.items():
+        setattr(message, name, value)
+    with pytest.raises(MalformedFrame):
+        raw.frame(bytes(pack_message(message)), 0.0)
+    raw.close()
+
+
+def test_frames_are_never_older_than_a_time_already_known(buses: list[can.BusABC]) -> None:
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 3)
+    clock = time.monotonic
+    acceptance = Acceptance(layout(), [], BridgeSettings())
+    receiver = InlineReceiver(raw, queue, acceptance=acceptance, clock=clock, cycle=1)
+    known = receiver.collect(0.0)
+    for _ in range(3):
+        buses[1].send(to_message(FRAMES[0]))
+        time.sleep(0.02)
+        later = receiver.collect(1.0)
+        ((item,), _) = queue.take(0.0, clock)
+        assert isinstance(item, Frame)
+        assert known <= item.time <= later <= clock()
+        assert later - item.time >= 0.015, "it has waited"
+        known = later
+    receiver.stop()
+
+
+def test_only_known_sockets_are_read_directly(buses: list[can.BusABC]) -> None:
+    with can.Bus(interface="virtual", channel="raw") as virtual:
+        assert raw_bus(virtual) is None
+    buses[0].set_filters([{"can_id": 1, "can_mask": 0x7FF}])
+    assert raw_bus(buses[0]) is None, "python-can filters this one in software"
+
+
+class _AnySocket:
+    """A pair of sockets in place of SocketCAN's, which needs a kernel with CAN."""
+
+    def __init__(self) -> None:
+        self.socket, self.other = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.fileno = self.socket.fileno
+
+
+@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: f"{frame.identifier:X}")
+def test_socketcan_frames_are_those_of_python_can(frame: Frame) -> None:
+    theirs = bytes(build_can_frame(to_message(frame)))
+    # All but the flags of CAN FD, of which only one is ours, and len8_dlc, which the kernel reads of 9 to 15 alone.
+    other = 5 if frame.is_fd else 7
+    ours = can_frame(frame)
+    assert (ours[:other], ours[other + 1 :]) == (theirs[:other], theirs[other + 1 :])
+    bus = _AnySocket()
+    raw = RawSocketCan(bus)
+    bus.other.send(theirs)
+    ((data, _),) = waiting(raw, 1)
+    assert raw.frame(data, 0.0) == frame
+    raw.send(frame)
+    assert raw.frame(bus.other.recv(100), 0.0) == frame
+    with pytest.raises(MalformedFrame):
+        raw.frame(data[:-1], 0.0)
+    raw.close()
+    bus.socket.close()
+    bus.other.close()
+
+
+def layout() -> Any:
+    from can_case import layout_of
+
+    return layout_of("fd64")
