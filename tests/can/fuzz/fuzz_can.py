@@ -4,6 +4,7 @@ From the root of the repository, in an environment that holds the project:
 
     python tests/can/fuzz/fuzz_can.py frames tests/can/fuzz/corpus/frames -max_total_time=600
     python tests/can/fuzz/fuzz_can.py database tests/can/fuzz/corpus/database -max_total_time=600
+    python tests/can/fuzz/fuzz_can.py authentication tests/can/fuzz/corpus/authentication -max_total_time=600
 
 New inputs go into the first folder: give an empty one ahead of the corpus to keep that small.
 """

@@ -1,18 +1,23 @@
-"""What the fuzzers feed: any bytes as frames of a profile, and any bytes as a DBC file with its mapping.
+"""What the fuzzers feed: any bytes as frames of a profile, as a DBC file with its mapping, and as attacks.
 
-Both must end in results or in InputError, whatever the bytes; the sum rule of frames must hold.
+All must end in results or in InputError, whatever the bytes; the sum rule of frames must hold.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from strainfmu.can.bridge.freshness_file import load_freshness
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.authenticator import AuthenticationKey
+from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
+from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
@@ -115,4 +120,91 @@ def database_from(data: bytes) -> None:
     assert core.account.unaccounted == 0
 
 
-TARGETS = {"frames": frames_from, "database": database_from}
+class TrueStrains:
+    """A step that knows what the sender has sent: it is given nothing else, and nothing twice."""
+
+    def __init__(self) -> None:
+        self.sent: list[int] = []
+        self.newest = -1
+
+    def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+        found = np.rint(1e6 * strain[np.isfinite(strain)]).astype(int) - np.flatnonzero(np.isfinite(strain))
+        assert len(set(found.tolist())) == 1
+        number = int(found[0])
+        assert number in self.sent
+        assert number > self.newest
+        self.newest = number
+        return step(strain, dynamic_pressure, step_size)
+
+
+def authentication_from(data: bytes) -> None:
+    """Take bytes for what happens on a bus of authenticated frames: cycles, restarts, recordings, forgeries.
+
+    Besides, take them for the content of a key file and of a freshness file.
+    """
+    layout = layouts()[-1]
+    assert layout.is_authenticated
+    judge, trip = TrueStrains(), 3
+    core = bridge_core(layout, judge, BridgeSettings(), start=0.0, own_keys=[0x380])
+    items = {item.layout.key: item.layout for item in layout.frames}
+    encoder, history = StrainEncoder(layout, trip), list[Frame]()
+    number, first, time, index = 0, 0, 0.0, 0
+    while index + 4 <= len(data):
+        what, a, b, c = data[index : index + 4]
+        index += 4
+        time += 1e-4 * (c % 16)
+        sent: list[Frame] = []
+        if what < 96 or not history:  # a true cycle, perhaps with a frame missing
+            time += 0.01
+            sent = encoder.encode(
+                1e-6 * (number + np.arange(N_GAUGES)),
+                1e5,
+                cycle=number - first,
+                sample_time=0.01 * (number - first),
+            )
+            judge.sent.append(number)
+            number += 1
+            if what < 16:
+                del sent[a % len(sent)]
+            history += sent
+        elif what < 112:  # the sender starts again
+            encoder.trip += 1 + a % 3
+            first = number
+        elif what < 160:  # a recording
+            start = (a << 8 | b) % len(history)
+            sent = history[start : start + 1 + c % 40]
+        else:  # bytes are altered, and the CRC may be made to fit
+            old = history[-1 - a % min(len(history), 64)]
+            content = bytearray(old.data)
+            for place, bits in zip(data[index : index + c % 6], data[index + 6 :], strict=False):
+                content[place % len(content)] ^= bits
+            protection = items[old.key].protection
+            assert protection is not None
+            altered = protect(bytes(content), protection, content[2]) if b % 2 else bytes(content)
+            sent = [replace(old, data=altered)]
+            index += c % 6
+        for frame in sent:
+            core.receive(replace(frame, time=time))
+            time += 1e-5
+        assert core.account.unaccounted == 0
+    core.finish(time + 1.0)
+    assert core.account.unaccounted == core.account.pending == 0
+    _files_from(data)
+
+
+def _files_from(data: bytes) -> None:
+    """Take bytes for a key file and a freshness file: a key, a number or one line."""
+    with TemporaryDirectory(prefix="strainfmu_") as folder:
+        path = Path(folder) / "file"
+        path.write_bytes(data)
+        key = AuthenticationKey(bytes(16))
+        for read in (load_key, lambda file: load_freshness(file, key)):
+            text = ""
+            try:
+                read(path)
+            except InputError as error:
+                text = str(error)
+            assert "\n" not in text
+
+
+TARGETS = {"frames": frames_from, "database": database_from, "authentication": authentication_from}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from fuzz_targets import TARGETS, database_from, frames_from
+from fuzz_targets import TARGETS, authentication_from, database_from, frames_from
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,6 +23,12 @@ def test_corpus(path: Path) -> None:
 @settings(max_examples=150, deadline=None)
 def test_any_bytes_as_frames(data: bytes) -> None:
     frames_from(data)
+
+
+@given(data=st.binary(max_size=400))
+@settings(max_examples=60, deadline=None)
+def test_any_bytes_as_attacks(data: bytes) -> None:
+    authentication_from(data)
 
 
 @given(data=st.data())
