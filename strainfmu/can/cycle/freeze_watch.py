@@ -37,7 +37,7 @@ _BLOCK = 4
 _LARGEST_SQUARE = 4.0
 """Maximum square of a second difference, as part of its variance: one gauge must not outweigh a frame."""
 
-_MEMORY, _FIRST_MEMORY, _LARGEST_LEARNED = 64, 4, 1.2
+_MEMORY, _FIRST_MEMORY, _LARGEST_LEARNED = 64, 16, 1.2
 """Blocks over which the usual variance is averaged, as many at the start, and the largest of one block, as part of
 the stated one."""
 
@@ -73,6 +73,7 @@ class FreezeWatch:
         self._weight = 1.0 / (6.0 * self._variance * noise.step**2)
         self._difference = np.full(n, np.nan)
         self._squares, self._counts = np.zeros(n), np.zeros(n)
+        self._has_moved = np.zeros(n, dtype=bool)
         self._blocked = 0
         groups = self._by_group(np.ones(n))
         self._steps_squared = self._by_group(self._variance) / groups
@@ -143,7 +144,8 @@ class FreezeWatch:
         self._blocked += 1
         if self._blocked == _BLOCK:
             self._judge_scatter()
-            self._learn_level(run <= _ALIVE)
+            self._has_moved |= self._squares > 0.0
+            self._learn_level(self._has_moved & (run <= _ALIVE))
             self._squares[:], self._counts[:], self._blocked = 0.0, 0.0, 0
 
     def _judge_scatter(self) -> None:
@@ -175,7 +177,9 @@ class FreezeWatch:
     def _learn(self) -> None:
         """Derive from the usual variance which noise is counted on, and the probabilities of repetitions."""
         self._learned = self._level.copy()
-        usual = np.minimum(_MARGIN * self._level[self._noise.frame], 1.0)
+        # A frame that is dead from the start teaches nothing: the others stand for it.
+        level = np.where(self._memory > _FIRST_MEMORY, self._level, self._level[-1])
+        usual = np.minimum(_MARGIN * level[self._noise.frame], 1.0)
         self._ratio = np.minimum(_MARGIN * self._table.ratio_of(usual * self._variance), self._noise.ratio)
         row = self._table.row(self._ratio)
         self._log_repeated = self._table.log_repeated[row]
