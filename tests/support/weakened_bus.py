@@ -19,6 +19,7 @@ from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.freeze_watch import FreezeWatch
 from strainfmu.can.cycle.gauge_noise import GaugeNoise, gauge_noise
+from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, sender_clock
@@ -285,11 +286,27 @@ class HoldsMissingGauges(CycleJudge):
     _last: FloatArray | None = None
 
     def _answer(
-        self, cycle: Cycle, now: float, causes: Cause, valid: BoolArray, decoded: DecodedCycle, age: float
+        self,
+        cycle: Cycle,
+        now: float,
+        *,
+        causes: Cause,
+        valid: BoolArray,
+        decoded: DecodedCycle,
+        age: tuple[float, float],
+        verdicts: GaugeVerdicts | None,
     ) -> CycleResult:
         last = np.full_like(decoded.strain, np.nan) if self._last is None else self._last
         held = replace(decoded, strain=np.where(decoded.present, decoded.strain, last))
-        result = super()._answer(cycle, now, causes & ~Cause.PARTIAL_CYCLE, valid | ~decoded.present, held, age)
+        result = super()._answer(
+            cycle,
+            now,
+            causes=causes & ~Cause.PARTIAL_CYCLE,
+            valid=valid | ~decoded.present,
+            decoded=held,
+            age=age,
+            verdicts=verdicts,
+        )
         self._last = result.strain
         return result
 
