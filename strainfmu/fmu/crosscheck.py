@@ -7,6 +7,7 @@ file formats are those of the FMI Cross-Check rules 4.1.
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from platform import machine, system
 
 import numpy as np
 
+from strainfmu.cosim.instance import safe_temporary_parent
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.contents import read_fmu
@@ -133,12 +135,17 @@ def _result(name: str, *, fmi_version: str, fmu: Path, inputs: Path, reference: 
         return ImporterResult(name, "not run", f"{package} is not installed")
     if fmi_version not in versions:
         return ImporterResult(importer, "not run", f"not driven with FMI {fmi_version}")
-    with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder:
+    parent = safe_temporary_parent()
+    with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=parent) as folder:
         found = Path(folder) / "found.csv"
+        # Importers unzip in the folder for temporary files, by whichever name they look it up.
+        environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(parent))}
         command = [sys.executable, "-m", "strainfmu.fmu.importers", name]
         command += [str(path.resolve()) for path in (fmu, inputs, found)]
         try:
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=_TIME_LIMIT)
+            done = subprocess.run(
+                command, cwd=folder, env=environment, capture_output=True, text=True, timeout=_TIME_LIMIT
+            )
         except subprocess.TimeoutExpired:
             return ImporterResult(importer, "failed", f"not finished after {_TIME_LIMIT:g} s")
         if not found.exists():

@@ -34,7 +34,8 @@ def read_table(path: Path) -> Table:
     """Return a table as :func:`~strainfmu.fmu.reference_run.signal_table` wrote it, "time" among its columns."""
     with path.open(newline="", encoding="utf-8") as stream:
         names, *rows = csv.reader(stream)
-    return {name: [[float(v) for v in row[k].split()] for row in rows] for k, name in enumerate(names)}
+    # A table of time alone has a blank behind its name.
+    return {name.strip(): [[float(v) for v in row[k].split()] for row in rows] for k, name in enumerate(names)}
 
 
 def write_table(path: Path, table: Table) -> None:

@@ -78,7 +78,9 @@ def signal_table(
 ) -> bytes:
     """Return CSV of ``signals`` as the rules for compatibility information of FMI require it.
 
-    Comma, names in quotes, "time" first, no units, elements of an array separated by blanks.
+    Comma, names in quotes, "time" first, no units, elements of an array separated by blanks. A table of time
+    alone, that of an FMU without inputs, has a blank at the end of each line: FMU Compliance Checker takes what follows
+    the first name for the separator, and FMPy reads no empty column.
     """
     columns = {}
     for variable in interface:
@@ -91,7 +93,8 @@ def signal_table(
                 columns[variable.name] = [" ".join(_text(v, variable, digits) for v in row) for row in rows]
     lines = [",".join(f'"{name}"' for name in ("time", *columns))]
     lines += [",".join([f"{t:.10g}", *row]) for t, *row in zip(time, *columns.values(), strict=True)]
-    return ("\n".join(lines) + "\n").encode()
+    end = "\n" if columns else " \n"
+    return "".join(line + end for line in lines).encode()
 
 
 def array_elements(variable: Variable) -> tuple[str, ...]:

@@ -81,6 +81,11 @@ def export(
     options = ExportOptions(kind=kind, fmi_version=fmi.removesuffix(".0"), platforms=chosen)
     export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+    if kind == "python":
+        from strainfmu.fmu.documentation import PYTHON_FOLDERS
+
+        note = f"note: {PYTHON_FOLDERS}. The native kind runs from any folder."
+        Console().print(note, highlight=False, markup=False, soft_wrap=True)
 
 
 def crosscheck(
