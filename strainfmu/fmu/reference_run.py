@@ -79,8 +79,8 @@ def signal_table(
     """Return CSV of ``signals`` as the rules for compatibility information of FMI require it.
 
     Comma, names in quotes, "time" first, no units, elements of an array separated by blanks. A table of time
-    alone, that of an FMU without inputs, has a blank at the end of each line: FMU Compliance Checker takes what follows
-    the first name for the separator, and FMPy reads no empty column.
+    alone, that of an FMU without inputs, has a blank at the end of each line: FMU Compliance Checker takes what
+    follows the first name for the separator, and FMPy reads no empty column.
     """
     columns = {}
     for variable in interface:
