@@ -6,6 +6,7 @@ a second thread receives. Results go to the bus first, then to ``on_result``, wh
 
 from __future__ import annotations
 
+import sys
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -41,6 +42,9 @@ QUEUED_CYCLES = 50
 
 COLLECT, MAX_COLLECT = 0.2, 2e-4
 """Time for which frames are collected after the first: in cycles, and its maximum [s]."""
+
+HAND_OVER = 5e-4
+"""Longest time for which a thread that records or publishes keeps Python to itself while the bridge waits [s]."""
 
 _LONGEST_WAIT = 0.1
 _LATENCIES = 200_000
@@ -120,11 +124,14 @@ class Bridge:
             The bus cannot be opened, is lost and cannot be opened again, or the FMU failed for good.
         """
         self._connect()
+        hand_over = sys.getswitchinterval()
+        sys.setswitchinterval(min(HAND_OVER, hand_over))
         end = float("inf") if duration is None else self._clock() + duration
         try:
             while not self._stop and self._clock() < end:
                 self._turn(end)
         finally:
+            sys.setswitchinterval(hand_over)
             self._disconnect()
         now = self._clock()
         while items := self._queue.take(0.0, self._clock)[0]:

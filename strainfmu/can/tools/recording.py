@@ -10,6 +10,7 @@ import json
 import struct
 import threading
 import time
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,8 +18,9 @@ from typing import Any
 
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.tools.log_description import SIDECAR_VERSION, plain_options, sidecar
-from strainfmu.can.wire.frame import Frame, to_message
-from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.tools.log_files import open_log
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.libraries import error_line
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
 
@@ -29,8 +31,11 @@ FLUSH_PERIOD = 0.25
 
 WAITING_FRAMES = 200_000
 """Maximum number of frames that wait for the disk; further ones are counted and dropped."""
-_BUFFER = 1 << 20
-"""Size of the file's buffer [bytes]: a flush is one write, so that a kill leaves a container whole or absent."""
+HELD_BACK = 0.1
+"""Time for which frames are held to be put in order [s]: what waited in a socket is older than what was sent."""
+
+AT_A_TIME = 50
+"""Frames after which the recorder lets the bridge's thread run: it must not wait for a whole flush."""
 
 
 class MicrosecondClock:
@@ -72,12 +77,14 @@ class Recorder:
         self.path, self.clock = path, clock
         self.recorded = self.lost = 0
         self.failure = ""
+        self._unflushed = 0
         self._waiting: deque[tuple[Frame, bool]] = deque()
+        self._held: list[tuple[Frame, bool]] = []
         self._description: dict[str, Any] = {}
         self._stop = threading.Event()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._log = _LogFile(path, clock.start)
+            self._log = open_log(path, clock.start)
         except OSError as error:
             raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
         self._thread = threading.Thread(target=self._run, name="CAN recorder", daemon=True)
@@ -129,7 +136,10 @@ class Recorder:
                 "recorded": self.recorded,
                 "lost": self.lost,
             }
-            self._write_sidecar()
+            try:
+                self._write_sidecar()
+            except (OSError, StrainfmuError) as error:  # the first one stays, without the end of the run
+                self.failure = self.failure or f"description not completed: {error_line(error)}"
 
     def _put(self, frame: Frame, is_received: bool) -> None:
         if self.failure or len(self._waiting) >= WAITING_FRAMES:
@@ -140,84 +150,45 @@ class Recorder:
     def _run(self) -> None:
         try:
             while not self._stop.wait(FLUSH_PERIOD):
-                self._drain()
-            self._drain()
+                self._drain(HELD_BACK)
+            self._drain(0.0)
             self._log.close()
         except Exception as error:  # a full disk, in most cases; the bridge must go on
             self.failure = " ".join(str(getattr(error, "strerror", None) or error).split()) or type(error).__name__
-            self.lost += len(self._waiting)
+            self._log.give_up()
+            self.lost += len(self._waiting) + len(self._held) + self._unflushed
+            self.recorded -= self._unflushed
             self._waiting.clear()
+            self._held.clear()
 
-    def _drain(self) -> None:
-        for _ in range(len(self._waiting)):
-            frame, is_received = self._waiting.popleft()
+    def _drain(self, held_back: float) -> None:
+        """Write the waiting frames in the order of their times, but for those of the last ``held_back`` [s]."""
+        self._held += [self._waiting.popleft() for _ in range(len(self._waiting))]
+        self._held.sort(key=_time_of)
+        end = len(self._held)
+        if held_back and end:
+            end = bisect_right(self._held, self._held[-1][0].time - held_back, key=_time_of)
+        ready, self._held = self._held[:end], self._held[end:]
+        self._unflushed = 0
+        for number, (frame, is_received) in enumerate(ready):
             try:
-                self._log.write(frame, is_received)
-            except (struct.error, ValueError, TypeError, OverflowError):
-                # The format cannot hold this frame, unless the file is closed; a disk that fails raises OSError.
-                if self._log.is_closed:
-                    raise
+                self._log.add(frame, is_received)
+            except (struct.error, ValueError, TypeError, OverflowError):  # the format cannot hold this frame
                 self.lost += 1
             else:
                 self.recorded += 1
+                self._unflushed += 1
+            if number % AT_A_TIME == 0:
+                time.sleep(0.0)
         self._log.flush()
+        self._unflushed = 0
 
     def _write_sidecar(self) -> None:
         write_bytes_atomically(sidecar(self.path), json.dumps(self._description, indent=1).encode())
 
 
-class _LogFile:
-    """One of python-can's writers, with a flush that brings all frames to the disk."""
-
-    def __init__(self, path: Path, start: float) -> None:
-        import_can()
-        from can.io import ASCWriter, BLFWriter, CanutilsLogWriter
-
-        kind = path.suffix.lower()
-        self._is_blf = kind == ".blf"
-        self._writer: Any
-        if self._is_blf:
-            self._file: Any = path.open("xb", buffering=_BUFFER)
-            self._writer = BLFWriter(self._file, compression_level=1)
-            # Set here and not by the first frame, so that the header is right from the first flush on.
-            self._writer.start_timestamp = self._writer.stop_timestamp = start
-            self.flush()
-            return
-        self._file = path.open("x", encoding="utf-8", newline="\n", buffering=_BUFFER)
-        self._writer = (ASCWriter if kind == ".asc" else CanutilsLogWriter)(self._file)
-        if kind == ".asc":
-            self._writer.log_event("strainfmu bridge", start)
-        self.flush()
-
-    def write(self, frame: Frame, is_received: bool) -> None:
-        message = to_message(frame)
-        message.timestamp, message.is_rx = frame.time, is_received
-        self._writer.on_message_received(message)
-
-    @property
-    def is_closed(self) -> bool:
-        return bool(self._file.closed)
-
-    def flush(self) -> None:
-        """Pass everything to the operating system, which keeps it even if this process is killed.
-
-        BLFWriter has no public way to end a container early, nor to bring the header up to date.
-        """
-        if self._is_blf:
-            while self._writer._buffer_size:
-                self._writer._flush()
-            self._file.flush()
-            end = self._file.tell()
-            self._file.seek(0)
-            self._writer._write_header(end)
-            self._file.flush()
-            self._file.seek(end)
-            return
-        self._file.flush()
-
-    def close(self) -> None:
-        self._writer.stop()
-        self._file.close()
+def _time_of(entry: tuple[Frame, bool]) -> float:
+    return entry[0].time
 
 
 def check_log(path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -161,8 +162,53 @@ def test_a_disk_that_fails_ends_the_recording_and_not_the_bridge(tmp_path: Path)
     recorder._thread.join(5.0)
     assert "closed file" in recorder.failure
     recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
-    assert recorder.lost == 1
+    assert (recorder.recorded, recorder.lost) == (0, 2)
     recorder.close()
+
+
+DISK_FULL = """
+import resource, sys
+from pathlib import Path
+from bus_run import live_run
+from strainfmu.can.bridge.summary import summary_rows
+from strainfmu.can.tools.recording import Recorder
+
+described = Recorder.describe
+
+def describe(self, *given, **named):
+    described(self, *given, **named)
+    # Neither a piece of the log nor the description can be written from now on.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
+
+Recorder.describe = describe
+run = live_run(Path(sys.argv[1]), "full", 60, record=Path(sys.argv[2]))
+for row in summary_rows(run.summary):
+    print(*row, sep=": ")
+print(*run.notes, sep="\\n")
+"""
+
+
+@pytest.mark.parametrize(("suffix", "limit"), [(".blf", 600), (".asc", 6000)])
+def test_a_full_disk_keeps_summary_account_and_what_is_whole(
+    synthetic: SyntheticFiles, tmp_path: Path, suffix: str, limit: int
+) -> None:
+    path = tmp_path / f"run{suffix}"
+    command = [sys.executable, "-c", DISK_FULL, str(synthetic.estimator_1), str(path), str(limit)]
+    support = Path(__file__).parents[2] / "support"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(support), *sys.path])}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "recording ended early: File too large" in done.stdout
+    assert "frames: not accounted for: 0\n" in done.stdout
+    valid = re.search(r"results VALID: (\d+)", done.stdout)
+    assert valid is not None
+    assert int(valid[1]) >= 40
+    found, state = read(path, load_description(path)["log_start"])
+    assert state.ends_early == "", "cut behind its last whole piece"
+    counts = re.search(r"(\d+) frames recorded, (\d+) lost", done.stdout)
+    assert counts is not None
+    assert len(found) == int(counts[1])
+    assert int(counts[2]) > 100
 
 
 def test_a_run_is_described_beside_its_log(synthetic: SyntheticFiles, tmp_path: Path) -> None:
