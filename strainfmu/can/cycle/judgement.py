@@ -196,6 +196,9 @@ class CycleJudge:
     def _prove(self, cycle: Cycle, clock: SenderClock, reading: ClockReading, ticks: int, is_new: bool) -> None:
         """Follow whether the sender is proven; a proven restart is one of q_inf too."""
         if self._proof is None:
+            if reading.restarted:  # nothing else comes back: the time of before is over
+                clock.accept()
+                self._flow.reset()
             return
         counter = self._named(cycle).counter
         if self._proof.take(clock, reading, local=cycle.first_time, ticks=ticks, counter=counter, is_new=is_new):

@@ -174,3 +174,13 @@ def test_a_core_needs_the_key() -> None:
     layout = profile_layout("fd64-sec", ["a", "b"], CYCLE)
     with pytest.raises(InputError, match="fd64-sec: frames are authenticated, and no key is given"):
         bridge_core(layout, Projection(2), BridgeSettings(), start=0.0)
+
+
+def test_after_clock_jumps_back_and_forth_the_age_is_that_of_the_newest_clock() -> None:
+    """The time of a sender that was restarted is over; a later jump ahead must not be taken for its return."""
+    kinds = (FaultKind.CLOCK_JUMP, FaultKind.RESTART, FaultKind.CLOCK_JUMP)
+    for seed in (1, 23):  # with 23 the last jump ends behind the first clock
+        faults = [Fault(kind=kind, start=30 + 40 * i, cycles=1, seed=seed + i) for i, kind in enumerate(kinds)]
+        run = run_campaign(layout_of("fd64-sec"), faults, 150)
+        assert run.false_valid == []
+        assert run.late_recovery == []
