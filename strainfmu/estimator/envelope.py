@@ -106,6 +106,8 @@ def outside_by_navigation(
     outside = (q < ranges.dynamic_pressure[0]) | (q > ranges.dynamic_pressure[1])
     outside |= (mach < low) | (mach > high)
     outside |= (altitude < ranges.altitude[0]) | (altitude > ranges.altitude[1])
+    if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
+        return np.asarray(outside)
     with np.errstate(over="ignore"):  # of a Mach number that is none
         expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * _ambient_pressure(altitude)
     allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std

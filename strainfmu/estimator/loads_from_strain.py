@@ -131,9 +131,9 @@ class ScaledLoads:
         products = excess_products(self._errors, coefficients)
         below, above = enclosing_levels(ratio)
         out = np.empty((len(ratio), 16))
-        for level in np.unique(below):
+        for level in sorted(set(below.tolist())):
             rows = below == level
-            low, high = self._level(valid, float(level)), self._level(valid, float(above[rows][0]))
+            low, high = self._level(valid, level), self._level(valid, float(above[rows][0]))
             at = ((ratio[rows] - level) / (above[rows][0] - level))[:, None]
             out[rows] = (1.0 - at) * (products[rows] @ low) + at * (products[rows] @ high)
         return out

@@ -148,7 +148,7 @@ def _known(
     w = product_with(parts.whitening, residual)
     whitened = root * w
     if weights.lost_basis is None or weights.lost_triangle is None:
-        return np.broadcast_to(w, whitened.shape), whitened
+        return w if len(w) == len(whitened) else np.broadcast_to(w, whitened.shape), whitened
     along = np.einsum("knm,kn->km", weights.lost_basis, whitened)
     of_lost = np.linalg.solve(weights.lost_triangle, along[:, :, None])[:, :, 0]
     whitened = whitened - np.einsum("knm,km->kn", weights.lost_basis, along)

@@ -23,6 +23,8 @@ from strainfmu.arrays import FloatArray
 PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 """The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
 
+_FIRST, _SECOND = np.array(PAIRS).T
+
 ROWS, COLUMNS = (np.array(index) for index in np.triu_indices(5))
 """The 15 entries of a symmetric (5, 5) covariance, row by row."""
 
@@ -77,9 +79,9 @@ def level_products(errors: ErrorModel, gain: FloatArray, precision: FloatArray) 
 
 def excess_products(errors: ErrorModel, coefficients: FloatArray) -> FloatArray:
     """Return (k, 21) c_a c_b less its mean over the snapshots, for ``coefficients`` (k, 5)."""
-    c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
-    first, second = np.array(PAIRS).T
-    return c[:, first] * c[:, second] - errors.mean_product
+    c = np.ones((len(coefficients), 6))
+    c[:, 1:] = coefficients
+    return c[:, _FIRST] * c[:, _SECOND] - errors.mean_product
 
 
 def symmetric(entries: FloatArray) -> FloatArray:

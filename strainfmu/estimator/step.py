@@ -176,7 +176,7 @@ class Estimator:
             if valid is not None:
                 used &= valid[rows]
             if used.all():
-                self._fill(series, np.arange(start, start + len(used)), self._complete, d, flow)
+                self._fill(series, slice(start, start + len(used)), self._complete, d, flow)
                 continue
             _, first, which = np.unique(np.packbits(used, axis=1), axis=0, return_index=True, return_inverse=True)
             for number, mask in enumerate(used[first]):
@@ -189,7 +189,12 @@ class Estimator:
         return series
 
     def _fill(
-        self, series: LoadEstimates, rows: IntArray, masked: MaskedMap, strain: FloatArray, all_flow: _Flow
+        self,
+        series: LoadEstimates,
+        rows: IntArray | slice,
+        masked: MaskedMap,
+        strain: FloatArray,
+        all_flow: _Flow,
     ) -> None:
         """Compute the ``rows`` of ``series``, all with the gauges of ``masked``."""
         flow = _Flow(*(values[rows] for values in all_flow))
@@ -223,19 +228,16 @@ class Estimator:
         series.coefficients_std[rows] = np.sqrt(scale * scale * variance + of_pressure * of_pressure)
         series.envelope_score[rows] = score
         outside = score > self.inverse_map.envelope_score_limit
-        series.health[rows] = np.select(
-            [~known, self._outside(flow, q_std), found.chi_square > limit, suspicious, outside],
-            [
-                HealthState.NO_COEFFICIENTS,
-                HealthState.OUTSIDE,
-                HealthState.INCONSISTENT,
-                HealthState.SUSPECT,
-                HealthState.OUTSIDE,
-            ],
-            HealthState.OK if masked.valid.all() else HealthState.DEGRADED,
-        )
-        if self._scaled is not None:
-            set_nan(series, rows[~known])
+        health = np.full(len(q), HealthState.OK if masked.valid.all() else HealthState.DEGRADED, dtype=np.int64)
+        # The later takes the place of the earlier.
+        health[outside] = HealthState.OUTSIDE
+        health[suspicious] = HealthState.SUSPECT
+        health[found.chi_square > limit] = HealthState.INCONSISTENT
+        health[self._outside(flow, q_std)] = HealthState.OUTSIDE
+        health[~known] = HealthState.NO_COEFFICIENTS
+        series.health[rows] = health
+        if self._scaled is not None and not known.all():
+            set_nan(series, np.arange(len(series))[rows][~known])
 
     def _known_pressure(self, flow: _Flow) -> tuple[BoolArray, FloatArray]:
         """Return (k,) whether q_inf gives coefficients, and the standard deviation of its error [Pa], 0 where
@@ -344,4 +346,4 @@ def _per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
         expected = "a number" if samples == 1 else f"a number or {samples} numbers"
         got = repr(value) if values is None else f"shape {values.shape}"
         raise InputError(f"{name}: expected {expected}, got {got}")
-    return np.broadcast_to(values, (samples,))
+    return np.full(samples, values) if values.ndim == 0 else values
