@@ -102,6 +102,17 @@ def test_a_recording_of_an_earlier_run_is_refused_frame_by_frame() -> None:
     assert following[3:] == [Quality.VALID] * 57
 
 
+def test_a_run_that_was_not_heard_passes_until_a_newer_one_is() -> None:
+    """The limit of a counter, which the documentation states."""
+    unheard, heard = recorded_run(30, trip=5), recorded_run(30, trip=6)
+    assert results_of(core_above(freshness_of(4, 99)), unheard)[-1].quality is Quality.VALID
+    core = core_above(freshness_of(4, 99))
+    results_of(core, heard)
+    assert core.authentication is not None
+    again = core_above(core.authentication.newest)
+    assert not any(result.quality.has_coefficients for result in results_of(again, unheard))
+
+
 def test_a_recording_cannot_take_the_place_of_a_silent_sender() -> None:
     """The true sender stops; its frames of a second ago come again, with live times."""
     frames = recorded_run(200, trip=4)
