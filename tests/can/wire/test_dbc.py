@@ -67,8 +67,6 @@ def test_a_mapping_of_authenticated_frames_is_refused() -> None:
 
     text = text_of("fd64-sec", 2)
     strain = dict(zip(gauge_names(2), ("Strain1.gauge_0", "Strain1.gauge_1"), strict=True))
-        name: f"Strain1.{signal}" for name, signal in zip(gauge_names(2), ("gauge_0", "gauge_1"), strict=True)
-    }
     with pytest.raises(InputError, match=r"frame 'Strain1' is authenticated \(SecOCDataID\).*--profile fd64-sec"):
         mapped_layout(database_of(text, "x.dbc"), {"strain": strain}, gauge_names=gauge_names(2), name="m.toml")
     assert "SecOCDataID" not in text_of("fd64", 2)
