@@ -9,7 +9,6 @@ from __future__ import annotations
 import sys
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import replace
 from math import isfinite, nan
 from time import process_time
 from typing import Any
@@ -219,7 +218,8 @@ class Bridge:
         """Report a sent frame under the receiver's lock, so that sent and received frames are in order of time."""
         with self._queue.lock:
             if self._on_sent is not None:
-                self._on_sent(replace(frame, time=self._clock()))
+                frame.time = self._clock()
+                self._on_sent(frame)
 
     def _send_status(self, now: float) -> None:
         last = self._last

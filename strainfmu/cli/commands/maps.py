@@ -170,8 +170,25 @@ def bench(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="With --mesh: table to write (CSV).")
     ] = Path("mesh_study.csv"),
+    bus: Annotated[
+        bool, typer.Option("--bus", help="Time the CAN bridge instead, in virtual time and over udp_multicast.")
+    ] = False,
+    rate: Annotated[
+        float,
+        typer.Option(metavar="HZ", callback=within(1.0, 5000.0, "Hz"), help="With --bus: cycles per second."),
+    ] = 1000.0,
+    duration: Annotated[
+        float, typer.Option(metavar="S", callback=within(1.0, 3600.0, "s"), help="With --bus: length of the run.")
+    ] = 20.0,
+    burners: Annotated[
+        int,
+        typer.Option(callback=within(0, 64), help="With --bus: niced processes that compete for the processors."),
+    ] = 0,
 ) -> None:
     """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
+
+    Or run the CAN bridge, with page and recorder, against a sender whose own lateness is measured and taken out,
+    and python-can's own loop of receiving and counting after it: processor time, and what became of each cycle.
 
     Or measure the errors due to the mesh of the structure: gauge strains of the snapshots against the Fourier
     model, in units of the gauges' noise, and the errors of a map built on each mesh and fed with the Fourier
@@ -184,7 +201,14 @@ def bench(
         strainfmu bench --structure my_vehicle.toml --solver cyclic --solver superlu
 
         strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
+
+        strainfmu bench demo --bus --rate 400 --burners 2
     """
+    if bus:
+        from strainfmu.cli.bench_bus import bench_bus
+
+        bench_bus(folder, rate=rate, duration=duration, burners=burners)
+        return
     if mesh is not None:
         _compare_meshes(mesh, snapshots, output, solver[0] if solver else None)
         return

@@ -1,0 +1,388 @@
+"""The benchmark of the bus: the core in virtual time, a bridge at a given rate, python-can's own loop beside it.
+
+Sender, bridge and python-can's loop are processes of their own over udp_multicast. The sender measures by how much
+it is late itself: a cycle counts for the bridge only if it was sent on time.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.can.bridge.bus import BusSettings, open_bus, shut_down
+from strainfmu.can.bridge.raw_bus import raw_bus
+from strainfmu.can.bridge.result_frames import ResultFrames
+from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.summary import BridgeSummary
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.tools.observed import observed_bridge
+from strainfmu.can.tools.recording import MicrosecondClock, Recorder
+from strainfmu.can.tools.two_processes import GROUP, check_multicast, private_port
+from strainfmu.can.wire.crc import protect
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
+from strainfmu.can.wire.libraries import import_can
+from strainfmu.can.wire.profiles import profile_layout
+from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.cosim.step import ENVELOPE_SCORE
+from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+
+PROFILE = "fd64"
+SETTLING_CYCLES = 100
+"""Cycles at the start in which the bridge comes to trust its input, and which are not counted."""
+
+ON_TIME = 0.5
+"""Maximum lateness of a cycle's last frame [cycles] that counts as on time: later, it is the sender's fault."""
+
+PYTHON_CAN_DURATION = 10.0
+"""Maximum duration for which python-can's own loop is measured [s]."""
+
+_DISTINCT = 1000
+"""Cycles with strains of their own, sent over and over with new counters, times and CRCs."""
+
+_PATIENCE = 60.0
+_SHORTEST_SLEEP = 5e-5
+_SPAWN = get_context("spawn")
+
+
+@dataclass(kw_only=True)
+class CoreCost:
+    """Processor time per cycle [s]: of the core, and with result frames, page and recorder beside it."""
+
+    core: float
+    observed: float
+
+
+@dataclass(kw_only=True)
+class BusRun:
+    """What became of the cycles of a run at a fixed rate.
+
+    Attributes
+    ----------
+    rate, duration : cycles per second; length of the run [s].
+    burners : niced processes that kept the processors busy meanwhile.
+    sent, on_time : number of counted cycles that were sent, and of these on time.
+    lateness : percentiles 50, 99 and 100 of the sender's own lateness [s].
+    outcome : what the on-time cycles came to, by quality and causes; cycles without a result by name.
+    summary : of the bridge.
+    python_can_load : fraction of a core that python-can's loop took to receive and count the same frames.
+    python_can_received, python_can_sent : frames that it received, and that were sent to it.
+    """
+
+    rate: float
+    duration: float
+    burners: int
+    sent: int
+    on_time: int
+    lateness: tuple[float, ...]
+    outcome: Counter[str]
+    summary: BridgeSummary
+    python_can_load: float
+    python_can_received: int
+    python_can_sent: int
+
+    @property
+    def load(self) -> float:
+        """Fraction of a core that the bridge took, page and recorder included."""
+        return self.summary.cpu / self.summary.duration
+
+    @property
+    def valid(self) -> float:
+        """Fraction of the on-time cycles that were answered as VALID."""
+        return self.outcome[Quality.VALID.name] / max(self.on_time, 1)
+
+
+# --- input ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class _Flight:
+    """Cycles of a map's own strains, which move, with the noise of its gauges."""
+
+    layout: InputLayout
+    cycles: list[list[Frame]] = field(default_factory=list)
+
+    def cycle(self, number: int) -> list[Frame]:
+        """Return the frames of a cycle, with its counter and its time on schedule."""
+        at = number * self.layout.cycle_time
+        stamp = struct.pack("<I", round(1e6 * at) % 2**32)
+        frames = []
+        for frame, item in zip(self.cycles[number % len(self.cycles)], self._items, strict=True):
+            assert item.protection is not None
+            data = frame.data[:4] + stamp + frame.data[8:]
+            frames.append(replace(frame, data=protect(data, item.protection, counter=number), time=at))
+        return frames
+
+    def __post_init__(self) -> None:
+        by_key = {frame.layout.key: frame.layout for frame in self.layout.frames}
+        self._items = [by_key[frame.key] for frame in self.cycles[0]]
+
+
+def _flight(inverse_map: InverseMap, cycle_time: float) -> _Flight:
+    layout = profile_layout(PROFILE, inverse_map.gauge_names, cycle_time)
+    encoder, random = StrainEncoder(layout), np.random.default_rng(1)
+    swing = 1.0 + 0.02 * np.sin(2.0 * np.pi * np.arange(_DISTINCT) / _DISTINCT)
+    noise = random.normal(size=(_DISTINCT, inverse_map.n_gauges)) * inverse_map.noise_std
+    strain = swing[:, None] * inverse_map.mean_strain + noise
+    pressure = inverse_map.nominal_dynamic_pressure
+    return _Flight(layout, [encoder.encode(row, pressure, cycle=0, sample_time=0.0) for row in strain])
+
+
+# --- virtual time -----------------------------------------------------------------------------------------------
+
+
+def core_cost(folder: Path, n_cycles: int = 5000) -> CoreCost:
+    """Return what a cycle at 1 kHz costs in virtual time; ``folder`` holds map.h5 and estimator.fmu.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged.
+    """
+    inverse_map, period = load_inverse_map(folder / "map.h5"), 1e-3
+    flight = _flight(inverse_map, period)
+    alone = _through_core(folder, flight, n_cycles, recorder=None)
+    with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
+        recorder = Recorder(Path(temporary) / "bench.blf", MicrosecondClock())
+        observed = _through_core(folder, flight, n_cycles, recorder)
+    return CoreCost(core=alone, observed=observed)
+
+
+def _through_core(folder: Path, flight: _Flight, n_cycles: int, recorder: Recorder | None) -> float:
+    """Return the processor time per cycle of the whole process [s]; with a recorder, also results and a page."""
+    from strainfmu.can.bridge.page_message import gauge_positions
+    from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+    from strainfmu.cosim.fmu_step import FmuStep
+
+    fmu, period = folder / "estimator.fmu", flight.layout.cycle_time
+    cycles = [[replace(f, time=f.time + 1e-5 * i) for i, f in enumerate(flight.cycle(k))] for k in range(n_cycles)]
+    options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=period)
+    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step:
+        core, layouts, configuration = make_core(step, options, gauge_names=step.gauge_names, start=0.0)
+        if recorder is None:
+            begin = time.process_time()
+            for frames in cycles:
+                for frame in frames:
+                    core.receive(frame)
+            return (time.process_time() - begin) / n_cycles
+        composer = ResultFrames(layouts, configuration)
+        reports = BridgeReports(account=lambda: core.account, bus_state=lambda: core.bus_state)
+        publisher = Publisher(("127.0.0.1", 9), gauge_positions(fmu), rate=50.0, reports=reports)
+        begin = time.process_time()
+        for frames in cycles:
+            for frame in frames:
+                recorder.received(frame)
+                for result in core.receive(frame):
+                    for answer in composer.of_result(result):
+                        answer.time = result.time
+                        recorder.sent(answer)
+                    publisher.result(result)
+        recorder.close()
+        spent = time.process_time() - begin
+        publisher.close()
+    return spent / n_cycles
+
+
+# --- real time ------------------------------------------------------------------------------------------------
+
+
+def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> BusRun:
+    """Run sender and bridge at ``rate`` [Hz] for ``duration`` [s], then python-can's loop; return what came of it.
+
+    The bridge records to a file and publishes to a page meanwhile. ``burners`` niced processes compete with both.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        A file is missing or damaged; there is no route for multicast, or a process failed.
+    """
+    load_inverse_map(folder / "map.h5")
+    port = private_port()
+    check_multicast(port)
+    with _burning(burners), tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
+        log = Path(temporary) / "bench.blf"
+        with _child(_bridge, folder, rate, port, log) as bridge:
+            _expect(bridge)
+            with _child(_sender, folder, rate, port, duration) as sender:
+                sent: np.ndarray = _expect(sender)
+            answers, summary = _ended(bridge)
+        with _child(_python_can, port) as counter:
+            _expect(counter)
+            with _child(_sender, folder, rate, port, min(duration, PYTHON_CAN_DURATION)) as sender:
+                again: np.ndarray = _expect(sender)
+            received, load = _ended(counter)
+    period = 1.0 / rate
+    counted = np.arange(len(sent)) >= SETTLING_CYCLES
+    on_time = np.flatnonzero(counted & (sent <= ON_TIME * period))
+    return BusRun(
+        rate=rate,
+        duration=duration,
+        burners=burners,
+        sent=int(counted.sum()),
+        on_time=len(on_time),
+        lateness=tuple(np.percentile(sent, (50.0, 99.0, 100.0)).tolist()),
+        outcome=_outcome(answers, on_time, period),
+        summary=summary,
+        python_can_load=load,
+        python_can_received=received,
+        python_can_sent=3 * len(again),
+    )
+
+
+def _outcome(answers: list[tuple[int | None, str]], on_time: np.ndarray, period: float) -> Counter[str]:
+    """Return what the cycles ``on_time`` came to; ``answers`` are sample times [us] and what was answered."""
+    by_cycle: dict[int, str] = {}
+    for ticks, text in answers:
+        if ticks is not None:
+            by_cycle.setdefault(round(1e-6 * ticks / period), text)
+    return Counter(by_cycle.get(number, "no result") for number in on_time.tolist())
+
+
+def _sender(end: Connection, folder: Path, rate: float, port: int, duration: float) -> None:
+    """Send cycles on schedule; report the lateness of each one's last frame [s]."""
+    flight = _flight(load_inverse_map(folder / "map.h5"), 1.0 / rate)
+    bus = open_bus(_settings(port))
+    raw = raw_bus(bus)
+    if raw is None:
+        raise StrainfmuError("udp_multicast: this python-can is not known; no benchmark of the bus")
+    n_cycles, period = round(rate * duration), 1.0 / rate
+    lateness = np.empty(n_cycles)
+    start = time.monotonic() + 0.3
+    frames = flight.cycle(0)
+    for number in range(n_cycles):
+        due = start + number * period
+        wait = due - time.monotonic()
+        if wait > _SHORTEST_SLEEP:
+            time.sleep(wait)
+        for frame in frames:
+            raw.send(frame)
+        lateness[number] = time.monotonic() - due
+        frames = flight.cycle(number + 1)
+    time.sleep(0.2)
+    raw.close()
+    shut_down(bus)
+    end.send(lateness)
+
+
+def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) -> None:
+    """Run a bridge with recorder and page until it is told to stop; report its answers and its summary."""
+    answers: list[tuple[int | None, str]] = []
+
+    def keep(result: CycleResult) -> None:
+        is_valid = result.quality is Quality.VALID
+        answers.append((result.sample_time, "VALID" if is_valid else _text_of(result)))
+
+    options = BridgeOptions(
+        interface="udp_multicast",
+        channel=GROUP,
+        bus_options=(f"port={port}",),
+        profile=PROFILE,
+        cycle_time=1.0 / rate,
+    )
+    fmu = folder / "estimator.fmu"
+    with observed_bridge(
+        fmu, options, record=log, publish="127.0.0.1:9", publish_rate=50.0, also=keep
+    ) as observed:
+        bridge = observed.ready.bridge
+
+        def wait_for_end() -> None:
+            end.recv()
+            bridge.stop()
+
+        threading.Thread(target=wait_for_end, daemon=True).start()
+        threading.Timer(0.2, lambda: end.send("ready")).start()
+        summary = bridge.run()
+    end.send((answers, summary))
+
+
+def _text_of(result: CycleResult) -> str:
+    causes = ", ".join(cause.name or "" for cause in result.causes)
+    return f"{result.quality.name}: {causes or 'no cause'}"
+
+
+def _python_can(end: Connection, port: int) -> None:
+    """Receive and count, no more, with python-can alone; report the number of frames and the load."""
+    can = import_can()
+    settings = _settings(port)
+    bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options, fd=True)
+    end.send("ready")
+    count, begin, spent = 0, 0.0, 0.0
+    while not end.poll():
+        for _ in range(500):
+            if bus.recv(0.1) is None:
+                break
+            if count == 0:
+                begin, spent = time.monotonic(), time.process_time()
+            count += 1
+            last = time.monotonic()
+    load = (time.process_time() - spent) / max(last - begin, 1e-9) if count else 0.0
+    shut_down(bus)
+    end.send((count, load))
+
+
+def _settings(port: int) -> BusSettings:
+    return BusSettings(interface="udp_multicast", channel=GROUP, options={"port": port, "hop_limit": 0})
+
+
+def _burn(end: Connection) -> None:
+    """Keep a processor busy at the lowest priority until told to stop."""
+    os.nice(19)
+    while not end.poll():
+        sum(range(100_000))
+
+
+@contextmanager
+def _burning(n: int) -> Iterator[None]:
+    """Run ``n`` burners."""
+    if n == 0:
+        yield
+        return
+    with _child(_burn) as end, _burning(n - 1):
+        yield
+        end.send("stop")
+
+
+@contextmanager
+def _child(work: Any, *arguments: Any) -> Iterator[Connection]:
+    """Run ``work`` in a process of its own; whatever happens, it does not outlive this."""
+    here, there = _SPAWN.Pipe()
+    process = _SPAWN.Process(target=work, args=(there, *arguments), daemon=True)
+    process.start()
+    there.close()
+    try:
+        yield here
+        process.join(_PATIENCE)
+    finally:
+        if process.is_alive():
+            process.terminate()
+            process.join()
+        here.close()
+
+
+def _expect(end: Connection) -> Any:
+    """Return what a process reports; its own message has gone to standard error if it failed."""
+    try:
+        return end.recv()
+    except EOFError as error:
+        raise StrainfmuError("a process of the benchmark failed") from error
+
+
+def _ended(end: Connection) -> Any:
+    """Tell a process to stop and return its report."""
+    end.send("stop")
+    return _expect(end)
