@@ -78,7 +78,7 @@ class BridgeSettings:
     max_uncertainty : largest uncertainty of the age of results that are VALID [s].
     synchronised : largest difference of the sender's clock from ours [s] if both are synchronised, else None.
     synchronised_shift : synchronised time less our monotonic clock [s].
-    startup_time : largest time [s] of a sender's clock that has just begun.
+    startup_time : largest time that a sender's clock shows at its start [s].
     alarm_cycles : cycles for which a second sender or bridge is reported after its last frame.
     late_cycles : cycles of late frames only, after which the sender is taken to have been restarted.
     burst, rate : frames of one identifier that are accepted at once, and per cycle for long.
@@ -107,7 +107,7 @@ class BridgeSettings:
     max_uncertainty: float = float("inf")
     synchronised: float | None = None
     synchronised_shift: float = 0.0
-    startup_time: float = 10.0
+    startup_time: float = 0.2
     alarm_cycles: float = 10.0
     late_cycles: int = 3
     burst: float = 64.0

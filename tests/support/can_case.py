@@ -137,6 +137,8 @@ def run_campaign(
             frames = change(number, frames)
         new = []
         for frame in frames:
+            if frame.key == OWN.key and frame.data == OWN.data:
+                core.own_frames.sending(frame)
             new += core.receive(frame)
         new += core.advance(time + 0.99 * layout.cycle_time)
         if core.bus_state is BusState.BUS_OFF and not sender.bus_off:
@@ -174,9 +176,15 @@ class Oracle:
         last = int(now / cycle + 1e-9)
         self._valid_cycles.add(last)
         oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
-        strains = [self._truth.cycle(number)[0] for number in range(oldest, last + 1)]
-        known = strains + self._stuck(last, oldest)
-        if not any(self._fits(result, strain) for strain in known) and not self._is_dithered(result, last):
+        fitting = [n for n in range(oldest, last + 1) if self._fits(result, self._truth.cycle(n)[0])]
+        if any(self._fits(result, strain) for strain in self._stuck(last, oldest)):
+            pass
+        elif fitting:
+            # The frames of a cycle begin to be sent when it is sampled.
+            hidden = now - max(fitting) * cycle - result.age - result.age_uncertainty
+            if hidden > self._settings.hidden_age:
+                self.false_valid.append(f"{1e3 * hidden:.3f} ms older than stated at {now:.4f} s")
+        elif not self._is_dithered(result, last):
             self.false_valid.append(f"strains at {now:.4f} s, sampled {result.sample_time}, {result.causes!r}")
         q_oldest = max(int((now - (self._settings.pressure_max_age + 1.5) * cycle) / cycle), 0)
         pressures = [self._truth.cycle(number)[1] for number in range(q_oldest, last + 1)]

@@ -22,6 +22,7 @@ from strainfmu.can.cycle.gauge_noise import GaugeNoise, gauge_noise
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.own_frames import OwnFrames
 from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, sender_clock
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.quality import Cause, Quality
@@ -76,8 +77,8 @@ def of_any_format(layout: InputLayout, frame: Frame) -> Frame:
 class AcceptsAnyFormat(Acceptance):
     """Takes frames of any length, format and identifier width."""
 
-    def __init__(self, layout: InputLayout, own_keys: Iterable[int], settings: BridgeSettings) -> None:
-        super().__init__(layout, own_keys, settings)
+    def __init__(self, layout: InputLayout, own: OwnFrames | Iterable[int], settings: BridgeSettings) -> None:
+        super().__init__(layout, own, settings)
         self._layout = layout
 
     def refused(self, frame: Frame) -> FrameClass | None:
@@ -164,7 +165,7 @@ class AgelessClock:
     def __init__(self, clock: SenderClock) -> None:
         self._clock = clock
         self.reset, self.accept, self.anchor = clock.reset, clock.accept, clock.anchor
-        self.seconds, self.seconds_ahead = clock.seconds, clock.seconds_ahead
+        self.seconds, self.seconds_ahead, self.range = clock.seconds, clock.seconds_ahead, clock.range
 
     def read(self, local: float, ticks: int) -> ClockReading:
         return replace(self._clock.read(local, ticks), age=0.0)
@@ -337,12 +338,12 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
     def make(
         layout: InputLayout, step: Step, settings: BridgeSettings, *, start: float, own_keys: Iterable[int] = ()
     ) -> BridgeCore:
-        keys = () if ignores_own_keys else tuple(own_keys)
-        whole = cycle_parts(layout, settings, own_keys=keys, dynamic_pressure=None)
+        own = OwnFrames(() if ignores_own_keys else own_keys)
+        whole = cycle_parts(layout, settings, own=own, dynamic_pressure=None)
         around = (lambda one: one) if clock is None else (lambda one: None if one is None else clock(one))
         parts = replace(
             whole,
-            acceptance=chosen(Acceptance)(layout, keys, settings),
+            acceptance=chosen(Acceptance)(layout, own, settings),
             reception=chosen(Reception)(layout, settings),
             assembler=chosen(CycleAssembler)(cycle_limits(layout, settings)),
             pace=chosen(ArrivalPace)(settings.max_age * layout.cycle_time, settings.rate / layout.cycle_time),

@@ -137,7 +137,7 @@ class ReceiverBase:
         if self._on_received is not None:
             self._on_received(frame)
         refused = self._acceptance.refused(frame)
-        if refused is None or refused is FrameClass.ERROR_FRAME:
+        if refused is None or self._acceptance.is_reported(refused, frame):
             return True
         self.account.received += 1
         self.account.refuse(refused, frame.key, frame.time)

@@ -81,8 +81,8 @@ class Bridge:
     ) -> None:
         self._core, self._open_bus, self._clock = core, open_bus, clock
         self._frames = ResultFrames(result_layouts, configuration)
-        self._own_keys = [layout.key for layout in result_layouts]
-        self._transmitter = Transmitter(None if on_sent is None else self._report_sent)
+        report = None if on_sent is None else self._report_sent
+        self._transmitter = Transmitter(report, on_sending=core.own_frames.sending)
         n_frames = core.layout.cycle_length
         self._queue = FrameQueue(queued_cycles * n_frames, n_frames, core.layout.optional_keys)
         self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
@@ -258,7 +258,7 @@ class Bridge:
         """Open a new bus and receive from it."""
         core = self._core
         self._bus = self._open_bus()
-        acceptance = Acceptance(core.layout, self._own_keys, core.settings)
+        acceptance = Acceptance(core.layout, core.own_frames, core.settings)
         collect_time = min(COLLECT * core.layout.cycle_time, MAX_COLLECT)
         raw = raw_bus(self._bus)
         if raw is None:

@@ -17,10 +17,20 @@ SEND_TIMEOUT = 0.0
 
 
 class Transmitter:
-    """Sends frames on one bus after another; counts failures, and calls ``on_sent`` with every frame sent."""
+    """Sends frames on one bus after another; counts failures.
 
-    def __init__(self, on_sent: Callable[[Frame], None] | None = None) -> None:
-        self._on_sent = on_sent
+    Parameters
+    ----------
+    on_sent : called with every frame that was sent.
+    on_sending : called with every frame before it is sent, as it may come back before the call returns.
+    """
+
+    def __init__(
+        self,
+        on_sent: Callable[[Frame], None] | None = None,
+        on_sending: Callable[[Frame], None] | None = None,
+    ) -> None:
+        self._on_sent, self._on_sending = on_sent, on_sending
         self._bus: Any = None
         self._raw: RawBus | None = None
         self._errors: tuple[type[Exception], ...] = ()
@@ -41,6 +51,8 @@ class Transmitter:
             return True
         raw = self._raw
         for frame in frames:
+            if self._on_sending is not None:
+                self._on_sending(frame)
             try:
                 if raw is None:
                     self._bus.send(to_message(frame), timeout=SEND_TIMEOUT)

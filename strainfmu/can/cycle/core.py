@@ -12,6 +12,7 @@ from strainfmu.can.cycle.assembler import Arrival, Cycle, Verdict
 from strainfmu.can.cycle.bus_state import BusState, state_after
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.own_frames import OwnFrames, own_frames
 from strainfmu.can.cycle.parts import CycleParts, cycle_parts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
@@ -56,9 +57,11 @@ class BridgeCore:
         # Frames in a row that were not to be answered: times of the first and the last [s].
         self.unanswered: list[tuple[float, float]] = []
         self._skipping = False
+        self.own_frames = parts.own
         self._acceptance, self._reception = parts.acceptance, parts.reception
         self._assembler, self._judge = parts.assembler, judge
         self._noted = Cause.NONE
+        self._other_bridge = -float("inf")
         self._last_cycle = start
         self._refusals, self._last_refill = _REFUSALS, start
         self._next_status = start + settings.timeout * layout.cycle_time
@@ -86,6 +89,8 @@ class BridgeCore:
                 self.note(Cause.BUS)
         elif refused is FrameClass.SHED:
             self.note(Cause.OVERLOAD)
+        elif refused is FrameClass.SECOND_BRIDGE:
+            self._other_bridge = frame.time
         return results
 
     def advance(self, now: float) -> list[CycleResult]:
@@ -111,6 +116,10 @@ class BridgeCore:
     def note(self, cause: Cause) -> None:
         """Put ``cause`` into the next result, for what the core cannot observe, such as a full queue."""
         self._noted |= cause
+
+    def confirm_sender(self) -> None:
+        """Take the sender for proven, and its present delay for the smallest: somebody has checked both."""
+        self._judge.confirm_sender()
 
     def restart(self, now: float) -> None:
         """Start again after the bus was reopened: nothing is trusted before it has proven itself."""
@@ -210,7 +219,7 @@ class BridgeCore:
 
     def _result_of(self, cycle: Cycle, now: float) -> CycleResult:
         """Have a closed cycle judged, and settle its frames."""
-        noted, self._noted = self._noted, Cause.NONE
+        noted = self._take_noted(now)
         result, classes = self._judge.judge(cycle, now, noted)
         arrivals = cycle.arrivals.values()
         if isinstance(classes, FrameClass):
@@ -221,6 +230,13 @@ class BridgeCore:
         for arrival, kind in zip(arrivals, classes, strict=True):
             self._settle(kind, arrival.frame.time)
         return result
+
+    def _take_noted(self, now: float) -> Cause:
+        """Return the causes noted since the last result, and those that last."""
+        noted, self._noted = self._noted, Cause.NONE
+        if now - self._other_bridge <= self.settings.alarm_cycles * self.layout.cycle_time:
+            noted |= Cause.SECOND_BRIDGE
+        return noted
 
     def _skip(self, cycle: Cycle) -> None:
         """Check a closed cycle, and settle its frames without an answer."""
@@ -255,7 +271,7 @@ class BridgeCore:
         silent = time - self._last_cycle
         is_short = silent <= self.settings.invalid_after * self.layout.cycle_time
         quality = Quality.STALE if is_short else Quality.INVALID
-        causes, self._noted = self._noted | Cause.SILENT, Cause.NONE
+        causes = self._take_noted(time) | Cause.SILENT
         return [self._judge.silence(time, quality if self._judge.has_published else Quality.NO_DATA, causes)]
 
 
@@ -265,7 +281,7 @@ def bridge_core(
     settings: BridgeSettings,
     *,
     start: float,
-    own_keys: Iterable[int] = (),
+    own_keys: OwnFrames | Iterable[int] = (),
     dynamic_pressure: float | None = None,
 ) -> BridgeCore:
     """Return a core for ``layout`` in front of the estimator ``step``.
@@ -274,7 +290,7 @@ def bridge_core(
     ----------
     settings : limits and times.
     start : local monotonic clock [s] at the start.
-    own_keys : keys of the frames that the bridge sends.
+    own_keys : keys of the frames that the bridge sends, or these frames.
     dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
 
     Raises
@@ -282,12 +298,10 @@ def bridge_core(
     InputError
         The layout has no frame of q_inf and none is given, or own identifiers are among those of the input.
     """
-    own_keys = frozenset(own_keys)
-    _check_input(layout, own_keys, dynamic_pressure)
+    own = own_frames(own_keys)
+    _check_input(layout, own.keys, dynamic_pressure)
     noise_std = noise_of(step) if settings.gauge_noise is None else settings.gauge_noise
-    parts = cycle_parts(
-        layout, settings, own_keys=own_keys, dynamic_pressure=dynamic_pressure, noise_std=noise_std
-    )
+    parts = cycle_parts(layout, settings, own=own, dynamic_pressure=dynamic_pressure, noise_std=noise_std)
     judge = CycleJudge(layout, step, settings=settings, parts=parts)
     return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 

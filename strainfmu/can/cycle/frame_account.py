@@ -19,6 +19,7 @@ class FrameClass(Enum):
 
     USED = "used"
     OWN = "own frame"
+    SECOND_BRIDGE = "result of another bridge"
     UNKNOWN_IDENTIFIER = "unknown identifier"
     ERROR_FRAME = "error frame"
     REMOTE_FRAME = "remote frame"

@@ -35,9 +35,6 @@ _SENSIBLE = {
 _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
 
-_SAME = 1e-3
-"""Relative change of a value that makes no difference: a recording of it does no harm."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class FlowState:
@@ -73,8 +70,8 @@ class HeldValue:
         self._max_age, self._clock = max_age, clock
         self._value = nan
         self._sampled = nan
-        self._last_used = nan
         self._to_be_proven, self._new = False, 0
+        self._shares_clock = False
         self.hides_delay = False
         """More delay may hide than is allowed."""
         self._plan = SignalPlan(frame.layout)
@@ -101,23 +98,28 @@ class HeldValue:
         """Return whether ``frame`` holds the quantity."""
         return frame is self._frame
 
-    def take(self, raw: IntArray, time: float, is_new: bool = True) -> bool:
+    def take(self, raw: IntArray, time: float, is_new: bool = True, sender_time: float | None = None) -> bool:
         """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
 
-        ``is_new`` : the frame has not been received before in this run.
+        ``is_new`` says that the frame has not been received before in this run; ``sender_time`` is the present
+        time by the clock of the strains [s], None if it is not known.
         """
         index = self._source.index
         value = self._plan.value(raw, index)
         delay = 0.0
         if self._clock is not None and self._frame.sample_time is not None:
-            reading = self._clock.read(time, int(raw[self._frame.sample_time]))
+            ticks = int(raw[self._frame.sample_time])
+            reading = self._clock.read(time, ticks)
             self._new = self._new + 1 if is_new else 0
             self._to_be_proven = (self._to_be_proven or reading.restarted) and not reading.resumed
             if reading.jumped:
                 return False  # a repeated old frame or a restart: the next frames decide
-            if self._to_be_proven and self._may_be_recorded(value):
+            agrees = self._agrees(self._clock, ticks, sender_time)
+            # A frame behind a restart is no recording if it is new, or at the time of the strains.
+            if self._to_be_proven and not agrees and (self._shares_clock or self._new < _NEW_FRAMES):
                 return False
             self._accept(self._clock)
+            self._shares_clock = agrees if sender_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
         signal, code = self._frame.layout.signals[index], int(raw[index])
         bad = (
@@ -128,13 +130,14 @@ class HeldValue:
         )
         self._value, self._sampled = (nan, nan) if bad else (value * self._source.to_si, time - delay)
         self.was_known |= not bad
-        self._last_used = self._last_used if bad else value
         return not bad
 
-    def _may_be_recorded(self, value: float) -> bool:
-        """Return whether a value behind a restart may be a recording: frames seen before, another value."""
-        is_same = abs(value - self._last_used) <= _SAME * abs(self._last_used)
-        return self._new < _NEW_FRAMES and not is_same
+    def _agrees(self, clock: SenderClock, ticks: int, sender_time: float | None) -> bool:
+        """Return whether a sample time is that of the strains, as far as the clock's range tells."""
+        if sender_time is None:
+            return False
+        half = 0.5 * clock.range
+        return abs((clock.seconds(ticks) - sender_time + half) % clock.range - half) <= self._max_age
 
     def _accept(self, clock: SenderClock) -> None:
         """Take the sender for proven after a restart."""
@@ -194,10 +197,13 @@ class HeldFlow:
         for value in self._values:
             value.confirm()
 
-    def take(self, frame: InputFrame, raw: IntArray, time: float) -> bool:
-        """Take in the raw numbers of ``frame``, received at ``time`` [s]; return whether any value may be used."""
+    def take(self, frame: InputFrame, raw: IntArray, time: float, sender_time: float | None = None) -> bool:
+        """Take in the raw numbers of ``frame``, received at ``time`` [s]; return whether any value may be used.
+
+        ``sender_time`` is the present time by the clock of the strains [s], None if it is not known.
+        """
         is_new = self._seen.add([frame.layout.key.to_bytes(4, "little") + raw.tobytes()])
-        usable = [value.take(raw, time, is_new) for value in self._values if value.is_in(frame)]
+        usable = [value.take(raw, time, is_new, sender_time) for value in self._values if value.is_in(frame)]
         return any(usable)
 
     def state(self, now: float) -> FlowState:

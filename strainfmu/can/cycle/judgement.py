@@ -51,6 +51,7 @@ class CycleJudge:
         self._may_be_held_back = False
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._last_step: float | None = None
+        self._last_sample: tuple[float, float] | None = None
         self.has_published = False
         """Coefficients have been published since the start."""
 
@@ -81,7 +82,7 @@ class CycleJudge:
         if not self._reception.is_trusted(arrival.slot):
             return FrameClass.NOT_TRUSTED
         frame = self._layout.frames[arrival.slot]
-        usable = self._flow.take(frame, arrival.raw, arrival.frame.time)
+        usable = self._flow.take(frame, arrival.raw, arrival.frame.time, self._sender_time(arrival.frame.time))
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
 
     def keep_pace(self, cycle: Cycle) -> None:
@@ -104,6 +105,8 @@ class CycleJudge:
         if reception.miss(arrivals):
             causes |= Cause.PARTIAL_CYCLE
         trailer = reception.check_trailer(arrivals)
+        if reception.has_second_sender(now):
+            causes |= Cause.SECOND_SENDER
         # Strains whose CRC fits are checked even while they are not trusted yet.
         readable = trailer.refused in _READABLE
         n_strain = reception.n_strain
@@ -178,6 +181,8 @@ class CycleJudge:
                 self._reception.forget()
             if reading.hides_delay or uncertainty > self._settings.max_uncertainty:
                 causes |= Cause.HIDDEN_DELAY
+            if not reading.jumped or reading.restarted:
+                self._last_sample = cycle.first_time, self._clock.seconds(ticks)
             self._prove(cycle, self._clock, reading=reading, ticks=ticks, is_new=is_new)
         elif self._clock is None and self._proof is not None and readable:
             self._proof.take_untimed(cycle.first_time, is_new)
@@ -195,15 +200,22 @@ class CycleJudge:
 
     def _prove(self, cycle: Cycle, clock: SenderClock, reading: ClockReading, ticks: int, is_new: bool) -> None:
         """Follow whether the sender is proven; a proven restart is one of q_inf too."""
-        if self._proof is None:
-            if reading.restarted:  # nothing else comes back: the time of before is over
-                clock.accept()
-                self._flow.reset()
-            return
-        counter = self._named(cycle).counter
-        if self._proof.take(clock, reading, local=cycle.first_time, ticks=ticks, counter=counter, is_new=is_new):
+        counter, is_proven = self._named(cycle).counter, reading.restarted
+        if self._proof is not None:
+            is_proven = self._proof.take(
+                clock, reading, local=cycle.first_time, ticks=ticks, counter=counter, is_new=is_new
+            )
+        if is_proven:
+            clock.accept()
             # The clock of q_inf may be so short that a restart looks like a delay.
             self._flow.reset()
+
+    def _sender_time(self, now: float) -> float | None:
+        """Return the time at ``now`` [s] by the clock of the strains [s], None if their sender is not proven."""
+        if self._last_sample is None or (self._proof is not None and not self._proof.is_proven):
+            return None
+        local, seconds = self._last_sample
+        return seconds + now - local
 
     def _strain_data(self, cycle: Cycle) -> list[bytes]:
         """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""

@@ -5,7 +5,6 @@ Each part holds guards of its own: it refuses what it can prove wrong.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
@@ -16,6 +15,7 @@ from strainfmu.can.cycle.assembler import CycleAssembler, Limits
 from strainfmu.can.cycle.decoder import StrainDecoder
 from strainfmu.can.cycle.gauge_noise import gauge_noise
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
+from strainfmu.can.cycle.own_frames import OwnFrames
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception
 from strainfmu.can.cycle.restart_proof import ProofLimits, RestartProof, SeenFrames
@@ -31,6 +31,7 @@ class CycleParts:
 
     Attributes
     ----------
+    own : frames that the bridge sends.
     acceptance : which frames are taken in.
     reception : CRC, counter and E2E state of each frame.
     assembler : frames put together to cycles.
@@ -43,6 +44,7 @@ class CycleParts:
     flow : dynamic pressure and navigation.
     """
 
+    own: OwnFrames
     acceptance: Acceptance
     reception: Reception
     assembler: CycleAssembler
@@ -58,7 +60,7 @@ class CycleParts:
 def cycle_parts(
     layout: InputLayout,
     settings: BridgeSettings,
-    own_keys: Iterable[int],
+    own: OwnFrames,
     dynamic_pressure: float | None,
     noise_std: ArrayLike | None = None,
 ) -> CycleParts:
@@ -66,13 +68,14 @@ def cycle_parts(
 
     Parameters
     ----------
-    own_keys : keys of the frames that the bridge sends.
+    own : frames that the bridge sends.
     dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
     noise_std : (n_d,) or one standard deviation of the gauges' noise [m/m], None where not known.
     """
     period, seen = layout.cycle_time, SeenFrames()
     return CycleParts(
-        acceptance=Acceptance(layout, own_keys, settings),
+        own=own,
+        acceptance=Acceptance(layout, own, settings),
         reception=Reception(layout, settings),
         assembler=CycleAssembler(cycle_limits(layout, settings)),
         pace=ArrivalPace(settings.max_age * period, settings.rate / period),

@@ -11,6 +11,7 @@ from strainfmu.arrays import BoolArray
 from strainfmu.can.cycle.assembler import Arrival
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Cause
+from strainfmu.can.cycle.second_sender import SecondSender
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine
@@ -86,6 +87,7 @@ class Reception:
         self._checks = [None if p is None else self.new_check(p, settings.max_delta) for p in self._protections]
         self._machines = [E2EStateMachine(settings.state_machine) for _ in layout.frames]
         self.authentication = _authentication(layout)
+        self._second = SecondSender(settings.alarm_cycles * layout.cycle_time)
 
     def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
         """Return the check of one frame's CRC and counter."""
@@ -130,6 +132,8 @@ class Reception:
         self._machines[slot].add(E2EStatus.ERROR if wrong else status)
         if status is E2EStatus.OK and not wrong:
             return None
+        if check is not None:
+            self._second.take(check, slot, arrival.frame.time)
         return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
 
     def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
@@ -161,12 +165,17 @@ class Reception:
         status = check.check(arrival.frame.data, covered)
         self._machines[slot].add(status)
         status_of_sender = arrival.status
+        self._second.take(check, slot, arrival.frame.time)
         if status not in USABLE:
             kind = FrameClass.UNVERIFIED if status is E2EStatus.ERROR else _CLASS_OF_STATUS[status]
             return TrailerVerdict(kind, Cause.CYCLE_CRC, status_of_sender)
         if not self.is_trusted(slot):
             return TrailerVerdict(FrameClass.NOT_TRUSTED, Cause.NOT_TRUSTED, status_of_sender)
         return TrailerVerdict(status=status_of_sender) if status_of_sender else _NOTHING_TO_CHECK
+
+    def has_second_sender(self, now: float) -> bool:
+        """Return whether frames that cannot be of one sender have come lately."""
+        return self._second.was_heard(now)
 
     def is_trusted(self, slot: int) -> bool:
         """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""

@@ -54,7 +54,7 @@ class ProofLimits:
     ----------
     period : nominal time from one frame to the next [s].
     new_frames : cycles in a row that must be new.
-    startup_time : largest time of a clock that has just begun [s].
+    startup_time : largest time of a clock at its start [s].
     pause : silence after which a sender without sample time may be a recording [s].
     max_delta : largest error of the counter.
     counter_modulus : number of counter values, None without a counter.
@@ -110,7 +110,6 @@ class RestartProof:
             self._has_begun(clock, ticks, counter) or self._was_set_ahead(clock, local, ticks, counter)
         )
         if self.is_proven:
-            clock.accept()
             self._last = local, counter
         return self.is_proven
 

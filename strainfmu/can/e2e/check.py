@@ -46,10 +46,15 @@ class ReceptionCheck:
         self._protection = protection
         self._max_delta = max_delta
         self._modulus = protection.counter_modulus
-        self.counter = self._modulus - 1
+        self.counter = self._before = self._modulus - 1
+        self._content: tuple[bytes, bytes] | None = None
+        self.conflicts = self.alternates = False
+        """The last frame had a correct CRC and the counter of the one before with other data; or the counter next
+        to that of the one before that, as with two senders in turns."""
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
+        self.conflicts = self.alternates = False
         protection = self._protection
         if crc_in(data, protection) != crc_of(data, protection, covered):
             return E2EStatus.ERROR
@@ -57,9 +62,14 @@ class ReceptionCheck:
         if counter >= self._modulus:
             return E2EStatus.ERROR
         delta = (counter - self.counter) % self._modulus
-        self.counter = counter
+        if delta == 0:
+            self.conflicts = self._content is not None and self._content != (data, covered)
+            return E2EStatus.REPEATED
+        before, self._before, self.counter = self._before, self.counter, counter
+        self._content = data, covered
         if delta == 1:
             return E2EStatus.OK
-        if delta == 0:
-            return E2EStatus.REPEATED
-        return E2EStatus.OK_SOME_LOST if delta <= self._max_delta else E2EStatus.WRONG_SEQUENCE
+        if delta <= self._max_delta:
+            return E2EStatus.OK_SOME_LOST
+        self.alternates = 1 <= (counter - before) % self._modulus <= self._max_delta
+        return E2EStatus.WRONG_SEQUENCE

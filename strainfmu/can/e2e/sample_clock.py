@@ -19,6 +19,9 @@ _WINDOW = 1.0
 
 _WINDOWS = 60
 
+_STEADY = 0.5
+"""Fraction of the jump tolerance by which the delay may shrink while a jump is confirmed."""
+
 _ROUND_OFF = 1e-9
 """Difference of two times [s] that is none."""
 
@@ -83,6 +86,11 @@ class SenderClock(Protocol):
 
     def anchor(self) -> None:
         """Take the delay of the last reading for the smallest one: somebody has checked it."""
+        ...
+
+    @property
+    def range(self) -> float:
+        """Time after which it wraps [s]."""
         ...
 
     def seconds(self, ticks: int) -> float:
@@ -166,7 +174,8 @@ class SampleClock:
     def _jump(self, local: float, ticks: int) -> ClockReading:
         """Take in a sample time that does not fit."""
         assert self._known is not None
-        if self._jumped is None or self._follow(self._jumped, local, ticks) is None:
+        # Cycles that were held back come one behind the other, each a cycle less late than the one before.
+        if self._jumped is None or self._follow(self._jumped, local, ticks, _STEADY) is None:
             self._jumped = self._new(local, ticks)
         if self._jumped.readings < self._limits.confirmations:
             return ClockReading(0.0, jumped=True)
@@ -188,6 +197,11 @@ class SampleClock:
             known.lowest = known.fastest = known.floor = known.local - known.source
             known.start = known.local
 
+    @property
+    def range(self) -> float:
+        """Time after which it wraps [s]."""
+        return 2 * self._half * self._tick
+
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""
         return ticks * self._tick
@@ -207,13 +221,16 @@ class SampleClock:
             ticks=ticks, source=source, local=local, floor=delay, lowest=delay, start=local, fastest=delay
         )
 
-    def _follow(self, model: _Model, local: float, ticks: int) -> float | None:
-        """Update ``model`` with a reading and return its delay [s]; None, with no update, if they do not fit."""
+    def _follow(self, model: _Model, local: float, ticks: int, tolerated: float = 1.0) -> float | None:
+        """Update ``model`` with a reading and return its delay [s]; None, with no update, if they do not fit.
+
+        ``tolerated`` is the fraction of the jump tolerance by which the delay may shrink.
+        """
         elapsed = max(local - model.local, 0.0)
         source = model.source + self._ticks_since(model, elapsed, ticks) * self._tick
         offset = local - source
         drift = self._limits.tolerance * elapsed
-        if source < model.source or offset < model.floor - drift - self._limits.jump_tolerance:
+        if source < model.source or offset < model.floor - drift - tolerated * self._limits.jump_tolerance:
             return None
         raised = min(model.floor + drift, model.lowest + self._limits.hidden)
         model.ticks, model.source, model.local = ticks, source, local

@@ -23,7 +23,7 @@ class SynchronisedClock:
     drift_ppm = float("nan")
 
     def __init__(self, tick: float, bits: int, shift: float, accuracy: float) -> None:
-        self._tick, self._range = tick, tick * (1 << bits)
+        self._tick, self.range = tick, tick * (1 << bits)
         self._shift, self._accuracy = shift, accuracy
 
     def read(self, local: float, ticks: int) -> ClockReading:
@@ -35,8 +35,8 @@ class SynchronisedClock:
 
     def seconds_ahead(self, local: float, ticks: int) -> float:
         """Return by how much a sample time is ahead of ours at ``local`` [s]."""
-        half = 0.5 * self._range
-        return (self.seconds(ticks) - (local + self._shift) + half) % self._range - half
+        half = 0.5 * self.range
+        return (self.seconds(ticks) - (local + self._shift) + half) % self.range - half
 
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""

@@ -18,7 +18,7 @@ from strainfmu.can.bridge.freshness_file import FIRST_TRIP
 from strainfmu.can.cycle.gauge_noise import gauge_noise
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import authenticated, freshness_of, is_authentic, sent_freshness
-from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FLOAT, NAVIGATION, InputFrame, InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
@@ -61,9 +61,11 @@ class FaultySender:
         self._order = count()
         self._held: dict[Fault, Sample] = {}
         self._history: list[list[Frame]] = []
+        self._went_out: list[list[Frame]] = []
         self._counter_shift = 0
         self._clock_shift = 0.0
-        self._release = 0.0
+        self._release = self._queued = 0.0
+        self._recordings: dict[Fault, list[list[Frame]]] = {}
         self.bus_off = False
 
     def cycle(
@@ -110,14 +112,19 @@ class FaultySender:
         self._history.append(frames)
         del self._history[:-60]
         self.bus_off = any(fault.kind is FaultKind.BUS_OFF for fault in self._active)
-        for fault in self._active:
+        # What a second sender repeats is what has become of the first one's frames.
+        for fault in sorted(self._active, key=lambda fault: fault.kind is FaultKind.CONFLICT):
             random = np.random.default_rng((fault.seed, number))
             frames = self._disturb(fault, number, time=time, frames=frames, random=random)
+        if self._queued > time:
+            frames = [replace(f, time=max(f.time, self._queued + 1e-6 * i)) for i, f in enumerate(frames)]
         for frame in frames:
             heapq.heappush(self._waiting, (frame.time, next(self._order), frame))
         sent = []
         while self._waiting and self._waiting[0][0] < time + self._layout.cycle_time:
             sent.append(heapq.heappop(self._waiting)[2])
+        self._went_out.append(sent)
+        del self._went_out[:-60]
         return sent
 
     def _activate(self, number: int) -> None:
@@ -163,7 +170,7 @@ class FaultySender:
                 self._clock_shift = -time
                 sample.counter, sample.sample_time = 0, 0.0
                 self._encoder.trip += 1
-            case FaultKind.CLOCK_JUMP if first:
+            case FaultKind.CLOCK_JUMP if first and not self._restarts(number):
                 self._clock_shift += float(random.uniform(5.0, 1000.0)) * self._layout.cycle_time
                 sample.sample_time = time + self._clock_shift
             case FaultKind.PRESSURE_NONE:
@@ -172,6 +179,10 @@ class FaultySender:
                 sample.mach_number = sample.altitude = nan
             case _:
                 return
+
+    def _restarts(self, number: int) -> bool:
+        """Return whether the sender is restarted in a cycle: a clock that has just begun does not jump."""
+        return any(fault.kind is FaultKind.RESTART and fault.start == number for fault in self._active)
 
     # --- faults of buses and gateways ---------------------------------------------------------------------------
 
@@ -196,6 +207,20 @@ class FaultySender:
                 old = self._history[int(random.integers(len(self._history)))]
                 shift = 0.5 * self._layout.cycle_time
                 return [*frames, *(replace(f, time=time + shift + i * 1e-6) for i, f in enumerate(old))]
+            case FaultKind.CREEP:
+                growth = 0.02 + 0.18 * np.random.default_rng(fault.seed).random()
+                delay = growth * (number - fault.start + 1) * self._layout.cycle_time
+                self._queued = max((frame.time + delay for frame in frames), default=0.0)
+                return [replace(frame, time=frame.time + delay) for frame in frames]
+            case FaultKind.RECORDING:
+                length = 2 + fault.seed % 50
+                recorded = self._recordings.setdefault(fault, self._went_out[-length:])
+                again = recorded[number - fault.start] if number - fault.start < len(recorded) else []
+                return [replace(frame, time=time + i * 1e-6) for i, frame in enumerate(again)]
+            case FaultKind.CONFLICT:
+                later = 0.3 * self._layout.cycle_time if number == fault.start or random.random() < 0.5 else -1e-6
+                others = [replace(frame, time=frame.time + later) for frame in self._with_other_strains(frames)]
+                return sorted([*frames, *others], key=lambda frame: frame.time)
             case FaultKind.FORGERY if self._layout.is_authenticated:
                 return [self._forged(frame) for frame in frames]
             case FaultKind.EARLIER_RUN if self._layout.is_authenticated:
@@ -252,12 +277,39 @@ class FaultySender:
                 ]
             case FaultKind.OWN_IDENTIFIER if self._own is not None:
                 return [*frames, replace(self._own, time=at)]
+            case FaultKind.SECOND_BRIDGE if self._own is not None:
+                return [*frames, replace(self._own, time=at, data=random.bytes(len(self._own.data)))]
             case FaultKind.ERROR_FRAMES:
                 return [*frames, *(replace(f, time=at, is_error=True, data=f.data[::-1]) for f in known)]
             case FaultKind.REMOTE_FRAMES:
                 return [*frames, *(replace(f, time=at, is_remote=True, data=b"", is_fd=False) for f in known)]
             case _:
                 return frames
+
+    def _with_other_strains(self, frames: list[Frame]) -> list[Frame]:
+        """Return the intact ones of ``frames`` as another sender with the same counter and time sends them."""
+        trailer, true, other, others = self._layout.trailer, b"", b"", []
+        strain_keys = {frame.layout.key for frame in self._layout.strain_frames}
+        for frame in frames:
+            item = self._item_of(frame)
+            if item is None:
+                continue
+            protection, covered = item.layout.protection, true if item is trailer else b""
+            if protection and crc_in(frame.data, protection) != crc_of(frame.data, protection, covered):
+                continue
+            data = bytearray(frame.data)
+            for signal in (item.layout.signals[index] for index in item.indices):
+                # 16 quanta of an integer, a quarter to a half of a float.
+                data[signal.bits[0 if signal.length == 16 else 16] // 8] ^= 0x40
+            changed = bytes(data)
+            if protection:
+                covered = other if item is trailer else b""
+                changed = protect(changed, protection, counter_in(changed, protection), covered)
+            if frame.key in strain_keys:
+                true, other = true + frame.data, other + changed
+            if item.indices or item is trailer:
+                others.append(replace(frame, data=changed))
+        return others
 
     def _end_of_range(self, frames: list[Frame], fault: Fault) -> list[Frame]:
         """Put one gauge at the end of its range, with a correct CRC: the converter is overdriven, not the bus."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from math import isfinite
@@ -29,6 +29,9 @@ from strainfmu.cosim.step import Step
 
 _OF_THE_MOMENT = ("E2E_CRC", "Age")
 """Signals of a result that depend on when it was sent, which no replay knows."""
+
+_AHEAD = 64
+"""Frames of a log that are read ahead: a sent frame is logged after it has been sent."""
 
 _UNMATCHED = 10_000
 """Maximum number of result frames kept without a counterpart: a log without sent frames has none."""
@@ -94,7 +97,9 @@ def replay_log(
     if core.authentication is not None:
         core.authentication.begin(None if described is None else described["freshness"])
     comparison = _Comparison(layouts, configuration)
-    acceptance = Acceptance(core.layout, [layout.key for layout in layouts], core.settings)
+    # Other loggers do not tell which frames the bridge sent.
+    core.own_frames.by_identifier = described is None
+    acceptance = Acceptance(core.layout, core.own_frames, core.settings)
     account = FrameAccount()
 
     def give(results: list[CycleResult]) -> None:
@@ -109,7 +114,7 @@ def replay_log(
     time = start
     skips = dict(described.get("skips", ())) if described else {}
     unanswered = deque(described.get("unanswered", ()) if described else ())
-    for frame, is_received in chain([first], frames):
+    for frame, is_received in _ahead(chain([first], frames), core):
         time = frame.time
         if is_received:
             give(_received(core, acceptance, account=account, frame=frame, skips=skips, unanswered=unanswered))
@@ -123,6 +128,18 @@ def replay_log(
     summary.compared, summary.equal = comparison.compared, comparison.equal
     summary.notes += _notes(log, source, state=state, described=described)
     return summary
+
+
+def _ahead(frames: Iterable[tuple[Frame, bool]], core: BridgeCore) -> Iterator[tuple[Frame, bool]]:
+    """Yield ``frames``; the core learns of those that were sent a little ahead, as they may come back first."""
+    waiting: deque[tuple[Frame, bool]] = deque()
+    for frame, is_received in frames:
+        if not is_received:
+            core.own_frames.sending(frame)
+        waiting.append((frame, is_received))
+        if len(waiting) > _AHEAD:
+            yield waiting.popleft()
+    yield from waiting
 
 
 def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[CycleResult]:
@@ -143,7 +160,7 @@ def _received(
 ) -> list[CycleResult]:
     """Pass a frame through the receiver's acceptance into the core; answer it only if the live run did."""
     refused = acceptance.refused(frame)
-    if refused is None or refused is FrameClass.ERROR_FRAME:
+    if refused is None or acceptance.is_reported(refused, frame):
         while unanswered and unanswered[0][1] < frame.time:
             unanswered.popleft()
         is_answered = not unanswered or frame.time < unanswered[0][0]

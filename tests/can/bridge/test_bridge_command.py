@@ -88,7 +88,7 @@ def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]],
     code, printed, _ = run(
         "dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc", "--extended", "--id-base", "0x18FF0000"
     )
-    assert (code, printed) == (0, f"{tmp_path / 'x.dbc'}: written, 6 frames\n")
+    assert (code, printed) == (0, f"{tmp_path / 'x.dbc'}: written, 7 frames\n")
     database = cantools.database.load_file(tmp_path / "x.dbc")
     assert database.get_message_by_name("Strain2").frame_id == 0x18FF0002
     code, _, errors = run("dbc", tmp_path / "map.h5", "--profile", "fd65")
