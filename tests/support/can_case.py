@@ -177,14 +177,14 @@ class Oracle:
         self._valid_cycles.add(last)
         oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
         fitting = [n for n in range(oldest, last + 1) if self._fits(result, self._truth.cycle(n)[0])]
-        if any(self._fits(result, strain) for strain in self._stuck(last, oldest)):
-            pass
-        elif fitting:
+        held = any(self._fits(result, strain) for strain in self._stuck(last, oldest))
+        is_excused = held or self._is_dithered(result, last)
+        if fitting and not is_excused:
             # The frames of a cycle begin to be sent when it is sampled.
             hidden = now - max(fitting) * cycle - result.age - result.age_uncertainty
             if hidden > self._settings.hidden_age:
                 self.false_valid.append(f"{1e3 * hidden:.3f} ms older than stated at {now:.4f} s")
-        elif not self._is_dithered(result, last):
+        elif not is_excused:
             self.false_valid.append(f"strains at {now:.4f} s, sampled {result.sample_time}, {result.causes!r}")
         q_oldest = max(int((now - (self._settings.pressure_max_age + 1.5) * cycle) / cycle), 0)
         pressures = [self._truth.cycle(number)[1] for number in range(q_oldest, last + 1)]
