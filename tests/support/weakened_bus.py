@@ -140,6 +140,22 @@ class TrustsEveryState(Reception):
         return True
 
 
+class TakesAnyAuthenticator(Reception):
+    """Takes forged frames for the sender's."""
+
+    def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
+        found = super()._not_authentic(slot, data)
+        return None if found is FrameClass.NOT_AUTHENTIC else found
+
+
+class TakesAnyFreshness(Reception):
+    """Takes authentic frames whenever they were made."""
+
+    def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
+        found = super()._not_authentic(slot, data)
+        return None if found is FrameClass.NOT_FRESH else found
+
+
 # --- assembly, time -------------------------------------------------------------------------------------------
 
 
@@ -401,5 +417,7 @@ WITHOUT: dict[str, MakeCore] = {
     "pressure_age": core_without(HoldsForEver),
     "health": core_without(IgnoresHealth),
     "finite_output": core_without(PublishesAnything),
+    "authenticator": core_without(TakesAnyAuthenticator),
+    "freshness": core_without(TakesAnyFreshness),
 }
 """A core without each guard, by what it guards."""

@@ -115,7 +115,9 @@ class SickStep(Projection):
         return replace(good, health=int(self._sick), coefficients=good.coefficients + self._coefficient)
 
 
-def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None) -> Callable[[MakeCore], Campaign]:
+def of_kind(
+    *kinds: FaultKind, cycles: int = 12, step: Projection | None = None, profile: str = "fd64"
+) -> Callable[[MakeCore], Campaign]:
     """Return a run of single faults of ``kinds`` through a core that is made for it."""
 
     def run(make_core: MakeCore) -> Campaign:
@@ -123,7 +125,7 @@ def of_kind(*kinds: FaultKind, cycles: int = 12, step: Projection | None = None)
             Fault(kind=kind, start=40 + 80 * index, cycles=cycles, seed=index) for index, kind in enumerate(kinds)
         ]
         n_cycles = 40 + 80 * len(kinds) + cycles
-        return run_campaign(layout_of("fd64"), faults, n_cycles, step=step, make_core=make_core)
+        return run_campaign(layout_of(profile), faults, n_cycles, step=step, make_core=make_core)
 
     return run
 
@@ -172,6 +174,8 @@ SCENARIOS: dict[str, tuple[Callable[[MakeCore], Campaign], Callable[[Campaign], 
     "pressure_age": (of_kind(FaultKind.PRESSURE_SILENCE, cycles=30), has_false_valid),
     "health": (of_kind(step=ill(HealthState.INCONSISTENT)), lambda run: run.qualities[Quality.VALID] > 0),
     "finite_output": (of_kind(step=ill(coefficient=np.nan)), lambda run: run.qualities[Quality.VALID] > 0),
+    "authenticator": (of_kind(FaultKind.FORGERY, profile="fd64-sec"), has_false_valid),
+    "freshness": (of_kind(FaultKind.EARLIER_RUN, profile="fd64-sec"), has_false_valid),
 }
 
 
@@ -238,7 +242,7 @@ def test_every_guard_is_needed(guard: str) -> None:
 
 def test_every_guard_has_its_scenario() -> None:
     assert set(SCENARIOS) == set(WITHOUT)
-    assert len(WITHOUT) == 27
+    assert len(WITHOUT) == 29
 
 
 def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:
