@@ -27,7 +27,7 @@ _LOOK_BACK = 8
 _WORDS = all_words()
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, eq=False)
 class Event:
     """One entry.
 
@@ -79,7 +79,7 @@ class EventLog:
         self._before = None
 
     def listed(self) -> list[dict[str, Any]]:
-        """Return all events, the oldest first."""
+        """Return all events, by their last occurrence, the newest last."""
         return [asdict(event) for event in self._events]
 
     def _add(self, time: float, kind: str, level: str, what: str, why: str = "") -> None:
@@ -88,6 +88,8 @@ class EventLog:
             is_equal = (event.kind, event.what, event.why) == (kind, what, why)
             if is_equal and 0.0 <= time - event.last <= REPEATED_WITHIN:
                 event.last, event.count = time, event.count + 1
+                self._events.remove(event)
+                self._events.append(event)
                 return
         self._events.append(Event(first=time, last=time, kind=kind, level=level, what=what, why=why))
 

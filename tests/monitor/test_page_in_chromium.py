@@ -84,7 +84,8 @@ def test_all_good(on_range: tuple[TestRange, Browser]) -> None:
         "x aft of the nose tip [m]",
     ):
         assert text in found
-    assert "OLD" not in browser.value("document.querySelector('main').innerText")
+    assert not browser.value("document.body.classList.contains('old')")
+    assert browser.value("document.getElementById('alarm').hidden")
     browser.wait("document.querySelectorAll('polygon.band').length", lambda found: found >= 5)
     # Its own number in the middle of every band, and the limit of chi-square as a line.
     assert browser.value("document.querySelectorAll('#chart_chi polyline.limit').length") >= 1
@@ -154,6 +155,7 @@ def test_bridge_gone(on_range: tuple[TestRange, Browser]) -> None:
     found = browser.wait(TEXT, shows("BRIDGE GONE: nothing received for", "Everything below is old", "GONE"))
     assert "bridge gone" in found  # in the list of events
     assert browser.value("document.body.classList.contains('old')")
+    browser.wait("document.querySelector('#chart_C_N').textContent", shows("last", "-20 s", "-60 s"))
     marks = "[...document.querySelectorAll('.current h2')].map(one => getComputedStyle(one, '::before').content)"
     assert set(browser.value(marks)) == {'"OLD · "'}
     is_whole(browser)

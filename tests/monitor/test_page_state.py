@@ -190,7 +190,7 @@ def test_events_have_times_and_causes() -> None:
     ):
         assert expected in lines
     assert found[lines.index("bus BUS_OFF: bus off")]["first"] == pytest.approx(1000.1)
-    assert [event["first"] for event in found] == sorted(event["first"] for event in found)
+    assert [event["last"] for event in found] == sorted(event["last"] for event in found)
 
 
 @pytest.mark.fast
@@ -269,7 +269,7 @@ def test_limits_of_the_map_come_from_the_fmu(synthetic: SyntheticFiles) -> None:
 
 
 def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFiles, tmp_path: Any) -> None:
-    """A frozen gauge of a real run, its reason from the bridge's own checks to the page's state."""
+    """Gauges without a value in a real run, their reason from the bridge's own checks to the page's state."""
     from strainfmu.monitor.server import Monitor
 
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
@@ -278,7 +278,7 @@ def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFi
             synthetic.estimator_1,
             "page_state",
             n_cycles=160,
-            faults=(Fault(kind=FaultKind.STUCK_GAUGE, start=60, cycles=100, seed=3),),
+            faults=(Fault(kind=FaultKind.NO_VALUE, start=60, cycles=100, seed=3),),
             record=tmp_path / "run.blf",
             publish="{}:{}".format(*monitor.listens_at),
         )
@@ -292,7 +292,6 @@ def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFi
     assert latest["account"]["not accounted for"] == 0
     assert len(latest["strain_um_per_m"]) == N_GAUGES
     causes = " ".join(event["why"] for event in content["events"])
-    assert FROZEN in causes
-    assert "bus VALID" not in causes
+    assert NO_VALUE in causes
     loads = [point[COLUMNS.index("force.normal")] for point in content["points"]]
     assert any(value is not None for value in loads)

@@ -33,13 +33,14 @@ export function verticalAxis(svg, box, values, label, toY) {
   svg.append(node("rect", { class: "frame", x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top }));
 }
 
-/** Draw the axis of time before now below `box`: seconds, 0 at the right. */
+/** Draw the axis of time before now below `box`: seconds, the last point at the right. */
 export function timeAxis(svg, box, span) {
-  const every = span / (box.right - box.left < 300 ? 3 : 6) < 10 ? Math.max(2, span / 5) : span / (box.right - box.left < 300 ? 3 : 6);
+  const parts = box.right - box.left < 300 ? 3 : 6, every = span / parts < 10 ? Math.max(2, span / 5) : span / parts;
+  const last = document.body.classList.contains("old") ? "last" : "now";
   for (let back = 0; back <= span; back += every) {
     const x = box.right - (box.right - box.left) * back / span;
     svg.append(node("line", { class: "tick", x1: x, x2: x, y1: box.bottom, y2: box.bottom + 4 }));
     const anchor = back === 0 ? "end" : back >= span ? "start" : "middle";
-    svg.append(node("text", { x, y: box.bottom + 15, "text-anchor": anchor }, back === 0 ? "now" : `-${back} s`));
+    svg.append(node("text", { x, y: box.bottom + 15, "text-anchor": anchor }, back === 0 ? last : `-${back} s`));
   }
 }

@@ -86,7 +86,7 @@ function drawHistory(svg, points, { end, span, column, deviation, factor, range 
     if (bound < low || bound > high) continue;
     svg.append(node("line", { class: "limit", x1: box.left, x2: box.right, y1: toY(bound), y2: toY(bound) }));
     const isUp = toY(bound) < box.top + 14;
-    svg.append(node("text", { class: "limit_text", x: box.left + 4, y: toY(bound) + (isUp ? 12 : -4) }, `map's limit ${bound.toPrecision(3)}`));
+    svg.append(node("text", { class: "limit_text", x: box.left + 4, y: toY(bound) + (isUp ? 12 : -4) }, "limit of the map"));
   }
   for (const run of runs(recent, (point) => point[column] !== null && point[deviation] !== null)) {
     const at = (point, sign) => {

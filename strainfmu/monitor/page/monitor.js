@@ -114,8 +114,8 @@ function writeAccount(latest) {
 function writeEvents() {
   const rows = [...events].reverse().map((event) => {
     const row = element("tr", "", { class: event.level });
-    const often = event.count > 1 ? ` (${event.count} times, last ${clock(event.last, 0)})` : "";
-    row.append(element("td", clock(event.first), { class: "time" }), element("td", (event.level === "alarm" ? "! " : "") + event.what + often), element("td", event.why));
+    const often = event.count > 1 ? ` (${event.count} times since ${clock(event.first, 0)})` : "";
+    row.append(element("td", clock(event.last), { class: "time" }), element("td", (event.level === "alarm" ? "! " : "") + event.what + often), element("td", event.why));
     return row;
   });
   byId("event_rows").replaceChildren(...rows);
