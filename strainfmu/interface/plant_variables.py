@@ -192,15 +192,16 @@ def native_plant_interface(
 
 
 def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion) -> Variable:
-    """Return an output with the inputs that it depends on, and the parameters that its first value depends on."""
+    """Return an output with the inputs that it depends on, and the parameters that its first value depends on.
+
+    Outside the envelope coefficients, strains and dynamic pressure are NaN: all depend on the whole condition.
+    """
     depends_on: tuple[str, ...] = given
     initial = ("initial_angle_of_attack",) if motion is Motion.SHORT_PERIOD else ()
     if output.array == "strain":
         index = output.name.removeprefix("strain")
         depends_on = (*given, f"fault_kind{index}", f"fault_value{index}")
-    elif output.name == "dynamic_pressure":
-        depends_on, initial = tuple(name for name in given if name in ("mach_number", "altitude")), ()
-    elif output.name not in COEFFICIENTS:
+    elif output.name != "dynamic_pressure" and output.name not in COEFFICIENTS:
         depends_on = ()
     return replace(output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial))
 
