@@ -220,7 +220,7 @@ class Oracle:
             elif fault.kind is FaultKind.PARTIAL_FREEZE:
                 gauges = frozen_gauges(self._layout, fault)
                 limit = 4 if len(gauges) > 3 else 7
-            if last < fault.start + limit:
+            if last < fault.start + limit + self._unseen(fault, last):
                 held |= {gauge: self._truth.cycle(fault.start)[0][gauge] for gauge in gauges}
         found = []
         for number in range(oldest, last + 1) if held else ():
@@ -228,6 +228,12 @@ class Oracle:
             strain[list(held)] = list(held.values())
             found.append(strain)
         return found
+
+    def _unseen(self, fault: Fault, last: int) -> int:
+        """Return the cycles since a fault began that are late behind a restart: no reading of them counts."""
+        late = self._settings.late_cycles + 1
+        found = self._faults_near(last)
+        return sum(late for one in found if one.kind is FaultKind.RESTART and one.start + late > fault.start)
 
     def _faults_near(self, last: int) -> list[Fault]:
         """Return the faults that have begun and whose effect may not be over."""

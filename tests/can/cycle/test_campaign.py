@@ -64,6 +64,15 @@ def test_every_fault_by_itself(kind: FaultKind) -> None:
     assert run.late_recovery == []
 
 
+@pytest.mark.parametrize("profile", ["fd64", "fd64-sec", "classic-le"])
+def test_a_gauge_that_sticks_as_the_sender_restarts_is_found_once_its_cycles_count(profile: str) -> None:
+    kinds = (FaultKind.RESTART, FaultKind.STUCK_GAUGE)
+    faults = [Fault(kind=kind, start=60, cycles=40, seed=3) for kind in kinds]
+    run = run_campaign(layout_of(profile, SIZES[profile]), faults, 150)
+    assert run.false_valid == []
+    assert run.late_recovery == []
+
+
 def test_any_two_faults_at_once_can_be_injected() -> None:
     """Faults act on what others have left of a frame: cut, inserted or taken away."""
     kinds = [kind for kind in FaultKind if kind not in NEED_A_KEY]
