@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from strainfmu.can.bridge.bus_configuration import FoundOption, found_options, timing_of
 from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
@@ -25,12 +26,14 @@ class BusSettings:
     interface, channel : as python-can names them.
     options : further keyword arguments of the interface.
     fd : CAN FD frames can be sent and received.
+    context : of python-can's configuration, None for its default.
     """
 
     interface: str
     channel: str
     options: Mapping[str, Any] = field(default_factory=dict)
     fd: bool = True
+    context: str | None = None
 
     def __str__(self) -> str:
         return f"{self.interface}:{self.channel}"
@@ -51,14 +54,13 @@ def open_bus(settings: BusSettings) -> Any:
         The bus cannot be opened; the message gives the reason.
     """
     can = import_can()
-    options = dict(settings.options)
-    if settings.interface == "udp_multicast":
-        # Frames stay on this host unless an option states otherwise.
-        options = {"hop_limit": 0, "fd": settings.fd, **options}
-    elif settings.fd and settings.interface not in ("virtual",):
-        options = {"fd": True, **options}
+    options = {found.name: found.value for found in configured(settings)} | _given(settings)
+    named = {"interface": settings.interface, "channel": settings.channel}
     try:
-        bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
+        # Types of values and the bit timing are python-can's; whatever else it finds itself is left out.
+        whole = can.util.load_config(config={**options, **named})
+        kept = {name: whole[name] for name in (*options, *timing_of(options)) if name in whole}
+        bus = can.Bus(**kept, **named, ignore_config=True)
     except (can.CanInterfaceNotImplementedError, ModuleNotFoundError) as error:
         known = ", ".join(sorted(can.interfaces.VALID_INTERFACES))
         raise InputError(f"{settings}: {_reason(error)}; interfaces: {known}") from error
@@ -66,6 +68,26 @@ def open_bus(settings: BusSettings) -> Any:
         raise StrainfmuError(f"{settings}: cannot be opened: {_reason(error)}{_advice(settings)}") from error
     _enlarge_receive_buffer(bus)
     return bus
+
+
+def configured(settings: BusSettings) -> list[FoundOption]:
+    """Return the options of a bus that python-can's configuration files and environment set, none that was given.
+
+    Raises
+    ------
+    InputError
+        As :func:`~strainfmu.can.bridge.bus_configuration.found_options`.
+    """
+    return [] if settings.options.get("ignore_config") else found_options(_given(settings), settings.context)
+
+
+def _given(settings: BusSettings) -> dict[str, Any]:
+    """Return the options that were given, with those of this program."""
+    options = {name: value for name, value in settings.options.items() if name != "ignore_config"}
+    if settings.interface == "udp_multicast":
+        # Frames stay on this host unless an option states otherwise.
+        return {"hop_limit": 0, "fd": settings.fd, **options}
+    return {"fd": True, **options} if settings.fd and settings.interface != "virtual" else options
 
 
 def shut_down(bus: Any) -> None:

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.bus import BusSettings, configured, open_bus
 from strainfmu.can.bridge.freshness_file import FreshnessKeeper, freshness_file
 from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.bridge.run_loop import Bridge
@@ -23,6 +23,12 @@ from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configurat
 from strainfmu.cosim.step import Step
 from strainfmu.errors import InputError
 
+UNPROTECTED_TEXT = (
+    "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
+    "no result is VALID"
+)
+"""Word at the start of a bridge whose input is not protected end to end."""
+
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
 
@@ -33,6 +39,7 @@ class BridgeOptions:
     Attributes
     ----------
     bus_options : "key=value" of the interface.
+    bus_context : of python-can's configuration, None for its default.
     profile : of the input where no ``dbc`` is given, with ``cycle_time`` [s] and ``identifiers.base``.
     dbc, mapping : the user's DBC file and its mapping, both or none.
     dynamic_pressure : fixed [Pa], or None to take it from its frame.
@@ -46,6 +53,7 @@ class BridgeOptions:
     interface: str
     channel: str
     bus_options: tuple[str, ...] = ()
+    bus_context: str | None = None
     profile: str = "fd64"
     dbc: Path | None = None
     mapping: Path | None = None
@@ -84,6 +92,7 @@ class ReadyBridge:
     """A bridge and its description; its core began at ``start`` [s] by its clock.
 
     ``freshness`` keeps the freshness value of authenticated frames; None where they are not authenticated.
+    ``start_lines`` say what a user must know before the run: options that were not given, lack of protection.
     """
 
     bridge: Bridge
@@ -91,6 +100,7 @@ class ReadyBridge:
     layout_name: str
     start: float
     freshness: FreshnessKeeper | None = None
+    start_lines: tuple[str, ...] = ()
 
 
 @contextmanager
@@ -127,7 +137,11 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
             on_received=taps.on_received,
             on_sent=taps.on_sent,
         )
+        lines = [str(found) for found in configured(bus)]
+        if not core.layout.is_protected:
+            lines.append(UNPROTECTED_TEXT)
         yield ReadyBridge(
+            start_lines=tuple(lines),
             bridge=bridge,
             n_gauges=step.n_gauges,
             layout_name=core.layout.name,
@@ -267,4 +281,10 @@ def bus_settings(options: BridgeOptions) -> BusSettings:
             chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
         except ValueError:
             chosen[key.strip()] = text
-    return BusSettings(interface=options.interface, channel=options.channel, options=chosen)
+    context = chosen.pop("config_context", None)
+    return BusSettings(
+        interface=options.interface,
+        channel=options.channel,
+        options=chosen,
+        context=options.bus_context if context is None else str(context),
+    )

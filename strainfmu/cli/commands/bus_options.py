@@ -24,6 +24,21 @@ def cycle_time_of(milliseconds: float) -> float:
     return checked_cycle_time(milliseconds / 1e3, "--cycle-time")
 
 
+def refuse_cycle_time(cycle_time: float | None, dbc: object) -> None:
+    """Refuse ``--cycle-time`` beside a DBC file, whose own periods are used.
+
+    Raises
+    ------
+    InputError
+        Both were given.
+    """
+    if cycle_time is not None and dbc is not None:
+        raise InputError(
+            "--cycle-time: expected with a profile alone, got it with --dbc, whose period is cycle_time_ms of the "
+            "mapping, or GenMsgCycleTime of the DBC file"
+        )
+
+
 def check_bus_options(interface: str, names: Iterable[str]) -> None:
     """Refuse options that nothing of the interface reads: python-can passes over them without a word.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of
+from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of, refuse_cycle_time
 from strainfmu.cli.commands.number_ranges import DURATION_S, PRESSURE_PA, within
 from strainfmu.errors import InputError
 
@@ -35,6 +35,10 @@ FreshnessOption = Annotated[
         "--freshness", metavar="FILE", help="Freshness value between runs, with --key. Default: beside the key."
     ),
 ]
+ContextOption = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Section of python-can's configuration files for further bus options."),
+]
 ExtendedOption = Annotated[bool, typer.Option("--extended", help="29 bit identifiers.")]
 
 
@@ -48,10 +52,18 @@ def bridge(
             "--bus-option", metavar="KEY=VALUE", help="Further option of the interface, as bitrate=500000."
         ),
     ] = None,
+    context: ContextOption = None,
     profile: ProfileOption = "fd64",
     dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames, instead of a profile.")] = None,
     mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
-    cycle_time: CycleTimeOption = 10.0,
+    cycle_time: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MS",
+            callback=within(0.1, 10_000.0, "ms"),
+            help="Period of the strain frames of a profile. Default: 10.",
+        ),
+    ] = None,
     id_base: BaseOption = "0x300",
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
@@ -135,14 +147,16 @@ def bridge(
 
     if (dbc is None) != (mapping is None):
         raise InputError("--dbc and --mapping: expected both or none, got one")
+    refuse_cycle_time(cycle_time, dbc)
     options = BridgeOptions(
         interface=interface,
         channel=channel,
         bus_options=tuple(option or ()),
+        bus_context=context,
         profile=profile,
         dbc=dbc,
         mapping=mapping,
-        cycle_time=cycle_time_of(cycle_time),
+        cycle_time=cycle_time_of(10.0 if cycle_time is None else cycle_time),
         identifiers=identifiers_of(id_base, result_base, extended),
         dynamic_pressure=dynamic_pressure,
         result_form=result,
@@ -163,8 +177,11 @@ def bridge(
             markup=False,
             soft_wrap=True,
         )
+        lines = list(running.start_lines)
         if running.freshness is not None and running.freshness.first_run_text:
-            console.print(running.freshness.first_run_text, highlight=False, markup=False, soft_wrap=True)
+            lines.append(running.freshness.first_run_text)
+        for line in lines:
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
         with _stopped_by_signals(running.bridge):
             summary = running.bridge.run(duration)
     console.print(summary_table(summary))

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.bus_options import cycle_time_of
+from strainfmu.cli.commands.bus_options import cycle_time_of, refuse_cycle_time
 from strainfmu.cli.commands.can_bus import KeyOption, identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
 from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
@@ -169,6 +169,7 @@ def _given_options(
     """Return the bridge's options that were stated."""
     if (dbc is None) != (mapping is None):
         raise InputError("--dbc and --mapping: expected both or none, got one")
+    refuse_cycle_time(cycle_time, dbc)
     given: dict[str, Any] = {
         "profile": profile,
         "dbc": dbc,
@@ -192,7 +193,9 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[st
     from strainfmu.can.tools.log_estimates import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
-        return replaced(recorded or BridgeOptions(interface="replay", channel=log.name), **given)
+        merged = replaced(recorded or BridgeOptions(interface="replay", channel=log.name), **given)
+        refuse_cycle_time(given.get("cycle_time"), merged.dbc)
+        return merged
 
     begin = perf_counter()
     with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:

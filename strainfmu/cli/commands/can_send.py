@@ -17,6 +17,7 @@ from rich.table import Table
 from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of
 from strainfmu.cli.commands.can_bus import (
     BaseOption,
+    ContextOption,
     CycleTimeOption,
     ExtendedOption,
     FreshnessOption,
@@ -60,6 +61,7 @@ def send(
     option: Annotated[
         list[str] | None, typer.Option("--bus-option", metavar="KEY=VALUE", help="Option of the interface.")
     ] = None,
+    context: ContextOption = None,
     profile: ProfileOption = "fd64",
     cycle_time: CycleTimeOption = 10.0,
     id_base: BaseOption = "0x300",
@@ -99,6 +101,7 @@ def send(
 
         strainfmu send map.h5 --data flight.h5 --faults 20 --seed 7 --interface socketcan --channel vcan0
     """
+    from strainfmu.can.bridge.bus import configured
     from strainfmu.can.bridge.setup import BridgeOptions, bus_settings, input_layout, map_gauge_names
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
@@ -113,6 +116,7 @@ def send(
         interface=interface,
         channel=channel,
         bus_options=tuple(option or ()),
+        bus_context=context,
         profile=profile,
         dbc=None,
         mapping=None,
@@ -144,6 +148,8 @@ def send(
         duration=duration,
     )
     console = Console()
+    for line in configured(bus_settings(options)):
+        console.print(str(line), highlight=False, markup=False, soft_wrap=True)
     with samples as opened:
         sent, score = _send(options, layout, opened, planned, duration)
     console.print(_sent_table(sent))
