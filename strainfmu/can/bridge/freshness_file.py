@@ -159,7 +159,8 @@ class FreshnessKeeper:
         self._thread.join(10.0)
         self._authentication.on_first = None
         if self._authentication.newest > self._authentication.floor:
-            self._write(self._authentication.newest)
+            with self._lock:
+                self._save(self._authentication.newest)
 
     @property
     def first_run_text(self) -> str:
@@ -181,14 +182,16 @@ class FreshnessKeeper:
                 self._reserve(newest)
 
     def _reserve(self, freshness: int) -> None:
-        """Write a value that lies ahead of ``freshness``."""
-        self._write(freshness + self._margin)
-
-    def _write(self, freshness: int) -> None:
+        """Write a value that lies ahead of ``freshness``. Two threads do: never one below the last."""
         with self._lock:
-            try:
-                save_freshness(self._path, self._key, freshness)
-            except StrainfmuError as error:
-                self.failure = str(error)
-                return
-            self._reserved, self.failure = freshness, ""
+            if freshness + self._margin > self._reserved:
+                self._save(freshness + self._margin)
+
+    def _save(self, freshness: int) -> None:
+        """Write a value; the lock must be held."""
+        try:
+            save_freshness(self._path, self._key, freshness)
+        except StrainfmuError as error:
+            self.failure = str(error)
+            return
+        self._reserved, self.failure = freshness, ""

@@ -75,6 +75,16 @@ def test_after_a_kill_nothing_that_was_used_is_fresh(tmp_path: Path) -> None:
     assert receive(authentication, 3, 150 + RESERVED) is Authenticity.AUTHENTIC
 
 
+def test_a_reservation_is_never_taken_back(tmp_path: Path) -> None:
+    """The thread may have read an older value than that of a new trip, which was written meanwhile."""
+    path = tmp_path / "f.json"
+    keeper, authentication = keeper_of(path)
+    with keeper:
+        receive(authentication, 3, 0)
+        keeper._reserve(freshness_of(2, 900))
+        assert load_freshness(path, KEY) == freshness_of(3, RESERVED)
+
+
 def test_a_run_without_frames_leaves_the_value(tmp_path: Path) -> None:
     path = tmp_path / "f.json"
     save_freshness(path, KEY, freshness_of(4, 9))
