@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from strainfmu.can.wire.authenticator import AuthenticationKey
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout
+from strainfmu.can.wire.strain_encoder import cycles_apart
 from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
 
@@ -32,6 +33,14 @@ KEY = AuthenticationKey(bytes(range(16)))
 NOISE = 2e-6
 """Noise of the true strains [m/m], which the estimator states."""
 OWN = Frame(identifier=0x380, data=bytes(64), is_fd=True)
+
+
+def mixed_layout(n_gauges: int = N_GAUGES) -> InputLayout:
+    """Return fd64 whose last frame of strains comes in every fifth cycle, and is held for two of its periods."""
+    layout = layout_of("fd64", n_gauges)
+    *fast, slow = layout.strain_frames
+    slow = replace(slow, layout=replace(slow.layout, cycle_time=5.0 * CYCLE), hold=10.0 * CYCLE)
+    return replace(layout, name="mixed", strain_frames=(*fast, slow))
 
 
 def gauge_names(n_gauges: int = N_GAUGES) -> list[str]:
@@ -166,6 +175,9 @@ class Oracle:
         self._tolerance = 0.5 * 0.25 * self._step.weights.sum(axis=1).max() + 1e-3
         self._valid_cycles: set[int] = set()
         self.false_valid: list[str] = []
+        held = [layout.strain_frames[slot] for slot in layout.held_slots]
+        self._slow = [gauge for frame in held for gauge in frame.gauges]
+        self._every = max([cycles_apart(frame, layout.cycle_time) for frame in held], default=1)
 
     def judge(self, result: CycleResult) -> None:
         """Compare a result with every truth that is young enough; of a stuck gauge, with its reading."""
@@ -176,8 +188,15 @@ class Oracle:
         last = int(now / cycle + 1e-9)
         self._valid_cycles.add(last)
         oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
-        fitting = [n for n in range(oldest, last + 1) if self._fits(result, self._truth.cycle(n)[0])]
-        held = any(self._fits(result, strain) for strain in self._stuck(last, oldest))
+        fitting = [
+            n
+            for n in range(oldest, last + 1)
+            if any(
+                self._fits(result, strain) for strain in self._with_held([self._truth.cycle(n)[0]], oldest, last)
+            )
+        ]
+        stuck = self._with_held(self._stuck(last, oldest), oldest, last)
+        held = any(self._fits(result, strain) for strain in stuck)
         is_excused = held or self._is_dithered(result, last)
         if fitting and not is_excused:
             # The frames of a cycle begin to be sent when it is sampled.
@@ -211,6 +230,15 @@ class Oracle:
 
     def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
         """Return truths with stuck gauges as they were, for as long as the documented detection of that takes."""
+        held, found = self._held_readings(last), []
+        for number in range(oldest, last + 1) if held else ():
+            strain = self._truth.cycle(number)[0].copy()
+            strain[list(held)] = list(held.values())
+            found.append(strain)
+        return found
+
+    def _held_readings(self, last: int) -> dict[int, float]:
+        """Return the readings of stuck gauges that need not be found yet."""
         held = {}
         for fault in self._faults_near(last):
             gauges, limit = list[int](), 0
@@ -220,13 +248,37 @@ class Oracle:
             elif fault.kind is FaultKind.PARTIAL_FREEZE:
                 gauges = frozen_gauges(self._layout, fault)
                 limit = 4 if len(gauges) > 3 else 7
-            if last < fault.start + limit + self._unseen(fault, last):
-                held |= {gauge: self._truth.cycle(fault.start)[0][gauge] for gauge in gauges}
+            for gauge in gauges:
+                periods = (limit + 1) * self._every if gauge in self._slow else limit
+                if last < fault.start + periods + self._unseen(fault, last):
+                    held[gauge] = self._truth.cycle(fault.start)[0][gauge]
+        return held
+
+    def _with_held(self, strains: list[np.ndarray], oldest: int, last: int) -> list[np.ndarray]:
+        """Return ``strains`` with every reading of the held gauges that they may be used with.
+
+        Those of two of their own periods; of a frozen sender for as long as the documented detection takes.
+        """
+        if not self._slow:
+            return strains
+        first = max(oldest - 2 * self._every, 0)
+        sampled = {number for number in range(first, last + 1) if number % self._every == 0}
+        kinds = (FaultKind.FREEZE, FaultKind.PARTIAL_FREEZE, FaultKind.DITHER)
+        limits = dict.fromkeys(kinds, 5 * self._every)
+        limits[FaultKind.STUCK_GAUGE] = (MIN_STUCK_CYCLES + 1) * self._every
+        near = [fault for fault in self._faults_near(last) if fault.kind in kinds]
+        sampled |= {fault.start for fault in near if last < fault.start + limits[fault.kind] + self._every}
+        stuck = {gauge: value for gauge, value in self._held_readings(last).items() if gauge in self._slow}
         found = []
-        for number in range(oldest, last + 1) if held else ():
-            strain = self._truth.cycle(number)[0].copy()
-            strain[list(held)] = list(held.values())
-            found.append(strain)
+        for strain in strains:
+            for number in sampled:
+                whole = strain.copy()
+                whole[self._slow] = self._truth.cycle(number)[0][self._slow]
+                found.append(whole)
+                if stuck:
+                    whole = whole.copy()
+                    whole[list(stuck)] = list(stuck.values())
+                    found.append(whole)
         return found
 
     def _unseen(self, fault: Fault, last: int) -> int:
@@ -251,7 +303,7 @@ class Oracle:
         late = []
         for fault in self._faults:
             end = fault.start + fault.cycles
-            due = end + self._settings.recovery_cycles
+            due = end + self._settings.recovery_cycles * self._every
             if due < n_cycles and not self._valid_cycles & {due - 1, due}:
                 late.append(fault)
         return late

@@ -18,12 +18,12 @@ from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.freeze_watch import FreezeWatch
-from strainfmu.can.cycle.gauge_noise import GaugeNoise, gauge_noise
+from strainfmu.can.cycle.gauge_noise import GaugeNoise
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.own_frames import OwnFrames
-from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, sender_clock
+from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, gauge_checks, sender_clock
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import Reception
@@ -365,9 +365,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
             pace=chosen(ArrivalPace)(settings.max_age * layout.cycle_time, settings.rate / layout.cycle_time),
             clock=around(whole.clock),
             decoder=chosen(StrainDecoder)(layout),
-            gauges=chosen(GaugeChecks)(
-                layout.n_gauges, layout.cycle_time, settings, gauge_noise(layout, noise_of(step))
-            ),
+            gauges=gauge_checks(layout, settings, noise_of(step), chosen(GaugeChecks)),
             flow=HeldFlow(
                 [
                     chosen(HeldValue)(

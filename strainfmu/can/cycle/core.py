@@ -60,6 +60,7 @@ class BridgeCore:
         self.own_frames = parts.own
         self._acceptance, self._reception = parts.acceptance, parts.reception
         self._assembler, self._judge = parts.assembler, judge
+        self._held_slots = frozenset(layout.held_slots)
         self._noted = Cause.NONE
         self._other_bridge = -float("inf")
         self._last_cycle = start
@@ -168,6 +169,9 @@ class BridgeCore:
             self.account.settle(refused, frame.time)
             if refused is FrameClass.NOT_AUTHENTIC or refused is FrameClass.NOT_FRESH:
                 self.note(Cause.NOT_AUTHENTIC)
+            return []
+        if slot in self._held_slots:
+            self.account.settle(self._judge.take_held(arrival), frame.time)
             return []
         if slot < self._reception.n_strain or slot == self._reception.trailer:
             return self._offer(arrival, is_answered)

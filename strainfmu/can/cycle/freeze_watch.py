@@ -136,7 +136,7 @@ class FreezeWatch:
     def _watch_scatter(self, difference: FloatArray, run: IntArray) -> None:
         """Take in the readings' second differences; judge them at the end of a block."""
         second = difference - self._difference
-        self._difference = difference
+        np.copyto(self._difference, difference, where=difference == difference)  # not NaN, of missing frames
         square = np.fmin(second * second * self._weight, _LARGEST_SQUARE)
         known = second == second
         self._squares += square * known

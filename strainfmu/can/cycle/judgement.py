@@ -12,6 +12,7 @@ from strainfmu.can.cycle.decoder import DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.held_flow import FlowState
+from strainfmu.can.cycle.held_strains import WholeCycle
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import TrailerVerdict
@@ -48,6 +49,7 @@ class CycleJudge:
         self._clock, self._pace = parts.clock, parts.pace
         self._seen, self._proof = parts.seen, parts.proof
         self._decoder, self._gauges = parts.decoder, parts.gauges
+        self._held = parts.held
         self._may_be_held_back = False
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._last_step: float | None = None
@@ -58,6 +60,8 @@ class CycleJudge:
     def forget_sender(self) -> None:
         """Start again with a sender that may have been restarted; its clock shows whether it was."""
         self._reception.forget()
+        if self._held is not None:
+            self._held.forget()
 
     def confirm_sender(self) -> None:
         """Take the sender for proven, and its present delay for the smallest: somebody has checked both."""
@@ -85,6 +89,16 @@ class CycleJudge:
         usable = self._flow.take(frame, arrival.raw, arrival.frame.time, self._sender_time(arrival.frame.time))
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
 
+    def take_held(self, arrival: Arrival) -> FrameClass:
+        """Hold a frame of strains that comes more slowly than cycles; return its class."""
+        assert self._held is not None
+        self._held.take(arrival)
+        if not self._reception.is_trusted(arrival.slot):
+            return FrameClass.NOT_TRUSTED
+        own = self._decoder.decode([arrival], 0)
+        usable = own.present & ~own.refused & np.isfinite(own.strain)
+        return FrameClass.USED if usable.any() else FrameClass.NOT_USABLE
+
     def keep_pace(self, cycle: Cycle) -> None:
         """Note the arrival of a closed cycle, before it is judged or skipped."""
         self._may_be_held_back = self._pace.take(cycle.first_time)
@@ -101,7 +115,8 @@ class CycleJudge:
         -------
         The result, and the class of each of the cycle's frames in their order, or of all of them.
         """
-        reception, arrivals = self._reception, cycle.arrivals
+        reception, whole = self._reception, None if self._held is None else self._held.complete(cycle)
+        arrivals = cycle.arrivals if whole is None else whole.arrivals
         if reception.miss(arrivals):
             causes |= Cause.PARTIAL_CYCLE
         trailer = reception.check_trailer(arrivals)
@@ -112,14 +127,7 @@ class CycleJudge:
         n_strain = reception.n_strain
         strains = [a for a in arrivals.values() if a.slot < n_strain] if readable else []
         decoded = self._decoder.decode(strains, trailer.status)
-        plausible = self._gauges.update(
-            decoded.strain,
-            decoded.raw,
-            present=decoded.present,
-            refused=decoded.refused,
-            now=cycle.first_time,
-            is_clean=decoded.is_clean,
-        )
+        plausible = self._plausible(decoded, cycle, whole)
         age, uncertainty, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
         trusted = reception.trusted_gauges(arrivals)
         if trailer.cause or of_time:
@@ -138,7 +146,7 @@ class CycleJudge:
         valid, verdicts = plausible, None
         if refused or not (all_trusted and all_plausible):
             valid = np.zeros_like(plausible) if refused else plausible & trusted
-            classes = [self._class_of(arrival, refused, valid) for arrival in arrivals.values()]
+            classes = [self._class_of(arrival, refused, valid) for arrival in cycle.arrivals.values()]
             verdicts = GaugeVerdicts(
                 present=decoded.present,
                 trusted=trusted,
@@ -156,7 +164,31 @@ class CycleJudge:
             age=(age, uncertainty),
             verdicts=verdicts,
         )
+        if whole is not None:
+            answer.held = whole.held
+            answer.age += whole.held
         return answer, classes
+
+    def _plausible(self, decoded: DecodedCycle, cycle: Cycle, whole: WholeCycle | None) -> BoolArray:
+        """Return (n_d,) which gauges of a cycle are plausible; held ones are checked once, when they have come."""
+        present, now = decoded.present, cycle.first_time
+        if whole is None or self._held is None:
+            return self._gauges.update(
+                decoded.strain,
+                decoded.raw,
+                present=present,
+                refused=decoded.refused,
+                now=now,
+                is_clean=decoded.is_clean,
+            )
+        checked = self._gauges.update(
+            np.where(whole.fresh, decoded.strain, np.nan),
+            decoded.raw,
+            present=present & whole.fresh,
+            refused=decoded.refused,
+            now=now,
+        )
+        return self._held.verdicts(checked, whole.fresh) & present
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""

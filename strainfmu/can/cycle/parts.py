@@ -15,6 +15,7 @@ from strainfmu.can.cycle.assembler import CycleAssembler, Limits
 from strainfmu.can.cycle.decoder import StrainDecoder
 from strainfmu.can.cycle.gauge_noise import gauge_noise
 from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
+from strainfmu.can.cycle.held_strains import HeldStrains, gauge_periods, held_strains
 from strainfmu.can.cycle.own_frames import OwnFrames
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception
@@ -42,6 +43,7 @@ class CycleParts:
     decoder : strains of a closed cycle.
     gauges : plausibility of each gauge.
     flow : dynamic pressure and navigation.
+    held : strains that come more slowly than cycles; None where all come in every cycle.
     """
 
     own: OwnFrames
@@ -55,6 +57,7 @@ class CycleParts:
     decoder: StrainDecoder
     gauges: GaugeChecks
     flow: HeldFlow
+    held: HeldStrains | None = None
 
 
 def cycle_parts(
@@ -83,18 +86,30 @@ def cycle_parts(
         seen=seen,
         proof=restart_proof(layout, settings),
         decoder=StrainDecoder(layout),
-        gauges=GaugeChecks(layout.n_gauges, period, settings, gauge_noise(layout, noise_std)),
+        gauges=gauge_checks(layout, settings, noise_std),
         flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen),
+        held=held_strains(layout),
     )
+
+
+def gauge_checks(
+    layout: InputLayout,
+    settings: BridgeSettings,
+    noise_std: ArrayLike | None,
+    checks: type[GaugeChecks] = GaugeChecks,
+) -> GaugeChecks:
+    """Return the ``checks`` of the gauges of ``layout``; ``noise_std`` as of :func:`cycle_parts`."""
+    noise = gauge_noise(layout, noise_std)
+    return checks(layout.n_gauges, layout.cycle_time, settings, noise, periods=gauge_periods(layout))
 
 
 def cycle_limits(layout: InputLayout, settings: BridgeSettings) -> Limits:
     """Return what a cycle of ``layout`` is."""
     n_strain = len(layout.strain_frames)
-    n_slots = n_strain + (layout.trailer is not None)
+    n_slots = n_strain - len(layout.held_slots) + (layout.trailer is not None)
     bits = None
     if layout.is_timed:
-        first = layout.strain_frames[0]
+        first = layout.first_of_cycle
         bits = first.layout.signals[first.sample_time or 0].length
     return Limits(
         n_slots=n_slots,
@@ -120,7 +135,7 @@ def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof
     is_timed = frame is not None and frame.sample_time is not None
     if layout.is_authenticated or (is_timed and settings.synchronised is not None):
         return None
-    if not is_timed and not settings.stuck_cycles:
+    if not is_timed and settings.stuck_cycles == 0:
         return None
     protection = None if frame is None else frame.layout.protection
     limits = ProofLimits(
@@ -136,7 +151,7 @@ def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof
 
 def _dated(layout: InputLayout) -> InputFrame | None:
     """Return the frame whose sample time dates a cycle, if it holds one."""
-    return layout.strain_frames[0] if layout.is_timed else layout.trailer
+    return layout.first_of_cycle if layout.is_timed else layout.trailer
 
 
 def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue]:
@@ -156,8 +171,10 @@ def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue
 def flow_max_age(layout: InputLayout, frame: InputFrame, source: FlowSignal, settings: BridgeSettings) -> float:
     """Return for how long a quantity of the flow is held [s].
 
-    That of a frame that is sent more slowly than the strains is held for as many of its own periods.
+    That of a frame with a time-out of its own is held for that.
     """
+    if frame.timeout is not None:
+        return frame.timeout
     is_pressure = source.quantity == DYNAMIC_PRESSURE
     cycles = settings.pressure_max_age if is_pressure else settings.navigation_max_age
     return cycles * max(layout.cycle_time, frame.layout.cycle_time or 0.0)

@@ -32,14 +32,23 @@ _LONGEST_COUNT = 1e6
 class GaugeChecks:
     """Checks n_d gauges over successive cycles.
 
+    ``periods`` (n_d,) [s] are those of gauges that come more slowly than cycles; None if none does.
     A bad gauge is used again after ``heal_cycles`` good values in a row. A gauge whose frame is missing keeps its
     state.
     """
 
     def __init__(
-        self, n_gauges: int, cycle_time: float, settings: BridgeSettings, noise: GaugeNoise | None = None
+        self,
+        n_gauges: int,
+        cycle_time: float,
+        settings: BridgeSettings,
+        noise: GaugeNoise | None = None,
+        *,
+        periods: FloatArray | None = None,
     ) -> None:
         self._settings = settings
+        self._periods = np.full(n_gauges, cycle_time) if periods is None else periods
+        self._cycles_apart = self._periods / cycle_time
         self._last_raw = np.zeros(n_gauges, dtype=np.int64)
         self._last_strain = np.full(n_gauges, np.nan)
         self._cycle_time = cycle_time
@@ -160,7 +169,7 @@ class GaugeChecks:
         stuck = np.maximum(by_noise, MIN_STUCK_CYCLES)
         if stated.stuck_cycles is not None:
             stuck = np.full(n, stated.stuck_cycles or np.inf)
-        self._longest_unchanged = (stuck - 0.5) * self._cycle_time
+        self._longest_unchanged = (stuck - 0.5) * self._periods
         self._shortest_stuck = float(self._longest_unchanged.min())
         self._zero_cycles = np.maximum(by_noise, MIN_ZERO_CYCLES)
         if stated.zero_cycles is not None:
@@ -199,7 +208,7 @@ class GaugeChecks:
 
     def _jumping(self, difference: FloatArray) -> BoolArray:
         """Find gauges that changed too much since the last cycle."""
-        return np.abs(difference) > self._settings.rate_limit  # false of NaN
+        return np.abs(difference) > self._settings.rate_limit * self._cycles_apart  # false of NaN
 
     def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
         """Keep good strains and their rates of change [m/m per cycle]."""
@@ -222,7 +231,7 @@ class GaugeChecks:
         The larger of the time by the clock, which lost cycles do not shorten, and the time by the number of
         cycles, which cycles held back do not shorten.
         """
-        return np.maximum(now - self._changed, self._repeats * self._cycle_time)
+        return np.maximum(now - self._changed, self._repeats * self._periods)
 
     def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
         """Find gauges that have had the same value for too long."""
@@ -248,6 +257,6 @@ class GaugeChecks:
         if not zero.any():
             return np.zeros_like(present)
         # A strain that passes through zero may well meet it: only a fall faster than its own pace counts at once.
-        usual = self._settings.zero_jump + _PACE * self._pace
+        usual = self._settings.zero_jump + _PACE * self._pace * self._cycles_apart
         fell = np.abs(strain - self._last_good) > usual
         return zero & (fell | (self._zeros >= self._zero_cycles))

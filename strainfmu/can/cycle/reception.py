@@ -70,6 +70,7 @@ class Reception:
         self._slots: dict[int, list[int]] = {}
         for slot, frame in enumerate(layout.frames):
             self._slots.setdefault(frame.layout.key, []).append(slot)
+        self._held = frozenset(layout.held_slots)
         self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
         # Status, sample time and configuration: all that is read of a frame before its cycle is closed.
@@ -194,18 +195,23 @@ class Reception:
         return trusted
 
     def miss(self, arrivals: Mapping[int, Arrival]) -> bool:
-        """Note which strain frames a closed cycle lacks; return whether it lacks any."""
+        """Note which strain frames a closed cycle lacks; return whether it lacks any.
+
+        The E2E state of those that need not come in every cycle is left as it is.
+        """
         if len(arrivals) == self._n_slots:
             return False
         missing = [slot for slot in range(self.n_strain) if slot not in arrivals]
         for slot in missing:
-            self._machines[slot].add(E2EStatus.NO_NEW_DATA)
+            if slot not in self._held:
+                self._machines[slot].add(E2EStatus.NO_NEW_DATA)
         return bool(missing)
 
     def miss_cycle(self) -> None:
         """Note that a whole cycle did not come."""
-        for machine in self._of_strains():
-            machine.add(E2EStatus.NO_NEW_DATA)
+        for slot, machine in enumerate(self._of_strains()):
+            if slot not in self._held:
+                machine.add(E2EStatus.NO_NEW_DATA)
 
     def forget(self) -> None:
         """Start again with the sender of the strains."""

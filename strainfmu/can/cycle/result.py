@@ -34,6 +34,7 @@ class CycleResult:
     age : of the strains at ``time`` [s]; NaN if there are none.
     age_uncertainty : by how much they may be older [s], as the sender's clock is not known better; NaN if nothing
         dates them.
+    held : by how much the oldest strains that are held are older than the cycle's own [s]; a part of the age.
     sample_time : sender's clock at the sample [ticks], None if not known.
     counter : E2E counter of the cycle it answers, None if not known.
     coefficients, coefficients_std, chi_square, health : the estimate; NaN and None without one.
@@ -53,6 +54,7 @@ class CycleResult:
     altitude: float = np.nan
     age: float = np.nan
     age_uncertainty: float = np.nan
+    held: float = 0.0
     sample_time: int | None = None
     counter: int | None = None
     coefficients: FloatArray = field(default_factory=no_numbers)
@@ -69,12 +71,12 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
     """Bring ``result`` up to the time ``now`` [s] at which it is sent, and return it.
 
     A bridge that stood still has judged strains that were fresh on reception. Strains older than ``max_age`` [s]
-    by now are STALE all the same, and their coefficients are not sent.
+    by now are STALE all the same, and their coefficients are not sent; those held have time-outs of their own.
     """
     if now > result.time:
         result.age += now - result.time
         result.time = now
-    if result.quality.has_coefficients and not result.age <= max_age:
+    if result.quality.has_coefficients and not result.age - result.held <= max_age:
         result.quality = Quality.STALE
         result.causes |= Cause.OLD | Cause.OVERLOAD
         result.coefficients, result.coefficients_std = no_numbers(), no_numbers()

@@ -153,7 +153,7 @@ class FaultySender:
                 sample.strain[gauges] = held.strain[gauges]
             case FaultKind.DITHER:
                 bits = np.random.default_rng((fault.seed, number)).integers(0, 2, size=len(sample.strain))
-                sample.strain = held.strain + self._resolution * bits
+                sample.strain = held.strain + self._resolution * bits * (held.strain != 0.0)
             case FaultKind.STUCK_GAUGE:
                 sample.strain[gauge] = held.strain[gauge]
             case FaultKind.ZERO_GAUGE:
@@ -225,6 +225,9 @@ class FaultySender:
                 return [self._forged(frame) for frame in frames]
             case FaultKind.EARLIER_RUN if self._layout.is_authenticated:
                 return [self._of_earlier_run(frame) for frame in frames]
+            case FaultKind.MIXED_RATES if (number - fault.start) % 5 != 4:
+                slow = self._layout.strain_frames[fault.seed % len(self._layout.strain_frames)]
+                return [frame for frame in frames if frame.key != slow.layout.key]
             case FaultKind.PRESSURE_SILENCE:
                 return self._without(frames, DYNAMIC_PRESSURE)
             case FaultKind.NAVIGATION_SILENCE:

@@ -48,6 +48,8 @@ class FaultKind(Enum):
     """All gauges but one do not change any more, or those of one frame."""
     DITHER = "dither"
     """The sender sends the same strains again and again, their last bit changed at random."""
+    MIXED_RATES = "mixed-rates"
+    """One frame of strains comes in every fifth cycle alone."""
     STUCK_GAUGE = "stuck-gauge"
     """One gauge does not change any more."""
     ZERO_GAUGE = "zero-gauge"

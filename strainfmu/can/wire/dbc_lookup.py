@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.crc import Protection
+from strainfmu.can.wire.dbc_signals import period
+from strainfmu.can.wire.frame_layout import InputFrame
 from strainfmu.errors import InputError
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
@@ -28,6 +31,9 @@ _TABLES = {
     "status",
     "configuration",
     "cycle_time_ms",
+    "period_ms",
+    "timeout_ms",
+    "slow_strains",
 }
 
 
@@ -48,6 +54,8 @@ class MappedDatabase:
 
     def __init__(self, database: Any, mapping: Mapping[str, Any], name: str) -> None:
         self._database, self._mapping, self._name = database, mapping, name
+        self.name = name
+        self._with_timeout: set[str] = set()
         self.signals_with_unit: set[str] = set()
         unknown = sorted(set(mapping) - _TABLES)
         if unknown:
@@ -59,6 +67,46 @@ class MappedDatabase:
         if not isinstance(table, Mapping) or (not table and not optional):
             raise InputError(f"{self._name}: expected a table [{name}]")
         return table
+
+    def entry(self, name: str) -> Any:
+        """Return an entry of the mapping that is no table, None if it is missing."""
+        return self._mapping.get(name)
+
+    def milliseconds(self, name: str, frame: str | None = None) -> float | None:
+        """Return what an entry, or that of ``frame`` in the table ``name``, states in ms [s]; None without one."""
+        where = name if frame is None else f"{name}.{frame}"
+        stated = self.entry(name) if frame is None else self.table(name, optional=True).get(frame)
+        if stated is None:
+            return None
+        if isinstance(stated, bool) or not isinstance(stated, int | float) or not abs(stated) < 1e9:
+            raise InputError(f"{self._name}: {where}: expected a number of ms, got {str(stated)[:40]}")
+        return stated / 1e3
+
+    def period(self, message: Any, where: str) -> float | None:
+        """Return the period of a frame [s] by the mapping, otherwise by the DBC file; None if neither has it."""
+        stated = self.milliseconds("period_ms", message.name)
+        if stated is None:
+            return period(message, where)
+        return checked_cycle_time(stated, f"{self._name}: period_ms.{message.name}")
+
+    def timeout(self, frame: InputFrame, periods: float) -> float | None:
+        """Return for how long the values of a frame are used [s], ``periods`` of its own where none is stated.
+
+        None if neither this nor its period is stated.
+        """
+        message = frame.layout.name.partition("[")[0]
+        self._with_timeout.add(message)
+        stated, own = self.milliseconds("timeout_ms", message), frame.layout.cycle_time
+        if stated is None:
+            return None if own is None else periods * own
+        if not stated > 0.0 or stated < (own or 0.0):
+            least = "a positive number" if own is None else f"at least its period of {1e3 * own:g}"
+            raise InputError(f"{self._name}: timeout_ms.{message}: expected {least}, got {1e3 * stated:g}")
+        return stated
+
+    def check_timeouts(self) -> None:
+        """Refuse a time-out of a frame that is not held."""
+        self.check_keys("timeout_ms", "frame of q_inf, navigation or slow strains", self._with_timeout)
 
     def check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
         """Refuse an entry for a frame or signal that is not in use: it would be ignored silently."""

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
-from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
-from strainfmu.can.wire.dbc_signals import period, selector_value, signal_layout
+from strainfmu.can.wire.dbc_signals import selector_value, signal_layout
 from strainfmu.can.wire.frame import FD_LENGTHS
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
@@ -24,9 +23,13 @@ from strainfmu.can.wire.frame_layout import (
     InputFrame,
     InputLayout,
 )
+from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
+
+_Key = TypeVar("_Key")
+"""What a signal is of: the number of a gauge, or the name of a quantity."""
 
 _UNITS_OF = {
     DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
@@ -71,6 +74,7 @@ class _Mapper:
             by_message.setdefault((message.name, selector_value(signal, self._name)), []).append(
                 (self._gauge(gauge), signal)
             )
+        by_message = _with_every_page(by_message)
         gauges = [index for items in by_message.values() for index, _ in items]
         for index, gauge in enumerate(self._names):
             if gauges.count(index) != 1:
@@ -83,7 +87,9 @@ class _Mapper:
             raise InputError(
                 f"{self._name}: sample_time: expected one for every frame of strains, got none for '{missing}'"
             )
-        of_flow = self._flow_frames()
+        cycle_time = cycle_time_of(self._file, frames)
+        frames = with_rates(self._file, frames, cycle_time)
+        of_flow = self._flow_frames(cycle_time)
         of_strain = {frame.layout.key for frame in frames}
         for frame in of_flow:
             if frame.layout.key in of_strain:
@@ -91,15 +97,16 @@ class _Mapper:
                     f"{self._name}: {frame.flow[0].quantity}: expected a frame without strains, "
                     f"got '{frame.layout.name}', which holds some"
                 )
-        for table in ("sample_time", "status", "configuration", "end_to_end"):
+        for table in ("sample_time", "status", "configuration", "end_to_end", "period_ms"):
             self._file.check_keys(table, "frame", self._frames_in_use)
+        self._file.check_timeouts()
         self._file.check_keys("units", "signal", self._file.signals_with_unit)
         return InputLayout(
             name=self._name,
             n_gauges=len(self._names),
             strain_frames=frames,
             flow_frames=of_flow,
-            cycle_time=self._cycle_time(frames),
+            cycle_time=cycle_time,
         )
 
     def _strain_frame(self, message_name: str, selector: int | None, items: list[tuple[int, Any]]) -> InputFrame:
@@ -125,8 +132,11 @@ class _Mapper:
             configuration=indices.get("configuration"),
         )
 
-    def _flow_frames(self) -> tuple[InputFrame, ...]:
-        """Return the frames of q_inf, Mach number and altitude; quantities of one frame are decoded together."""
+    def _flow_frames(self, cycle_time: float) -> tuple[InputFrame, ...]:
+        """Return the frames of q_inf, Mach number and altitude; quantities of one frame are decoded together.
+
+        Those of a frame that is slower than the cycle [s] are held for two of its own periods.
+        """
         by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
         for quantity in FLOW_QUANTITIES:
             table = self._file.table(quantity, optional=True)
@@ -136,7 +146,15 @@ class _Mapper:
                 raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
             message, signal = self._file.signal(table["signal"], quantity)
             by_frame.setdefault((message.name, selector_value(signal, self._name)), []).append((quantity, signal))
-        return tuple(self._flow_frame(*key, items) for key, items in by_frame.items())
+        frames = [self._flow_frame(*key, items) for key, items in _with_every_page(by_frame).items()]
+        timeouts = [self._file.timeout(frame, PERIODS_HELD) for frame in frames]
+        stated = self._file.table("timeout_ms", optional=True)
+        return tuple(
+            replace(frame, timeout=timeout)
+            if frame.layout.name.partition("[")[0] in stated or (frame.layout.cycle_time or 0.0) > cycle_time
+            else frame
+            for frame, timeout in zip(frames, timeouts, strict=True)
+        )
 
     def _flow_frame(self, message_name: str, selector: int | None, items: list[tuple[str, Any]]) -> InputFrame:
         """Return one frame of quantities of the flow."""
@@ -190,7 +208,7 @@ class _Mapper:
             is_extended=message.is_extended_frame,
             is_fd=bool(message.is_fd),
             protection=self._file.protection(message),
-            cycle_time=period(message, where),
+            cycle_time=self._file.period(message, where),
             sender=message.senders[0] if message.senders else "",
             multiplexer=multiplexer,
         )
@@ -254,19 +272,23 @@ class _Mapper:
             )
         return self._gauges[gauge]
 
-    def _cycle_time(self, frames: tuple[InputFrame, ...]) -> float:
-        """Return the period of the strains [s]."""
-        stated = self._mapping.get("cycle_time_ms")
-        if stated is None:
-            periods = {frame.layout.cycle_time for frame in frames}
-            if len(periods) != 1 or None in periods:
-                raise InputError(
-                    f"{self._name}: expected cycle_time_ms: the DBC file gives the frames of strains no common one"
-                )
-            return checked_cycle_time(periods.pop() or 0.0, f"{self._name}: cycle time of the DBC file")
-        if isinstance(stated, bool) or not isinstance(stated, int | float) or not abs(stated) < 1e9:
-            raise InputError(f"{self._name}: cycle_time_ms: expected a number of ms, got {str(stated)[:40]}")
-        return checked_cycle_time(stated / 1e3, f"{self._name}: cycle_time_ms")
+
+def _with_every_page(
+    by_frame: Mapping[tuple[str, int | None], list[tuple[_Key, Any]]],
+) -> dict[tuple[str, int | None], list[tuple[_Key, Any]]]:
+    """Return signals by frame and multiplexer value, those that come with every value at the first value in use.
+
+    They are in all of these frames; they are read from one, once a cycle.
+    """
+    pages: dict[str, list[int]] = {}
+    for message, value in by_frame:
+        if value is not None:
+            pages.setdefault(message, []).append(value)
+    joined: dict[tuple[str, int | None], list[tuple[_Key, Any]]] = {}
+    for (message, value), items in by_frame.items():
+        first = min(pages[message]) if value is None and message in pages else value
+        joined.setdefault((message, first), []).extend(items)
+    return joined
 
 
 def _by_name(item: tuple[tuple[str, int | None], Any]) -> tuple[str, int]:

@@ -132,6 +132,8 @@ class InputFrame:
     status : index of the sender's own status (0 good, 1 degraded, others: do not use), or None.
     configuration : index of the number that must equal its signal's ``initial``, or None.
     is_trailer : the frame ends a cycle, and its CRC covers the data of all strain frames.
+    hold : of strains that come more slowly than cycles, the time for which they are used [s]; None of others.
+    timeout : the time for which quantities of the flow are used [s]; None for that of the settings.
     """
 
     layout: FrameLayout
@@ -144,6 +146,8 @@ class InputFrame:
     status: int | None = None
     configuration: int | None = None
     is_trailer: bool = False
+    hold: float | None = None
+    timeout: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,8 +185,9 @@ class InputLayout:
 
     @property
     def optional_keys(self) -> frozenset[int]:
-        """Keys of the frames of navigation alone, which need not be sent."""
+        """Keys of the frames that need not come in every cycle: of navigation alone, and of held strains."""
         alone = [frame for frame in self.flow_frames if all(s.quantity in NAVIGATION for s in frame.flow)]
+        alone += [frame for frame in self.strain_frames if frame.hold is not None]
         needed = {frame.layout.key for frame in self.frames if frame not in alone}
         return frozenset(frame.layout.key for frame in alone) - needed
 
@@ -192,6 +197,16 @@ class InputLayout:
             if any(signal.quantity == quantity for signal in frame.flow):
                 return frame
         return None
+
+    @property
+    def held_slots(self) -> tuple[int, ...]:
+        """Indices of the strain frames that come more slowly than cycles and are held between."""
+        return tuple(slot for slot, frame in enumerate(self.strain_frames) if frame.hold is not None)
+
+    @property
+    def first_of_cycle(self) -> InputFrame:
+        """The first strain frame that comes in every cycle."""
+        return next(frame for frame in self.strain_frames if frame.hold is None)
 
     @property
     def is_timed(self) -> bool:

@@ -97,8 +97,11 @@ class StrainEncoder:
             self._sent[number] |= any(isfinite(sample.flow[signal.quantity]) for signal in item.flow)
             if self._sent[number]:
                 frames.append(self._frame(self._first_of_flow + number, sample, cycle))
-        for slot in range(len(layout.strain_frames)):
-            frames.append(self._frame(slot, sample, cycle))
+        for slot, item in enumerate(layout.strain_frames):
+            every = cycles_apart(item, layout.cycle_time)
+            if cycle % every:
+                continue
+            frames.append(self._frame(slot, sample, cycle // every))
             covered += frames[-1].data
         if layout.trailer is not None:
             frames.append(self._frame(len(layout.strain_frames), sample, cycle, covered=covered))
@@ -133,6 +136,11 @@ class StrainEncoder:
 
 def _holds_pressure(frame: InputFrame) -> bool:
     return any(signal.quantity == DYNAMIC_PRESSURE for signal in frame.flow)
+
+
+def cycles_apart(frame: InputFrame, cycle_time: float) -> int:
+    """Return in every how many cycles of ``cycle_time`` [s] a frame of strains is sent."""
+    return 1 if frame.hold is None else max(round((frame.layout.cycle_time or cycle_time) / cycle_time), 1)
 
 
 def frame_of(layout: FrameLayout, data: bytes) -> Frame:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, run_campaign
+from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, mixed_layout, run_campaign
 from weakened_bus import WITHOUT, MakeCore, core_without
 
 from strainfmu.can.cycle.core import bridge_core
@@ -40,6 +40,30 @@ def campaign(profile: str, n_faults: int, seed: int) -> Campaign:
 @pytest.mark.parametrize("profile", PROFILES)
 def test_random_faults_never_give_a_false_valid_and_are_recovered_from(profile: str) -> None:
     run = campaign(profile, 25, seed=11)
+    assert run.false_valid == []
+    assert run.late_recovery == []
+    assert run.core.account.unaccounted == 0
+
+
+def mixed_campaign(n_faults: int, seed: int) -> Campaign:
+    gap = 5 * SETTINGS.recovery_cycles + 15
+    faults = random_faults(n_faults, tuple(FaultKind), seed=seed, gap=gap, longest=40, first=100)
+    n_cycles = faults[-1].start + faults[-1].cycles + gap
+    return run_campaign(mixed_layout(), faults, n_cycles, seed=seed, keep=False)
+
+
+def test_random_faults_on_frames_of_two_rates() -> None:
+    """One frame of strains comes at a fifth of the rate and is held."""
+    run = mixed_campaign(25, seed=12)
+    assert run.false_valid == []
+    assert run.late_recovery == []
+    assert run.core.account.unaccounted == 0
+
+
+@pytest.mark.slow
+def test_a_thousand_random_faults_on_frames_of_two_rates() -> None:
+    run = mixed_campaign(1000, seed=2025)
+    print(f"mixed rates: 1000 faults; {run.core.account.rows()}")
     assert run.false_valid == []
     assert run.late_recovery == []
     assert run.core.account.unaccounted == 0
