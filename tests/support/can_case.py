@@ -188,13 +188,8 @@ class Oracle:
         last = int(now / cycle + 1e-9)
         self._valid_cycles.add(last)
         oldest = max(int(np.floor((now - (self._settings.max_age + 1.5) * cycle) / cycle)), 0)
-        fitting = [
-            n
-            for n in range(oldest, last + 1)
-            if any(
-                self._fits(result, strain) for strain in self._with_held([self._truth.cycle(n)[0]], oldest, last)
-            )
-        ]
+        known = {n: self._with_held([self._truth.cycle(n)[0]], oldest, last) for n in range(oldest, last + 1)}
+        fitting = [n for n, strains in known.items() if any(self._fits(result, strain) for strain in strains)]
         stuck = self._with_held(self._stuck(last, oldest), oldest, last)
         held = any(self._fits(result, strain) for strain in stuck)
         is_excused = held or self._is_dithered(result, last)
@@ -262,7 +257,7 @@ class Oracle:
         if not self._slow:
             return strains
         first = max(oldest - 2 * self._every, 0)
-        sampled = {number for number in range(first, last + 1) if number % self._every == 0}
+        sampled = set(range(first, last + 1))  # which of them are sent differs after a restart
         kinds = (FaultKind.FREEZE, FaultKind.PARTIAL_FREEZE, FaultKind.DITHER)
         limits = dict.fromkeys(kinds, 5 * self._every)
         limits[FaultKind.STUCK_GAUGE] = (MIN_STUCK_CYCLES + 1) * self._every
