@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from chromium import PROGRAM, Browser
-from clipping import WIDTHS, clipped
+from clipping import WIDTHS, clipped, set_width
 from operator_states import TestRange, running_range
 from synthetic_vehicle import synthetic_inverse_map
 
+from strainfmu.can.bridge.page_message import GaugePosition
+from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.frame_account import FrameAccount
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.can.tools.two_processes import check_multicast, private_port
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
+from strainfmu.monitor.server import Monitor
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
 
@@ -159,3 +167,41 @@ def test_bridge_gone(on_range: tuple[TestRange, Browser]) -> None:
     marks = "[...document.querySelectorAll('.current h2')].map(one => getComputedStyle(one, '::before').content)"
     assert set(browser.value(marks)) == {'"OLD · "'}
     is_whole(browser)
+
+
+OVERLAPPING = """(() => {
+  const box = document.getElementById("gauges").getBoundingClientRect();
+  const marks = [...document.querySelectorAll("g.gauge .mark")].map(one => one.getBoundingClientRect());
+  const apart = (a, b) => a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top;
+  const over = marks.some((a, k) => marks.some((b, j) => j > k && !apart(a, b)));
+  const out = marks.some(one => one.bottom > box.bottom || one.right > box.right || one.left < box.left);
+  return [marks.length, over, out].join();
+})()"""
+
+
+def test_gauges_anywhere_around_do_not_cover_each_other(tmp_path: Path) -> None:
+    """Between 270 and 360 deg, three at one place, and close together as on a wing."""
+    at = [(0.5, 315.0)] * 3 + [(0.1 * k, 45.0 + k) for k in range(1, 12)] + [(0.05 * k, 359.0) for k in range(8)]
+    gauges = [GaugePosition(f"g{k}", x, angle) for k, (x, angle) in enumerate(at)]
+    strain = np.arange(len(gauges)) * 1e-6
+    shown = CycleResult(
+        time=1.0, quality=Quality.VALID, causes=Cause.NONE, valid=np.isfinite(strain), strain=strain, health=0
+    )
+    monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
+    browser = Browser(tmp_path / "profile", monitor.url)
+    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
+    publisher = Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports)
+    try:
+        for width in WIDTHS:
+            set_width(browser, width)
+
+            def is_clear(found: Any) -> bool:
+                publisher.result(shown)
+                return bool(found == f"{len(gauges)},false,false")
+
+            browser.wait(OVERLAPPING, is_clear, seconds=20.0)
+            assert clipped(browser, width) == []
+    finally:
+        browser.close()
+        publisher.close()
+        monitor.close()

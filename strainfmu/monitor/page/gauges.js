@@ -25,6 +25,9 @@ function stateOf(name, latest) {
   return { state: "used", why: "" };
 }
 
+const turned = (angle) => ((angle % 360) + 360) % 360;
+
+/** Where each gauge is drawn: by station and roll angle, side by side where they would cover each other. */
 function places(gauges, names, box) {
   const known = new Map(gauges.map((gauge) => [gauge.name, gauge]));
   const isPlaced = (name) => known.has(name) && known.get(name).x !== null && known.get(name).roll_angle !== null;
@@ -36,19 +39,22 @@ function places(gauges, names, box) {
   const distinct = [...new Set(xs)].sort((a, b) => a - b);
   const gap = distinct.slice(1).reduce((least, x, k) => Math.min(least, x - distinct[k]), high - low);
   const toX = (x) => box.left + 24 + (box.right - box.left - 52) * (x - low) / (high - low);
-  const toY = (angle) => box.top + 10 + (bottom - box.top - 46) * (((angle % 360) + 360) % 360) / 270;
+  const angles = placed.map((name) => turned(known.get(name).roll_angle)), last = Math.max(270, ...angles);
+  const toY = (angle) => box.top + 10 + (bottom - box.top - 46) * turned(angle) / last;
   const width = Math.max(7, Math.min(46, toX(low + gap) - toX(low) - 4));
-  const taken = new Map(), at = new Map();
-  for (const name of placed) {
-    const gauge = known.get(name), key = `${gauge.x},${gauge.roll_angle}`, before = taken.get(key) || 0;
-    taken.set(key, before + 1); // gauges at one place, as axial and hoop, lie one below the other
-    at.set(name, { x: toX(gauge.x), y: Math.min(toY(gauge.roll_angle), bottom - 10) + 19 * before });
+  const at = new Map(), ordered = [...placed].sort((a, b) => turned(known.get(a).roll_angle) - turned(known.get(b).roll_angle));
+  for (const name of ordered) {
+    const gauge = known.get(name), spot = { x: toX(gauge.x), y: toY(gauge.roll_angle) };
+    const covers = (one) => Math.abs(one.x - spot.x) < width && Math.abs(one.y - spot.y) < 18;
+    while ([...at.values()].some(covers)) spot.y += 19; // gauges at one place, as axial and hoop, lie one below the other
+    at.set(name, spot);
   }
+  const lowest = Math.max(0, ...[...at.values()].map((spot) => spot.y)) + 10;
   others.forEach((name, k) => {
     const x = box.left + 26 + (box.right - box.left - 50) * (k % 16) / 16;
     at.set(name, { x, y: bottom + 14 + 24 * Math.floor(k / 16) });
   });
-  return { at, width: placed.length ? width : 36, low, high, toX, toY, placed: placed.length > 0 };
+  return { at, lowest, bottom, width: placed.length ? width : 36, low, high, toX, toY, placed: placed.length > 0 };
 }
 
 export function drawGauges(layout, latest) {
@@ -59,6 +65,10 @@ export function drawGauges(layout, latest) {
   const values = names.map((name) => latest.strain_um_per_m[name]).filter((value) => value !== null);
   const most = Math.max(1, ...values.map(Math.abs));
   const place = places(layout.gauges, names, box);
+  if (place.lowest > place.bottom) { // crowded: a higher figure, drawn again at once
+    svg.style.height = `${Math.ceil(height + 1.3 * (place.lowest - place.bottom))}px`;
+    if (svg.clientHeight > height) return drawGauges(layout, latest);
+  }
   if (place.placed) {
     for (const angle of [0, 90, 180, 270]) {
       const y = place.toY(angle);
