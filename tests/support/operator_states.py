@@ -38,7 +38,8 @@ STATES = ("good", "suspect", "lost_frame", "bus_off", "gone")
 _COMMAND = (sys.executable, "-c", "from strainfmu.cli.main import main; main()")
 _ADDRESSES = re.compile(r"(http://\S+/): .*datagrams at (\S+);")
 _BUS_OFF = 0x40
-_COLOURS = 100
+_FREQUENT, _OTHERS = 48, 80
+"""Colours of a picture's palette: the most frequent ones, and such as stand for all others."""
 _BIAS = 1e-5
 """Error of the suspect gauge [m/m]."""
 
@@ -215,15 +216,23 @@ def _picture(browser: Any, path: Path, width: int = 1280) -> None:
 
 
 def _save_with_palette(path: Path) -> None:
-    """Write a picture again with a palette, at a third of its size."""
+    """Write a picture again with a palette, at a third of its size.
+
+    The most frequent colours stay as they are; the others, shades of edges, become the nearest of the palette.
+    """
     from PIL import Image
 
     image = Image.open(path).convert("RGB")
-    # The most frequent colours stay as they are; shades of edges become the nearest of them.
-    frequent = sorted(image.getcolors(image.width * image.height) or [], reverse=True)[:_COLOURS]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([part for _, colour in frequent for part in colour])  # type: ignore[misc]  # RGB
-    image.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
+    pixels = np.asarray(image).astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
+    colours, index, counts = np.unique(pixels, return_inverse=True, return_counts=True)
+    parts = np.stack((colours >> 16, colours >> 8 & 255, colours & 255), axis=-1)
+    frequent = parts[np.argsort(-counts)[:_FREQUENT]]
+    others = np.array(image.quantize(_OTHERS).getpalette()).reshape(-1, 3)
+    palette = np.concatenate((frequent, others))
+    nearest = np.array([np.argmin(((palette - part) ** 2).sum(axis=1)) for part in parts], dtype=np.uint8)
+    written = Image.fromarray(nearest[index].reshape(pixels.shape), mode="P")
+    written.putpalette(palette.astype(np.uint8).ravel().tolist())
+    written.save(path, optimize=True)
 
 
 if __name__ == "__main__":
