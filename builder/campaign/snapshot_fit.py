@@ -157,7 +157,7 @@ def replaced_line(path: Path, campaign: Campaign) -> str | None:
     same_source = held.settings.get("inputs") == _plain(campaign.engine.inputs())
     if same_source and set(held.conditions()) <= set(campaign.conditions):
         return None
-    return f"{path}: held {flow_line(held)}; written anew"
+    return f"{path}: held {flow_line(held)}; replaced"
 
 
 def _differences(expected: Any, found: Any, where: str) -> list[Misfit]:

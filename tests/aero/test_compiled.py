@@ -24,7 +24,7 @@ print(round(float(prandtl_meyer_angle(2.0)), 6))
 """
 
 
-def test_it_compiles_anew_where_nothing_can_be_kept() -> None:
+def test_it_compiles_in_each_process_where_nothing_can_be_kept() -> None:
     finished = subprocess.run([sys.executable, "-c", NO_FOLDER], capture_output=True, text=True, check=False)
     assert finished.returncode == 0, finished.stderr
     # NACA Report 1135, table II: nu(2) = 26.38 deg.

@@ -291,12 +291,12 @@ def test_conditions_out_of_reach_are_no_misfit(made: Path, tmp_path: Path) -> No
 
 
 def test_commands_say_what_they_replace(run: Run, made: Path, tmp_path: Path) -> None:
-    """A file made with other options is named before it is written anew; one that is extended is not."""
+    """A file made with other options is named before it is replaced; one that is extended is not."""
     vehicle, output = made / "vehicle" / "vehicle.toml", tmp_path / "snapshots.h5"
     shutil.copy(made / "set.h5", output)
     code, printed, _ = run("snapshots", vehicle, "-o", output, "--engine", "newtonian")
     assert code == 0
-    assert f"{output}: held newtonian engine, 7 conditions, of {made / 'set.csv'}; written anew" in printed
+    assert f"{output}: held newtonian engine, 7 conditions, of {made / 'set.csv'}; replaced" in printed
     code, printed, _ = run("snapshots", vehicle, "-o", output, "--engine", "newtonian")
     assert "held" not in printed
 

@@ -94,7 +94,7 @@ def with_gauges(problem: Problem, kept: list[int]) -> Problem:
 def solved_on_same_modes(case: ReportCase, kept: list[int]) -> Solution:
     """Return the solution for the gauges ``kept`` on the modes of the map of all gauges.
 
-    A map built anew may choose other modes.
+    A map built again may choose other modes.
     """
     whole = case.solution
     cut = with_gauges(replace(case.problem, noise=whole.noise.terms), kept)

@@ -4,11 +4,11 @@ A fan that begins in a corner is narrower than a cell at first. The mean of a ce
 than the flow has, by an amount that no finer grid reduces: cells are thinner, but the fan is as narrow against
 them. The wall keeps that entropy, and the pressure behind the corner swings by some percent.
 
-So the fan is let into the flow where it is wide enough. The plane is put on a grid much finer at the wall and
+So the fan is placed into the flow where it is wide enough. The plane is put on a grid much finer at the wall and
 marched a short way along the wall as it was before the corner. There, within the reach of the corner, the flow is
 that of Prandtl and Meyer, exact at the wall, and elsewhere what it would be without the corner. Then the march
 goes on, and as the fan widens the grid is coarsened in steps back to its own. Near the corner the flow is plane:
-curvature changes it by the height of the fan over the radius, 0.1 % where it is let in.
+curvature changes it by the height of the fan over the radius, 0.1 % where it is placed.
 
 Bodies of revolution only: elsewhere the edge is not at right angles to the axis.
 """
@@ -28,7 +28,7 @@ from builder.aero.euler.plane import Plane
 from strainfmu.arrays import FloatArray
 
 FAN_CELLS = 16
-"""Cells at the wall over which a fan is spread when it is let into the flow."""
+"""Cells at the wall over which a fan is spread when it is placed into the flow."""
 LEAST_LEVELS, MOST_LEVELS = 5, 10
 """Times that the cells at the wall are halved for it."""
 GREATEST_HEIGHT = 2e-3

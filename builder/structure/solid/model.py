@@ -120,7 +120,7 @@ def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[S
         named_back_end(case.solver)  # refused before the long work, not after it
     if before is not None and before.settings["made_from"]["mesh"] != made_from["mesh"]:
         held = f"{before.model.replace('_', ' ')}, {before.statistics['degrees_of_freedom']} dofs"
-        reporter.note(f"{path}: held {held} of other entries or options; written anew")
+        reporter.note(f"{path}: held {held} of other entries or options; replaced")
     structure = solve_solid_structure(case, reporter, before)
     with reporter.stage("Write"):
         save_structure(structure, path)
