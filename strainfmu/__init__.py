@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from strainfmu.estimator.health import HealthState
     from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.loading import load
     from strainfmu.estimator.settings import EstimatorSettings
-    from strainfmu.estimator.step import Estimator, load
+    from strainfmu.estimator.step import Estimator
     from strainfmu.fmu.export import ExportOptions, export_estimator
     from strainfmu.recorded.run import estimate_file
 
@@ -45,7 +46,7 @@ _MODULES = {
     "System": "cosim.system",
     "estimate_file": "recorded.run",
     "export_estimator": "fmu.export",
-    "load": "estimator.step",
+    "load": "estimator.loading",
     "load_inverse_map": "estimator.inverse_map",
     "save_inverse_map": "estimator.inverse_map",
     "simulate": "cosim.master",

@@ -1,15 +1,15 @@
 """Frozen dataclasses as HDF5 files: one data set per field, with its unit.
 
 Arrays and numbers become data sets; a tuple of names a data set of byte strings; a string an attribute; a
-dictionary an attribute holding JSON, or a data set where it is too long for one; None is left out and comes back
-as None.
+dictionary an attribute holding JSON, or a data set where it is too long for one; a record inside a record is a
+group of its own; None is left out and comes back as None.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import Field, fields, is_dataclass
 from os import PathLike
 from typing import Any, TypeVar, cast
 
@@ -42,7 +42,10 @@ def save_record(
 
 
 def write_record(group: h5py.Group, record: Any, units: Mapping[str, str]) -> None:
-    """Write the fields of a dataclass into ``group``, so that a file can hold a record and more beside it."""
+    """Write the fields of a dataclass into ``group``, so that a file can hold a record and more beside it.
+
+    A field that is a record states its type and units in its metadata, see :func:`inner_record`.
+    """
     for entry in fields(record):
         value = getattr(record, entry.name)
         if isinstance(value, dict):
@@ -55,6 +58,8 @@ def write_record(group: h5py.Group, record: Any, units: Mapping[str, str]) -> No
             group.attrs[entry.name] = value
         elif isinstance(value, tuple):
             group.create_dataset(entry.name, data=np.array([name.encode() for name in value], dtype="S"))
+        elif is_dataclass(value):
+            write_record(group.create_group(entry.name), value, entry.metadata["units"])
         elif value is not None:
             group.create_dataset(entry.name, data=value).attrs["unit"] = units.get(entry.name, "1")
 
@@ -83,10 +88,22 @@ def read_record(kind: type[Record], group: h5py.Group) -> Record:
         An entry is missing or no value of its type, or ``kind`` refuses the values.
     """
     try:
-        values = {entry.name: _read(group, entry.name, str(entry.type)) for entry in fields(cast(Any, kind))}
+        values = {entry.name: _read_field(group, entry) for entry in fields(cast(Any, kind))}
     except (KeyError, ValueError) as error:
         raise InputError(f"damaged, {error.args[0]}") from error
     return kind(**values)
+
+
+def inner_record(kind: type[Any], units: Mapping[str, str]) -> dict[str, Any]:
+    """Return the metadata of a field that holds a record of type ``kind``, or None."""
+    return {"record": kind, "units": units}
+
+
+def _read_field(group: h5py.Group, entry: Field[Any]) -> Any:
+    kind = entry.metadata.get("record")
+    if kind is None:
+        return _read(group, entry.name, str(entry.type))
+    return read_record(kind, group[entry.name]) if entry.name in group else None
 
 
 def _read(group: h5py.Group, name: str, annotation: str) -> Any:

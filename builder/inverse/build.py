@@ -102,7 +102,7 @@ def build_inverse_map(
     Parameters and errors are those of :func:`inverse_problem`. The gauges may also fail to identify the requested
     modes.
     """
-    snapshots = _on_structure(snapshots, structure)
+    snapshots = on_structure(snapshots, structure)
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
     solution = solve(problem)
     found = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
@@ -126,7 +126,7 @@ def inverse_problem(
     InputError
         The snapshots' surface is not the structure's, or the section [noise] does not fit the gauges.
     """
-    snapshots = _on_structure(snapshots, structure)
+    snapshots = on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
     ensemble = ensemble_of(vehicle, snapshots)
     errors = hardware_errors(vehicle, structure, z_p, ensemble)
@@ -146,7 +146,7 @@ def inverse_map_of(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
 ) -> InverseMap:
     """Return the map of a solved ``problem``; its first noise term is the gauges' own."""
-    snapshots, reference = _on_structure(snapshots, structure), vehicle.reference_quantities()
+    snapshots, reference = on_structure(snapshots, structure), vehicle.reference_quantities()
     z_p, loads, ensemble = problem.strain_operator, problem.load_operator, problem.ensemble
     solved, load_per_state = solution.solved, loads @ solution.field_modes
     coefficients = ensemble.coefficients(loads)
@@ -231,7 +231,7 @@ def _compressed(terms: list[NoiseTerm], n_gauges: int) -> tuple[FloatArray, Floa
     return triangle[:n_gauges], triangle[n_gauges:]
 
 
-def _on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
+def on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
     """Return the snapshots at the structure's nodes, unchanged where they are there already."""
     return snapshots_on(snapshots, structure.surface) if isinstance(structure.surface, SurfaceGrid) else snapshots
 

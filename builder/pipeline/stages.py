@@ -23,6 +23,7 @@ from builder.campaign.snapshot_fit import as_flown, body_misfits, flow_record
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
+from builder.manifold.build import with_manifold
 from builder.reporting import Reporter, Silent
 from builder.structure.fourier.model import StructuralModel, refuse_beyond_fourier, structural_model
 from builder.structure.gauge_checks import check_gauges
@@ -220,6 +221,8 @@ def map_from(
             f"warning: the map is made without {len(failed)} of {count} conditions, which were not solved"
         )
     inverse_map = build_inverse_map(vehicle, snapshots, structure)
+    if vehicle.map.estimator == "manifold":
+        inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
     if held["symmetry"] != vehicle.map.symmetry:

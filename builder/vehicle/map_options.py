@@ -25,11 +25,18 @@ class MapEntry(Section):
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
     conditions with their signs. ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
     model with hardware errors drawn, where engine and structure allow; "nominal" leaves those of the theory.
+
+    ``estimator`` "manifold" adds tables over the flight state for the nonlinear estimator; the linear map stays
+    in the file, for strain that does not fit them. Pressure off the tables is expected: a Gaussian process of
+    ``discrepancy_percent`` of p_inf, with correlation lengths of ``discrepancy_length`` times the body's length
+    along it and ``discrepancy_roll_deg`` round it, and ``discrepancy_of_prior_percent`` of the deviation that the
+    snapshots have about their mean.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
     symmetry: Literal["full", "listed"] = "full"
     alarm_levels: Literal["calibrated", "nominal"] = "calibrated"
+    estimator: Literal["linear", "manifold"] = "linear"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1
@@ -37,6 +44,10 @@ class MapEntry(Section):
     prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
+    discrepancy_percent: float = Field(default=3.0, ge=0.0, le=100.0)
+    discrepancy_length: float = Field(default=0.2, ge=0.02, le=2.0)
+    discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
+    discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)
 
     @field_validator("case", mode="before")
     @classmethod
@@ -64,6 +75,11 @@ class MapEntry(Section):
             raise ValueError(f"valid_altitude_km: expected two rising numbers, got {list(self.valid_altitude_km)}")
         if self.form == "dynamic_pressure" and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
+        if self.estimator == "manifold" and (self.form, self.symmetry) != ("dynamic_pressure", "full"):
+            raise ValueError(
+                "estimator: 'manifold' needs form 'dynamic_pressure' and symmetry 'full', "
+                f"got '{self.form}' and '{self.symmetry}'"
+            )
         return self
 
 
@@ -90,8 +106,11 @@ class Noise(Section):
     are those of each gauge on its own. Common gain is of all gauges, as from Young's modulus or the lot's gauge
     factor; ``layout_roll_deg`` turns all gauges round the axis; apparent strain is the same for all, as an
     uncompensated temperature causes it. Internal pressure is in percent of p_inf. ``dynamic_pressure_percent`` is
-    the error of q_inf where the estimator is told no other. ``nuisance_file`` is a CSV file beside the vehicle
-    file with the strain of further modes, such as temperature distributions, at one standard deviation.
+    the error of q_inf where the estimator is told no other; ``navigation_mach_number`` and
+    ``navigation_static_pressure_percent`` are those of M and p_inf.
+
+    ``nuisance_file`` is a CSV file beside the vehicle file with the strain of further modes, such as temperature
+    distributions, at one standard deviation.
     """
 
     percent_of_median_strain: float | None = Field(default=None, ge=1e-6, le=100.0)
@@ -111,6 +130,8 @@ class Noise(Section):
     apparent_strain_um_per_m: float = Field(default=5.0, ge=0.0, le=1e4)
     internal_pressure_percent: float = Field(default=5.0, ge=0.0, le=1000.0)
     dynamic_pressure_percent: float = Field(default=1.0, ge=0.0, le=50.0)
+    navigation_mach_number: float = Field(default=0.05, ge=1e-4, le=10.0)
+    navigation_static_pressure_percent: float = Field(default=2.0, ge=1e-3, le=100.0)
 
     @model_validator(mode="before")
     @classmethod

@@ -109,12 +109,12 @@ def outside_by_navigation(
     if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
         return np.asarray(outside)
     with np.errstate(over="ignore"):  # of a Mach number that is none
-        expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * _ambient_pressure(altitude)
+        expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
     allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
     return np.asarray(outside | (np.abs(q - expected) > allowed))
 
 
-def _ambient_pressure(altitude: FloatArray) -> FloatArray:
+def static_pressure_at(altitude: FloatArray) -> FloatArray:
     """Return p(h) [Pa] of the table (k,); NaN where h is not known or outside it."""
     top = len(_PRESSURE) - 1
     position = altitude / ALTITUDE_STEP

@@ -29,7 +29,9 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.innovation import estimate_gain, inverse_cholesky
 from strainfmu.estimator.load_errors import load_error_model, load_gain
-from strainfmu.records import load_record, save_record
+from strainfmu.estimator.manifold.manifold_map import UNITS as MANIFOLD_UNITS
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
 SCHEMA_VERSION = 5
@@ -101,6 +103,7 @@ class InverseMap:
     envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients, or None.
     envelope_score_limit : standard deviations beyond them that count as outside [1].
     dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity, or None.
+    manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
     """
 
     vehicle: str
@@ -149,12 +152,17 @@ class InverseMap:
     dynamic_pressure_range: FloatArray | None = None
     mach_number_range: FloatArray | None = None
     altitude_range: FloatArray | None = None
+    manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
 
     def __post_init__(self) -> None:
         _check_arrays(self)
         _check_field(self)
         _check_values(self)
         _check_form(self)
+        if self.manifold is not None and self.manifold.tables.n_gauges != self.n_gauges:
+            raise InputError(
+                f"inverse map: tables of {self.manifold.tables.n_gauges} gauges, must be of {self.n_gauges}"
+            )
         try:
             _check_consistency(self)
         except InputError as error:

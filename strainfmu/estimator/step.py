@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from copy import copy
 from dataclasses import replace
-from os import PathLike
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +14,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import suspects_by_gauge
 from strainfmu.estimator.load_estimate import (
     LoadEstimate,
@@ -49,17 +47,6 @@ class _Flow(NamedTuple):
     dynamic_pressure_std: FloatArray
     mach_number: FloatArray
     altitude: FloatArray
-
-
-def load(path: str | PathLike[str], settings: EstimatorSettings | None = None) -> Estimator:
-    """Return the estimator of the map at ``path``; None takes the settings that the map was built with.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, altered, or of another schema version.
-    """
-    return Estimator(load_inverse_map(Path(path)), settings)
 
 
 class Estimator:

@@ -3,7 +3,8 @@
 At the end of a process on Linux, PythonFMU 0.7 lets go of its hold on the interpreter twice: once as a static
 object of C++ and once more as its library is unloaded, from memory that is free by then. In a Python host the C
 library now and then finds its heap damaged and aborts, after the last result; in any other host it always does
-(github.com/NTNU-IHB/PythonFMU/issues/228). The reference is released here before either: what comes later finds none.
+(github.com/NTNU-IHB/PythonFMU/issues/228). The reference is released here before either: what comes later finds
+none.
 """
 
 from __future__ import annotations

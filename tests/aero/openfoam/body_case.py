@@ -127,7 +127,8 @@ def is_available() -> bool:
 def spread_stations(body: BodyOfRevolution, first: float, growth: float, largest: float) -> FloatArray:
     """Return planes from ``first`` [m] to the base, the slope breaks among them.
 
-    Steps are ``growth`` x, as a conical flow wants them, up to ``largest`` [m], and begin with the first again at slope breaks.
+    Steps are ``growth`` x, as a conical flow wants them, up to ``largest`` [m],
+    and begin with the first again at slope breaks.
     """
     ends = [*body.slope_breaks.tolist(), body.length]
     stations, origin, x = [first], 0.0, first

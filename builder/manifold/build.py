@@ -1,0 +1,179 @@
+"""The tables and errors of the nonlinear estimator from the inputs of an inverse map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import AnyStructure, inverse_problem, on_structure
+from builder.inverse.ensemble import rolled_modes
+from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.solution import Problem
+from builder.manifold.discrepancy import gaussian_process_shapes, response_of_shapes
+from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
+from builder.manifold.interpolation import interpolation_errors
+from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import pressure_and_temperature
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.proportional_errors import PAIRS
+
+MIN_FLOWS = (2, 4)
+"""Least number of Mach numbers, and of incidences but zero, of a spline."""
+
+
+def with_manifold(
+    inverse_map: InverseMap, vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure
+) -> InverseMap:
+    """Return ``inverse_map`` with the tables of the nonlinear estimator, made from the same inputs.
+
+    Raises
+    ------
+    InputError
+        The body is no body of revolution, or the flows do not suffice for tables.
+    """
+    problem = inverse_problem(vehicle, snapshots, structure)
+    return replace(inverse_map, manifold=manifold_map(vehicle, snapshots, structure, problem))
+
+
+def manifold_map(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem) -> ManifoldMap:
+    """Return the tables and errors of ``problem``; errors as :func:`with_manifold`."""
+    grid = structure.surface
+    if not isinstance(grid, SurfaceGrid) or problem.ensemble.grid is None:
+        raise InputError(
+            "map.estimator: 'manifold' needs a body of revolution with rings of nodes, got a free surface"
+        )
+    flows = flow_amplitudes(on_structure(snapshots, structure))
+    _check_flows(flows)
+    operator = np.vstack([problem.strain_operator, problem.load_operator])
+    fixed = np.zeros(len(operator))
+    inside = vehicle.structure.internal_pressure_Pa
+    if inside == "ambient":
+        flows = flows.less_ambient()
+    else:
+        fixed = -float(inside) * operator.sum(axis=1)
+    response = ring_response(operator, grid, flows.amplitude.shape[-1])
+    knots, coefficients = _tables(flows, response)
+    error = np.hstack(_scaled_errors(vehicle, problem, flows, grid, response))
+    n_d = len(problem.strain_operator)
+    reference, noise = vehicle.reference_quantities(), vehicle.noise
+    products, common = _followed_errors(vehicle, problem)
+    low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
+    return ManifoldMap(
+        mach_knots=flows.mach,
+        incidence_knots=knots,
+        response=coefficients,
+        fixed_response=fixed,
+        gauge_covariance=_fixed_covariance(problem),
+        error_strain=error[:n_d],
+        error_load=error[n_d:],
+        gauge_gain_std=0.01 * noise.gauge_gain_percent,
+        common_gain_std=0.01 * noise.common_gain_percent,
+        gauge_error_product=products,
+        common_error=common,
+        reference_area=reference.area,
+        reference_length=reference.length,
+        mach_range=flows.mach[[0, -1]],
+        pressure_range=np.array([pressure_and_temperature(high)[0], pressure_and_temperature(low)[0]]),
+        incidence_limit=float(flows.incidence[-1]),
+        mach_number_error=noise.navigation_mach_number,
+        static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
+        dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
+    )
+
+
+def _check_flows(flows: FlowAmplitudes) -> None:
+    found = len(flows.mach), int(np.sum(flows.incidence > 1e-9))
+    if found[0] < MIN_FLOWS[0] or found[1] < MIN_FLOWS[1]:
+        raise InputError(
+            f"map.estimator: 'manifold' needs {MIN_FLOWS[0]} Mach numbers and {MIN_FLOWS[1]} total incidences "
+            f"above 0 at least, got {found[0]} and {found[1]}"
+        )
+
+
+def _tables(flows: FlowAmplitudes, response: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return knots of the incidence and spline coefficients of every channel of ``response``."""
+    values = response_values(flows, response)
+    inclined = np.flatnonzero(flows.incidence > 1e-9)
+    zero = values[:, 0] if len(inclined) < len(flows.incidence) else None
+    incidence = flows.incidence[inclined]
+    return spline_coefficients(flows.mach, incidence, values[:, inclined], spline_rows(incidence), zero)
+
+
+def _fixed_covariance(problem: Problem) -> FloatArray:
+    """Return (n_d, n_d) of the noise that does not follow the pressure level [(m/m)^2]."""
+    return np.asarray(np.sum([term.strain @ term.strain.T for term in problem.noise if not term.scales], axis=0))
+
+
+def _scaled_errors(
+    vehicle: Vehicle, problem: Problem, flows: FlowAmplitudes, grid: SurfaceGrid, response: FloatArray
+) -> list[FloatArray]:
+    """Return columns (n_d + 5, k) per p_inf of pressure off the tables and of the internal pressure."""
+    entry, noise = vehicle.map, vehicle.noise
+    operator = np.vstack([problem.strain_operator, problem.load_operator])
+    n_d, found = len(problem.strain_operator), [interpolation_errors(flows, response).T]
+    if entry.discrepancy_percent > 0.0:
+        along, around = gaussian_process_shapes(
+            grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
+        )
+        found.append(0.01 * entry.discrepancy_percent * response_of_shapes(operator, along, around))
+    if entry.discrepancy_of_prior_percent > 0.0:
+        modes, ensemble = rolled_modes(problem.ensemble, None), problem.ensemble
+        pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+        spread = operator @ (modes.modes * modes.coefficient_std())
+        found.append(0.01 * entry.discrepancy_of_prior_percent / pressure * spread)
+    if noise.internal_pressure_percent > 0.0:
+        column = 0.01 * noise.internal_pressure_percent * operator.sum(axis=1)
+        column[n_d:] = 0.0  # loads are those of the stated internal pressure
+        found.append(column[:, None])
+    return [_compressed(np.hstack(found))]
+
+
+def _compressed(columns: FloatArray) -> FloatArray:
+    """Return at most as many columns as rows with the same covariance."""
+    size = np.linalg.norm(columns, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    upper = np.asarray(np.linalg.qr((columns / size).T, mode="r"))
+    return np.asarray(size * upper.T)
+
+
+def _followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """Return errors of each gauge (21, n_d) and common ones (n_t, 6, n_d) that follow strain, but for gains.
+
+    The strain of an error is regressed on [1, loads / p_inf] over the ensemble. Of each gauge, what the regression
+    leaves is added to the constant.
+    """
+    reference, ensemble = vehicle.reference_quantities(), problem.ensemble
+    n_d = len(problem.strain_operator)
+    scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
+    pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
+    loads = ensemble.responses(problem.load_operator) / pressure / scale
+    c = np.hstack([np.ones((len(loads), 1)), loads])
+    root = np.sqrt(ensemble.member_weight)[:, None]
+    products, common = np.zeros((len(PAIRS), n_d)), []
+    for error in problem.errors:
+        if error.name in ("gauge gain", "common gain"):
+            continue
+        slope, left = _regressed(error, c, pressure, root)
+        if error.common:
+            common.append(slope)
+            continue
+        products[0] += left
+        for row, (a, b) in enumerate(PAIRS):
+            products[row] += (1.0 if a == b else 2.0) * slope[a] * slope[b]
+    return products, np.array(common).reshape(-1, 6, n_d)
+
+
+def _regressed(
+    error: HardwareError, c: FloatArray, pressure: FloatArray, root: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the slopes (6, n_d) of the strain of ``error`` per p_inf on ``c``, and the variance (n_d,) left."""
+    strain = error.strain / pressure
+    slope = np.asarray(np.linalg.lstsq(root * c, root * strain, rcond=1e-10)[0], dtype=np.float64)
+    return slope, np.asarray(np.sum((root * (strain - c @ slope)) ** 2, axis=0))

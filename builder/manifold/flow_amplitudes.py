@@ -1,0 +1,75 @@
+"""Circumferential amplitudes of the snapshots' pressure over Mach number and total incidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.vehicle.flight_conditions import flow_key
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+MAX_HARMONIC = 16
+"""Highest circumferential harmonic of the pressure in the tables; the gauges see those up to about 8."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlowAmplitudes:
+    """Flows at a grid of Mach numbers and total incidences.
+
+    Attributes
+    ----------
+    mach : (n_M,) increasing [1].
+    incidence : (n_a,) total incidence, increasing [rad].
+    amplitude : (n_M, n_a, n_x, n_m) of cos m(phi - phi_T) in p / p_inf [1].
+    """
+
+    mach: FloatArray
+    incidence: FloatArray
+    amplitude: FloatArray
+
+    def less_ambient(self) -> FlowAmplitudes:
+        """Return the amplitudes of p / p_inf - 1, what loads a body whose internal pressure is ambient."""
+        amplitude = self.amplitude.copy()
+        amplitude[..., 0] -= 1.0
+        return replace(self, amplitude=amplitude)
+
+
+def flow_amplitudes(snapshots: Snapshots) -> FlowAmplitudes:
+    """Return the amplitudes of every distinct flow of ``snapshots``, which lie on a body of revolution.
+
+    Raises
+    ------
+    InputError
+        The surface has no rings, or there are incidences at one Mach number that are not at another.
+    """
+    grid = snapshots.grid
+    if grid is None:
+        raise InputError("manifold: snapshots on a free surface found, expected those of a body of revolution")
+    conditions = snapshots.conditions()
+    first: dict[tuple[float, ...], int] = {}
+    for row, condition in enumerate(conditions):
+        first.setdefault(tuple(np.round(flow_key(condition), 6)), row)
+    mach, incidence = (np.array(sorted({key[axis] for key in first})) for axis in (0, 1))
+    n_m = min(MAX_HARMONIC, (grid.n_roll - 1) // 2) + 1
+    amplitude = np.empty((len(mach), len(incidence), len(grid.x), n_m))
+    for i, one_mach in enumerate(mach):
+        for j, one_incidence in enumerate(incidence):
+            key = (one_mach, one_incidence)
+            if key not in first:
+                raise InputError(
+                    f"manifold: no flow at Mach number {one_mach:g} and total incidence "
+                    f"{np.degrees(one_incidence):.4g} deg; every incidence must be there at every Mach number"
+                )
+            condition = conditions[first[key]]
+            rings = (snapshots.pressure[first[key]] / condition.ambient_pressure).reshape(len(grid.x), -1)
+            amplitude[i, j] = _cosines(rings, grid.roll_angle - condition.leeward_roll_angle, n_m)
+    return FlowAmplitudes(mach=mach, incidence=incidence, amplitude=amplitude)
+
+
+def _cosines(rings: FloatArray, angle: FloatArray, n_m: int) -> FloatArray:
+    """Return (n_x, n_m) amplitudes of cos(m angle) in ``rings`` (n_x, n_roll), evenly spaced round the body."""
+    weight = np.where(np.arange(n_m) == 0, 1.0, 2.0) / len(angle)
+    return np.asarray(rings @ np.cos(np.outer(angle, np.arange(n_m))) * weight)

@@ -1,0 +1,67 @@
+"""How far the tables are from flows that they were not made from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.manifold.flow_amplitudes import FlowAmplitudes
+from builder.manifold.tables import response_values, spline_coefficients, spline_rows
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.manifold.spline import basis
+
+MACH_FRACTION = 0.5
+"""Part of the error at a Mach number left out that remains at the spacing of the tables.
+
+Of a cubic spline at twice the spacing 1/16 would remain where it converges; few Mach numbers do not show that.
+"""
+
+ROLLS = 24
+"""Roll angles of the wind at which an error counts."""
+
+
+def interpolation_errors(flows: FlowAmplitudes, response: FloatArray) -> FloatArray:
+    """Return (n, n_c) errors of the channels of ``response`` (n_c, n_x, n_m, 2) per p_inf; their squares add up to
+    the mean one.
+
+    Every incidence but the largest, and every inner Mach number, is left out in turn and predicted.
+    """
+    values = response_values(flows, response)
+    inclined = np.flatnonzero(flows.incidence > 1e-9)
+    incidence, of_flows = flows.incidence[inclined], values[:, inclined]
+    zero = values[:, 0] if len(inclined) < len(flows.incidence) else None
+    errors: list[FloatArray] = []
+    at_mach = basis(flows.mach, flows.mach).value
+    for left in range(len(incidence) - 1):
+        kept = np.delete(np.arange(len(incidence)), left)
+        knots, table = spline_coefficients(
+            flows.mach, incidence[kept], of_flows[:, kept], spline_rows(incidence[kept]), zero
+        )
+        found = _table(at_mach, basis(knots, incidence[left : left + 1]).value, table)
+        errors += list(of_flows[:, left] - found[:, 0])
+    rows = spline_rows(incidence)
+    for left in range(1, len(flows.mach) - 1):
+        kept = np.delete(np.arange(len(flows.mach)), left)
+        if len(kept) < 2:
+            break
+        knots, table = spline_coefficients(
+            flows.mach[kept], incidence, of_flows[kept], rows, None if zero is None else zero[kept]
+        )
+        found = _table(
+            basis(flows.mach[kept], flows.mach[left : left + 1]).value, basis(knots, incidence).value, table
+        )
+        errors += list(MACH_FRACTION * (of_flows[left] - found[0]))
+    if not errors:
+        return np.zeros((0, values.shape[2]))
+    rolled = _rolled(np.array(errors))
+    return rolled / np.sqrt(len(rolled))
+
+
+def _table(of_mach: FloatArray, of_incidence: FloatArray, coefficients: FloatArray) -> FloatArray:
+    return np.einsum("ia,jb,abnms->ijnms", of_mach, of_incidence, coefficients, optimize=True)
+
+
+def _rolled(amplitude: FloatArray) -> FloatArray:
+    """Return (n ROLLS, n_c) values of ``amplitude`` (n, n_c, n_m, 2) at roll angles all round."""
+    angle = np.outer(2.0 * np.pi * np.arange(ROLLS) / ROLLS, np.arange(amplitude.shape[2]))
+    wind = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.einsum("qnms,pms->qpn", amplitude, wind, optimize=True).reshape(-1, amplitude.shape[1])

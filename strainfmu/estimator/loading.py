@@ -1,0 +1,30 @@
+"""The estimator of a map on file, linear or nonlinear as the map was built."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.settings import EstimatorSettings
+from strainfmu.estimator.step import Estimator
+
+
+def load(path: str | PathLike[str], settings: EstimatorSettings | None = None) -> Estimator | ManifoldEstimator:
+    """Return the estimator of the map at ``path``; None takes the settings that the map was built with.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    return estimator_of(load_inverse_map(Path(path)), settings)
+
+
+def estimator_of(
+    inverse_map: InverseMap, settings: EstimatorSettings | None = None
+) -> Estimator | ManifoldEstimator:
+    """Return the nonlinear estimator of a map with tables over the flight state, the linear one of any other."""
+    kind = Estimator if inverse_map.manifold is None else ManifoldEstimator
+    return kind(inverse_map, settings)

@@ -1,0 +1,284 @@
+"""The nonlinear estimator: strain and navigation in; loads, coefficients, air data and health out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.envelope import static_pressure_at
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates, set_unknown
+from strainfmu.estimator.manifold.air_data import AirData, air_data
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates, joined
+from strainfmu.estimator.manifold.flight_health import flight_health
+from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
+from strainfmu.estimator.manifold.navigation import (
+    NAVIGATION,
+    Navigation,
+    inconsistent_navigation,
+    prior,
+    state_measurement,
+)
+from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold
+from strainfmu.estimator.manifold.starts import search_table
+from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.step import Estimator, moment_transfer
+
+BLOCK = 256
+"""Samples that are computed together: their covariances are to stay in the processor's cache."""
+
+_OF_LOADS = ("loads", "loads_std", "coefficients", "coefficients_std", "load_covariance")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EstimatorInputs:
+    """Checked inputs of k samples.
+
+    Attributes
+    ----------
+    strain, used : (k, n_d) [m/m], and which gauges to use.
+    navigation : with a standard deviation for every value.
+    """
+
+    strain: FloatArray
+    used: BoolArray
+    navigation: Navigation
+
+    def rows(self, rows: slice) -> EstimatorInputs:
+        """Return the samples ``rows``."""
+        navigation = Navigation(value=self.navigation.value[rows], std=self.navigation.std[rows])
+        return EstimatorInputs(strain=self.strain[rows], used=self.used[rows], navigation=navigation)
+
+
+class ManifoldEstimator:
+    """A map with tables over the flight state, prepared for the loop.
+
+    Samples that do not fit the tables get the loads of the linear map, and health is not OK.
+    """
+
+    def __init__(self, inverse_map: InverseMap, settings: EstimatorSettings | None = None) -> None:
+        """Prepare ``inverse_map``; None takes the settings that it was built with.
+
+        Raises
+        ------
+        InputError
+            The map has no tables.
+        """
+        if inverse_map.manifold is None:
+            raise InputError("inverse map: estimator 'linear' found, expected 'manifold'")
+        self.inverse_map, self.manifold = inverse_map, inverse_map.manifold
+        self.linear = Estimator(inverse_map, settings)
+        self.settings = self.linear.settings
+        self._search = search_table(self.manifold)
+        _, precision = prior(self.manifold)
+        self._prior_std = 1.0 / np.sqrt(precision)
+        shift = self.settings.moment_station - default_settings(inverse_map).moment_station
+        self._transfer = moment_transfer(shift)
+        area, length = self.settings.reference_area, self.settings.reference_length
+        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
+
+    def estimate(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: ArrayLike = np.nan,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: ArrayLike = np.nan,
+        *,
+        mach_number: ArrayLike = np.nan,
+        mach_number_std: ArrayLike = np.nan,
+        altitude: ArrayLike = np.nan,
+        static_pressure: ArrayLike = np.nan,
+        static_pressure_std: ArrayLike = np.nan,
+    ) -> FlightEstimates:
+        """Estimate the loads of k samples, each on its own.
+
+        Parameters
+        ----------
+        strain : (k, n_d) or (n_d,) strains [m/m].
+        dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa] of navigation, one for all
+            samples or (k,); NaN where not known. Any of them, and all, may be unknown.
+        valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
+        dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
+            the map.
+        altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
+
+        Raises
+        ------
+        InputError
+            An argument has the wrong shape.
+        """
+        inputs = self.checked_inputs(
+            strain,
+            valid,
+            {
+                "mach_number": mach_number,
+                "static_pressure": static_pressure,
+                "dynamic_pressure": dynamic_pressure,
+                "mach_number_std": mach_number_std,
+                "static_pressure_std": static_pressure_std,
+                "dynamic_pressure_std": dynamic_pressure_std,
+                "altitude": altitude,
+            },
+        )
+        blocks = [
+            self.estimated(inputs.rows(slice(first, first + BLOCK)), self.search)
+            for first in range(0, max(len(inputs.strain), 1), BLOCK)
+        ]
+        return joined(blocks)
+
+    def checked_inputs(
+        self, strain: ArrayLike, valid: ArrayLike | None, flow: Mapping[str, ArrayLike]
+    ) -> EstimatorInputs:
+        """Return the inputs of :meth:`estimate` as arrays over the samples; errors as there."""
+        d = np.atleast_2d(np.asarray(strain, dtype=float))
+        n = self.inverse_map.n_gauges
+        if d.ndim != 2 or d.shape[1] != n:
+            raise InputError(f"strain: expected (k, {n}) values, got {np.shape(strain)}")
+        used = np.abs(d) <= self.settings.sensor_range  # false for NaN
+        if valid is not None:
+            mask = np.asarray(valid)
+            if mask.shape not in ((n,), d.shape) or mask.dtype != np.bool_:
+                raise InputError(
+                    f"valid: expected ({n},) or {d.shape} values of bool, got {mask.shape} of {mask.dtype}"
+                )
+            used &= mask
+        of = {name: _of_samples(name, value, len(d)) for name, value in flow.items()}
+        pressure = of["static_pressure"]
+        pressure = np.where(np.isnan(pressure), static_pressure_at(of["altitude"]), pressure)
+        value = np.column_stack([of["mach_number"], pressure, of["dynamic_pressure"]])
+        std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
+        navigation = Navigation(value=value, std=self._stds(value, std))
+        return EstimatorInputs(strain=d, used=used, navigation=navigation)
+
+    def _stds(self, value: FloatArray, std: FloatArray) -> FloatArray:
+        """Return (k, 3) ``std``, those of the map where it is NaN."""
+        m = self.manifold
+        own = np.column_stack(
+            [
+                np.full(len(value), m.mach_number_error),
+                m.static_pressure_error * value[:, 1],
+                m.dynamic_pressure_error * value[:, 2],
+            ]
+        )
+        # A value without error is as good as one of a millionth: the weights stay finite.
+        return np.maximum(np.where(np.isnan(std), own, std), 1e-6 * np.abs(value))
+
+    def search(self, samples: Samples) -> Linearised:
+        """Return the solution of ``samples`` from a search of the tables."""
+        return solve_cold(self.manifold, self._search, samples)
+
+    def estimated(self, inputs: EstimatorInputs, solve: Callable[[Samples], Linearised]) -> FlightEstimates:
+        """Return the estimates of ``inputs`` whose flight state ``solve`` finds.
+
+        Samples with inconsistent navigation are solved a second time without it.
+        """
+        used = inputs.used
+        samples = Samples(
+            strain=np.where(used, inputs.strain, 0.0),
+            used=used,
+            measured=state_measurement(self.manifold, inputs.navigation),
+        )
+        at = solve(samples)
+        found = solution(self.manifold, at, used)
+        dropped = inconsistent_navigation(found.navigation_residual)
+        if dropped.any():
+            residual = found.navigation_residual
+            samples = without_navigation(samples, dropped)
+            at = solve(samples)
+            found = replace(solution(self.manifold, at, used), navigation_residual=residual)
+        return self._estimates(inputs, samples, found)
+
+    def _estimates(self, inputs: EstimatorInputs, samples: Samples, found: FlightSolution) -> FlightEstimates:
+        used, navigation = inputs.used, inputs.navigation
+        known = samples.measured.precision[:, :3] > 0.0
+        judged = flight_health(
+            self.manifold,
+            found,
+            used=used,
+            navigation=navigation,
+            navigation_used=known,
+            alarm_scale=self.settings.alarm_scale,
+        )
+        out = self._loads(found, used)
+        out.chi_square[:], out.standardised_residual[:] = found.chi_square, found.standardised_residual
+        out.degrees_of_freedom[:], out.chi_square_limit[:] = judged.degrees_of_freedom, judged.chi_square_limit
+        out.envelope_score[:], out.health[:] = judged.range_score, judged.health
+        for row, suspect in enumerate(judged.suspect.tolist()):
+            out.suspects[row] = () if suspect < 0 else (suspect,)
+        some = np.asarray(used.any(axis=1))
+        set_unknown(out, np.flatnonzero(~some))
+        is_linear = self._fall_back(out, inputs, np.asarray(~judged.fits & some))
+        return FlightEstimates(
+            **{entry.name: getattr(out, entry.name) for entry in fields(out)},
+            air_data=self._air_data(found, used),
+            state=found.state,
+            state_covariance=found.state_covariance,
+            navigation_residual=found.navigation_residual,
+            navigation_used=known,
+            is_linear=is_linear,
+        )
+
+    def _loads(self, found: FlightSolution, used: BoolArray) -> LoadEstimates:
+        """Return estimates with loads and coefficients of ``found`` at the references of the settings."""
+        out = empty_estimates(*used.shape)
+        turn = self._transfer * self.manifold.references / self._reference[:, None]
+        of_load = self._transfer @ found.load_covariance @ self._transfer.T
+        of_coefficient = turn @ found.coefficient_covariance @ turn.T
+        out.valid[:] = used
+        out.loads[:], out.load_covariance[:] = found.loads @ self._transfer.T, of_load
+        out.loads_std[:] = np.sqrt(np.diagonal(of_load, axis1=1, axis2=2))
+        out.coefficients[:] = found.coefficients @ turn.T
+        out.coefficients_std[:] = np.sqrt(np.diagonal(of_coefficient, axis1=1, axis2=2))
+        return out
+
+    def _air_data(self, found: FlightSolution, used: BoolArray) -> AirData:
+        """Return the air data; NaN where no gauge is used, since they would be those of navigation."""
+        air = air_data(found.state, found.state_covariance, self._prior_std)
+        some = np.asarray(used.any(axis=1))[:, None]
+        return AirData(
+            value=np.where(some, air.value, np.nan),
+            std=np.where(some, air.std, np.nan),
+            is_identified=air.is_identified & some,
+        )
+
+    def with_linear_loads(self, inputs: EstimatorInputs, found: FlightEstimates) -> FlightEstimates:
+        """Return ``found`` with the loads of the linear map, where it has some, and health not OK."""
+        out = replace(found, **{name: getattr(found, name).copy() for name in (*_OF_LOADS, "health")})
+        is_linear = self._fall_back(out, inputs, np.asarray(inputs.used.any(axis=1)))
+        good = is_linear & (out.health == HealthState.OK)
+        out.health[good] = HealthState.DEGRADED
+        return replace(out, is_linear=found.is_linear | is_linear)
+
+    def _fall_back(self, out: LoadEstimates, inputs: EstimatorInputs, off: BoolArray) -> BoolArray:
+        """Give the samples ``off`` the tables the loads of the linear map, where it has some; return which."""
+        q, std = inputs.navigation.value[:, 2], inputs.navigation.std[:, 2]
+        rows = np.flatnonzero(off & np.isfinite(q))
+        is_linear = np.zeros(len(off), dtype=bool)
+        if len(rows):
+            linear = self.linear.estimate(inputs.strain[rows], q[rows], inputs.used[rows], std[rows])
+            assert isinstance(linear, LoadEstimates)
+            known = np.asarray(np.isfinite(linear.coefficients).all(axis=1))
+            for name in _OF_LOADS:
+                getattr(out, name)[rows[known]] = getattr(linear, name)[known]
+            is_linear[rows[known]] = True
+        return is_linear
+
+
+def without_navigation(samples: Samples, dropped: BoolArray) -> Samples:
+    """Return ``samples`` without the ``dropped`` (k, 3) quantities of navigation."""
+    precision = samples.measured.precision.copy()
+    precision[:, :3] = np.where(dropped, 0.0, precision[:, :3])
+    return replace(samples, measured=replace(samples.measured, precision=precision))
+
+
+def _of_samples(name: str, value: ArrayLike, k: int) -> FloatArray:
+    found = np.asarray(value, dtype=float)
+    if found.shape not in ((), (k,)):
+        raise InputError(f"{name}: expected a number or {k} numbers, got shape {found.shape}")
+    return np.broadcast_to(found, (k,))

@@ -1,0 +1,77 @@
+"""Estimates of the nonlinear estimator: loads as of every estimator, with air data and the flight state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.manifold.air_data import AirData
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightEstimate(LoadEstimate):
+    """The estimate of one sample, with the flight state that it follows from.
+
+    Attributes
+    ----------
+    air_data : angles, Mach number, pressures.
+    state, state_covariance : (4,), (4, 4) flight state (M, u, w, ln p_inf).
+    navigation_residual : (3,) standardised difference of each of ``NAVIGATION`` from all else; 0 if not known.
+    navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent.
+    is_linear : whether loads and coefficients are those of the linear map, because strain does not fit the tables.
+    """
+
+    air_data: AirData
+    state: FloatArray
+    state_covariance: FloatArray
+    navigation_residual: FloatArray
+    navigation_used: BoolArray
+    is_linear: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightEstimates(LoadEstimates):
+    """The estimates of k samples; row i of every array is the :class:`FlightEstimate` of sample i."""
+
+    air_data: AirData
+    state: FloatArray
+    state_covariance: FloatArray
+    navigation_residual: FloatArray
+    navigation_used: BoolArray
+    is_linear: BoolArray
+
+    def __getitem__(self, sample: int) -> FlightEstimate:
+        """Return the estimate of one sample."""
+        of_loads = super().__getitem__(sample)
+        return FlightEstimate(
+            **{entry.name: getattr(of_loads, entry.name) for entry in fields(LoadEstimate)},
+            air_data=self.air_data.of_sample(sample),
+            state=self.state[sample],
+            state_covariance=self.state_covariance[sample],
+            navigation_residual=self.navigation_residual[sample],
+            navigation_used=self.navigation_used[sample],
+            is_linear=bool(self.is_linear[sample]),
+        )
+
+
+def joined(blocks: list[FlightEstimates]) -> FlightEstimates:
+    """Return the estimates of all ``blocks``, one after another."""
+    if len(blocks) == 1:
+        return blocks[0]
+    parts: dict[str, Any] = {}
+    for entry in fields(FlightEstimates):
+        values = [getattr(block, entry.name) for block in blocks]
+        if entry.name == "air_data":
+            parts[entry.name] = AirData(
+                **{
+                    one.name: np.concatenate([getattr(value, one.name) for value in values])
+                    for one in fields(AirData)
+                }
+            )
+        else:
+            parts[entry.name] = np.concatenate(values)
+    return FlightEstimates(**parts)

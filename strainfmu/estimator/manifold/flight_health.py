@@ -1,0 +1,107 @@
+"""Health of a flight estimate: chi-square, gauges that do not fit, and the ranges that the tables hold for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
+from strainfmu.estimator.isolation import outlier_threshold
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.navigation import NAVIGATION, Navigation
+from strainfmu.estimator.manifold.solve import FlightSolution
+
+OUTSIDE_SCORE = 3.0
+"""Standard deviations by which the flight state leaves the ranges of the map from which it is outside."""
+
+RANGE_TOLERANCE = 0.01
+"""Relative excess of a range that does not count."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightHealth:
+    """Health of k samples.
+
+    Attributes
+    ----------
+    health : (k,) numbers of :class:`~strainfmu.estimator.health.HealthState`.
+    chi_square_limit, degrees_of_freedom : (k,).
+    fits : (k,) whether strain and navigation fit the tables.
+    suspect : (k,) the gauge, by index, that does not fit the others; -1 for none.
+    range_score : (k,) standard deviations by which the flight state leaves the ranges; 0 inside.
+    """
+
+    health: IntArray
+    chi_square_limit: FloatArray
+    degrees_of_freedom: IntArray
+    fits: BoolArray
+    suspect: IntArray
+    range_score: FloatArray
+
+
+def flight_health(
+    manifold: ManifoldMap,
+    found: FlightSolution,
+    *,
+    used: BoolArray,
+    navigation: Navigation,
+    navigation_used: BoolArray,
+    alarm_scale: float,
+) -> FlightHealth:
+    """Return the health of ``found``: (k, n_d) gauges and (k, 3) quantities of navigation ``used``."""
+    k, n = used.shape
+    freedom = used.sum(axis=1) + navigation_used.sum(axis=1)
+    limits = np.array([chi_square_limit(max(one, 1)) for one in range(n + len(NAVIGATION) + 1)])
+    limit = alarm_scale * manifold.chi_square_scale * limits[freedom]
+    threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) * np.sqrt(manifold.outlier_scale * alarm_scale)
+    size = np.abs(found.standardised_residual)
+    worst = np.argmax(size, axis=1)
+    suspect = np.where(size[np.arange(k), worst] > threshold, worst, -1)
+    score = range_score(manifold, found)
+    outside = (score > OUTSIDE_SCORE) | _navigation_outside(manifold, navigation, navigation_used)
+    dropped = np.any(np.isfinite(navigation.value) & ~navigation_used, axis=1)
+    fits = np.asarray(found.chi_square <= limit)
+    health = np.select(
+        [outside, ~fits, suspect >= 0, dropped | ~used.all(axis=1)],
+        [HealthState.OUTSIDE, HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.DEGRADED],
+        HealthState.OK,
+    )
+    return FlightHealth(
+        health=health,
+        chi_square_limit=limit,
+        degrees_of_freedom=freedom,
+        fits=fits,
+        suspect=suspect,
+        range_score=score,
+    )
+
+
+def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:
+    """Return (k,) standard deviations by which the flight state leaves the ranges of the map, 0 inside."""
+    state = found.state
+    std = np.sqrt(np.diagonal(found.state_covariance, axis1=1, axis2=2))
+    incidence = np.hypot(state[:, U], state[:, W])
+    slowest, fastest = manifold.mach_range * np.array([1.0 - RANGE_TOLERANCE, 1.0 + RANGE_TOLERANCE])
+    low, high = np.log(manifold.pressure_range)
+    mach, pressure = state[:, MACH], state[:, LOG_PRESSURE]
+    excess = np.column_stack(
+        [
+            np.maximum(slowest - mach, mach - fastest) / std[:, MACH],
+            (incidence - (1.0 + RANGE_TOLERANCE) * manifold.incidence_limit) / np.max(std[:, U : W + 1], axis=1),
+            np.maximum(low - pressure, pressure - high) / std[:, LOG_PRESSURE],
+        ]
+    )
+    return np.asarray(np.maximum(excess.max(axis=1), 0.0))
+
+
+def _navigation_outside(manifold: ManifoldMap, navigation: Navigation, used: BoolArray) -> BoolArray:
+    """Return (k,) whether Mach number or p_inf of navigation, if used, leaves the ranges of the map."""
+    outside = np.zeros(len(used), dtype=bool)
+    for column, (low, high) in enumerate((manifold.mach_range, manifold.pressure_range)):
+        value, slack = navigation.value[:, column], OUTSIDE_SCORE * navigation.std[:, column]
+        beyond = (value < (1.0 - RANGE_TOLERANCE) * low - slack) | (value > (1.0 + RANGE_TOLERANCE) * high + slack)
+        outside |= beyond & used[:, column]
+    return outside

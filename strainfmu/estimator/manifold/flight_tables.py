@@ -1,0 +1,137 @@
+"""Strain and loads of a body of revolution over the flight state, as tensor-product splines.
+
+The flight state is x = (M, u, w, ln p_inf) with u = a_T cos phi_T, w = a_T sin phi_T, a_T the total incidence and
+phi_T the roll angle of the leeward meridian. The pressure of a flow is p_inf sum_m P_m(M, a_T) cos m(phi - phi_T),
+so that every linear response to it is
+
+    y = p_inf sum_m (A_m(M, a_T) cos m phi_T + B_m(M, a_T) sin m phi_T) + y_fixed.
+
+u and w go through zero incidence without a jump where the polar angle phi_T has one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.manifold.spline import basis
+
+MIN_INCIDENCE = 1e-7
+"""Rounds the cone a_T = |(u, w)| off at its tip [rad]."""
+
+N_STATES = 4
+MACH, U, W, LOG_PRESSURE = range(N_STATES)
+"""Places of M [1], u, w [rad] and ln(p_inf / Pa) in the flight state."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightTables:
+    """Tables for n_d gauges and the five loads.
+
+    Attributes
+    ----------
+    mach_knots, incidence_knots : (n_M,), (n_a,) increasing [1, rad]; total incidence from 0.
+    response : (n_M + 2, n_a + 2, n_d + 5, n_m, 2) spline coefficients of A and B, per p_inf: strains [1/Pa], then
+        loads [m2, m3].
+    fixed_response : (n_d + 5,) y_fixed, what does not follow p_inf [m/m, N, N m].
+    """
+
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    response: FloatArray
+    fixed_response: FloatArray
+
+    def __post_init__(self) -> None:
+        n = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
+        shape = self.response.shape
+        if len(shape) != 5 or shape[:2] != n or shape[4] != 2 or self.fixed_response.shape != shape[2:3]:
+            raise InputError(f"response: expected shape {n} + (gauges + 5, harmonics, 2), got {shape}")
+        if not (np.all(np.isfinite(self.response)) and np.all(np.isfinite(self.fixed_response))):
+            raise InputError("response: not all values are finite")
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return int(self.response.shape[2]) - 5
+
+    @cached_property
+    def flat(self) -> FloatArray:
+        """(knots, rest) the coefficients as a matrix."""
+        return np.ascontiguousarray(self.response.reshape(np.prod(self.response.shape[:2]), -1))
+
+
+class Response(NamedTuple):
+    """Strains then loads (k, n_d + 5), and their derivatives by the flight state (k, n_d + 5, 4)."""
+
+    value: FloatArray
+    jacobian: FloatArray
+
+
+def evaluate(tables: FlightTables, state: FloatArray) -> Response:
+    """Return the response at ``state`` (k, 4) real or complex."""
+    mach, u, w, log_pressure = state.T
+    incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
+    of_mach, of_incidence = basis(tables.mach_knots, mach), basis(tables.incidence_knots, incidence)
+    shape = tables.response.shape[2:]
+    amplitude, by_mach, by_incidence = (
+        _combined(tables, first, second).reshape(len(state), *shape)
+        for first, second in (
+            (of_mach.value, of_incidence.value),
+            (of_mach.derivative, of_incidence.value),
+            (of_mach.value, of_incidence.derivative),
+        )
+    )
+    wind = _harmonics(u, w, incidence, shape[1])
+    pressure = np.exp(log_pressure)[:, None]
+    value = pressure * _sum(amplitude, wind.value)
+    jacobian = np.stack(
+        [
+            pressure * _sum(by_mach, wind.value),
+            pressure * ((u / incidence)[:, None] * _sum(by_incidence, wind.value) + _sum(amplitude, wind.by_u)),
+            pressure * ((w / incidence)[:, None] * _sum(by_incidence, wind.value) + _sum(amplitude, wind.by_w)),
+            value,
+        ],
+        axis=2,
+    )
+    return Response(value + tables.fixed_response, jacobian)
+
+
+def _combined(tables: FlightTables, of_mach: FloatArray, of_incidence: FloatArray) -> FloatArray:
+    weight = of_mach[:, :, None] * of_incidence[:, None, :]
+    return np.asarray(weight.reshape(len(of_mach), -1) @ tables.flat)
+
+
+def _sum(amplitude: FloatArray, wind: FloatArray) -> FloatArray:
+    """Return (k, n) sums over harmonics and phases of ``amplitude`` (k, n, n_m, 2) and ``wind`` (k, n_m, 2)."""
+    k, n = amplitude.shape[:2]
+    return np.asarray((amplitude.reshape(k, n, -1) @ wind.reshape(k, -1, 1))[:, :, 0])
+
+
+class _Harmonics(NamedTuple):
+    """cos and sin of m phi_T (k, n_m, 2), and their derivatives by u and w [1/rad]."""
+
+    value: FloatArray
+    by_u: FloatArray
+    by_w: FloatArray
+
+
+def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) -> _Harmonics:
+    cosine, sine = u / incidence, w / incidence
+    cube = incidence**3
+    d_cosine = (incidence * incidence - u * u) / cube, -u * w / cube
+    d_sine = -u * w / cube, (incidence * incidence - w * w) / cube
+    one, zero = np.ones_like(u), np.zeros_like(u)
+    value, by_u, by_w = [(one, zero)], [(zero, zero)], [(zero, zero)]
+    for m in range(1, n_m):
+        c, s = value[-1]
+        for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
+            by.append((m * (c * dc - s * ds), m * (s * dc + c * ds)))
+        value.append((c * cosine - s * sine, s * cosine + c * sine))
+    return _Harmonics(
+        *(np.stack([np.stack(pair, axis=1) for pair in rows], axis=1) for rows in (value, by_u, by_w))
+    )

@@ -1,0 +1,123 @@
+"""The nonlinear part of a map: tables over the flight state, and the errors of strain and load about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.manifold.flight_tables import FlightTables
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ManifoldMap:
+    """Tables and errors for n_d gauges.
+
+    Errors are per p_inf where they scale with the pressure level. Those in proportion to strain follow
+    c = [1, loads / (p_inf S [1, 1, 1, L, L])].
+
+    Attributes
+    ----------
+    mach_knots, incidence_knots, response, fixed_response : strain and loads over the flight state, see
+        :class:`~strainfmu.estimator.manifold.flight_tables.FlightTables`.
+    gauge_covariance : (n_d, n_d) of what does not scale, as gauge noise and apparent strain [(m/m)^2].
+    error_strain, error_load : (n_d, k) [1/Pa], (5, k) [m2, m3] per standard deviation, and per p_inf, of pressure
+        off the tables and of the internal pressure.
+    gauge_gain_std, common_gain_std : errors of each gain, and of all together, relative [1].
+    gauge_error_product : (21, n_d) sum over errors of each gauge of D_a D_b, doubled for a < b [1/Pa^2].
+    common_error : (n_t, 6, n_d) errors that all gauges have in common, per p_inf and c_a [1/Pa].
+    reference_area, reference_length : S [m2], L [m].
+    mach_range, pressure_range : (2,) of M [1] and p_inf [Pa] that the map holds for.
+    incidence_limit : largest total incidence that it holds for [rad].
+    mach_number_error : standard deviation of a stated Mach number without its own [1].
+    static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
+    chi_square_scale, outlier_scale : factors on the alarm levels, from data of an independent model [1].
+    """
+
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    response: FloatArray
+    fixed_response: FloatArray
+    gauge_covariance: FloatArray
+    error_strain: FloatArray
+    error_load: FloatArray
+    gauge_gain_std: float
+    common_gain_std: float
+    gauge_error_product: FloatArray
+    common_error: FloatArray
+    reference_area: float
+    reference_length: float
+    mach_range: FloatArray
+    pressure_range: FloatArray
+    incidence_limit: float
+    mach_number_error: float
+    static_pressure_error: float
+    dynamic_pressure_error: float
+    chi_square_scale: float = 1.0
+    outlier_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        n_d, k = self.tables.n_gauges, self.error_strain.shape[1]
+        shapes = {
+            "gauge_covariance": (n_d, n_d),
+            "error_strain": (n_d, k),
+            "error_load": (5, k),
+            "gauge_error_product": (21, n_d),
+            "common_error": (len(self.common_error), 6, n_d),
+            "mach_range": (2,),
+            "pressure_range": (2,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape or not np.all(np.isfinite(value)):
+                raise InputError(f"{name}: expected finite values of shape {shape}, got {value.shape}")
+
+    @cached_property
+    def tables(self) -> FlightTables:
+        """Strain and loads over the flight state."""
+        return FlightTables(
+            mach_knots=self.mach_knots,
+            incidence_knots=self.incidence_knots,
+            response=self.response,
+            fixed_response=self.fixed_response,
+        )
+
+    @cached_property
+    def references(self) -> FloatArray:
+        """(5,) S and S L [m2, m3] per coefficient."""
+        length = self.reference_length
+        return self.reference_area * np.array([1.0, 1.0, 1.0, length, length])
+
+    @cached_property
+    def scaled_covariance(self) -> FloatArray:
+        """(n_d, n_d) of the errors that scale, per p_inf^2 [1/Pa^2]."""
+        return np.asarray(self.error_strain @ self.error_strain.T)
+
+    @cached_property
+    def load_strain_covariance(self) -> FloatArray:
+        """(5, n_d) of their loads with their strain, per p_inf^2."""
+        return np.asarray(self.error_load @ self.error_strain.T)
+
+    @cached_property
+    def load_covariance(self) -> FloatArray:
+        """(5, 5) of their loads, per p_inf^2."""
+        return np.asarray(self.error_load @ self.error_load.T)
+
+
+UNITS = {
+    "incidence_knots": "rad",
+    "response": "1/Pa, m2, m3",
+    "fixed_response": "m/m, N, N.m",
+    "gauge_covariance": "(m/m)^2",
+    "error_strain": "1/Pa",
+    "error_load": "m2, m3",
+    "gauge_error_product": "1/Pa^2",
+    "common_error": "1/Pa",
+    "reference_area": "m2",
+    "reference_length": "m",
+    "pressure_range": "Pa",
+    "incidence_limit": "rad",
+}

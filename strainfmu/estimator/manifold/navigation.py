@@ -1,0 +1,112 @@
+"""What is known of the flight state beside strain: navigation, each with a standard deviation, and weak priors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.isolation import outlier_threshold
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+
+NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
+"""Quantities of navigation, in this order."""
+
+
+FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
+"""Rates at which correct values of them are named inconsistent. M and p_inf: at a lower rate 5 sigma would pass.
+q_inf: without it coefficients are those of the estimated flight state."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Navigation:
+    """Values of navigation of k samples, NaN where not known, and their standard deviations.
+
+    Attributes
+    ----------
+    value, std : (k, 3) M [1], p_inf [Pa], q_inf [Pa].
+    """
+
+    value: FloatArray
+    std: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StateMeasurement:
+    """Linear knowledge of the flight state of k samples: navigation, then priors.
+
+    Pressures count as logarithms, in which q_inf = gamma / 2 M^2 p_inf is linear but for ln M.
+
+    Attributes
+    ----------
+    value : (k, 7) M, ln p_inf, ln q_inf; then the priors' M, u, w, ln p_inf.
+    precision : (k, 7) 1 / variance; 0 where not known.
+    """
+
+    value: FloatArray
+    precision: FloatArray
+
+
+def state_measurement(manifold: ManifoldMap, navigation: Navigation) -> StateMeasurement:
+    """Return what ``navigation`` and the ranges of ``manifold`` say of the flight state."""
+    value, std = navigation.value, navigation.std
+    relative = std / np.where(value > 0.0, value, 1.0)
+    known = np.isfinite(value) & (value > 0.0) & np.isfinite(std) & (std > 0.0)
+    number = np.where(known, value, 1.0)
+    rows = np.column_stack([number[:, 0], np.log(number[:, 1]), np.log(number[:, 2])])
+    scale = np.column_stack([std[:, 0], relative[:, 1], relative[:, 2]])
+    precision = np.where(known, 1.0 / np.where(known, scale, 1.0) ** 2, 0.0)
+    mean, weight = prior(manifold)
+    k = len(value)
+    return StateMeasurement(
+        value=np.hstack([rows, np.broadcast_to(mean, (k, N_STATES))]),
+        precision=np.hstack([precision, np.broadcast_to(weight, (k, N_STATES))]),
+    )
+
+
+def prior(manifold: ManifoldMap) -> tuple[FloatArray, FloatArray]:
+    """Return mean (4,) and precision (4,) of the flight state where nothing is known: the ranges of the map.
+
+    The standard deviation is half the range of M and of ln p_inf, and the largest incidence of u and w.
+    """
+    low, high = np.log(manifold.pressure_range)
+    middle, half = manifold.mach_range.mean(), max(0.5 * np.ptp(manifold.mach_range), 0.1)
+    mean, std = np.empty(N_STATES), np.empty(N_STATES)
+    mean[MACH], std[MACH] = middle, half
+    mean[U] = mean[W] = 0.0
+    std[U] = std[W] = manifold.incidence_limit
+    mean[LOG_PRESSURE], std[LOG_PRESSURE] = 0.5 * (low + high), 0.5 * (high - low)
+    return mean, 1.0 / std**2
+
+
+def predicted(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (k, 7) what the measurement would read at ``state`` (k, 4), and its derivative (k, 7, 4)."""
+    mach, log_pressure = state[:, MACH], state[:, LOG_PRESSURE]
+    log_mach = np.log(np.maximum(mach, 0.1))
+    value = np.column_stack(
+        [mach, log_pressure, log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * log_mach + log_pressure, state]
+    )
+    jacobian = np.zeros((len(state), 7, N_STATES))
+    jacobian[:, 0, MACH] = jacobian[:, 1, LOG_PRESSURE] = jacobian[:, 2, LOG_PRESSURE] = 1.0
+    jacobian[:, 2, MACH] = 2.0 / np.maximum(mach, 0.1)
+    jacobian[:, 3:] = np.eye(N_STATES)
+    return value, jacobian
+
+
+_LIMITS = np.array([outlier_threshold(1, rate) for rate in FALSE_ALARMS])
+
+
+def inconsistent_navigation(residual: FloatArray) -> BoolArray:
+    """Return (k, 3) the quantity of navigation that fits strain and the others worst, where it does not fit.
+
+    ``residual`` (k, 3) are standardised leave-one-out residuals.
+    """
+    excess = np.abs(residual) / _LIMITS
+    worst, rows = np.argmax(excess, axis=1), np.arange(len(residual))
+    out = np.zeros(residual.shape, dtype=bool)
+    out[rows, worst] = excess[rows, worst] > 1.0
+    return out

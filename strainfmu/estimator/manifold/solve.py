@@ -1,0 +1,141 @@
+"""Loads, coefficients and air data of k samples from strain and navigation, by the flight state.
+
+f = L(x) + K r with r = d - y(x) and K = Gamma_Ld S^-1: loads of the tables, and what the residual says of pressure
+off them. With E_x the covariance of the state, cov f = (J_L - K J) E_x (J_L - K J)' + Gamma_LL - K Gamma_dL.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH
+from strainfmu.estimator.manifold.gauss_newton import (
+    Linearised,
+    Samples,
+    linearise,
+    stepped,
+    strain_factor,
+)
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.starts import MACHS, SearchTable, starts
+
+COLD_ITERATIONS, WARM_ITERATIONS = 8, 2
+"""Iterations from the states of the search, and from the last step's state."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightSolution:
+    """Estimates of k samples.
+
+    Attributes
+    ----------
+    state : (k, 4) flight state, and its covariance (k, 4, 4).
+    loads, coefficients : (k, 5) [N, N m], [1]; covariances (k, 5, 5).
+    chi_square : (k,) sum of squares of strain and navigation.
+    standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
+    navigation_residual : (k, 3) the same of M, p_inf and q_inf; 0 where not known.
+    """
+
+    state: FloatArray
+    state_covariance: FloatArray
+    loads: FloatArray
+    load_covariance: FloatArray
+    coefficients: FloatArray
+    coefficient_covariance: FloatArray
+    chi_square: FloatArray
+    standardised_residual: FloatArray
+    navigation_residual: FloatArray
+
+
+def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> Linearised:
+    """Return the best solution from the states of the search; S is renewed in every iteration."""
+    k = len(samples.strain)
+    state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
+    each = samples.rows(np.tile(np.arange(k), MACHS))
+    for _ in range(COLD_ITERATIONS):
+        factor = strain_factor(manifold, state, each.used)
+        state = stepped(manifold, linearise(manifold, state, factor, each))
+    factor = strain_factor(manifold, state, each.used)
+    at = linearise(manifold, state, factor, each)
+    cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    best = np.argmin(cost.reshape(MACHS, k), axis=0) * k + np.arange(k)
+    return linearise(manifold, state[best], factor[best], samples)
+
+
+def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
+    """Return the solution from ``state`` (k, 4) after a fixed number of iterations, with S of that state."""
+    factor = strain_factor(manifold, state, samples.used)
+    for _ in range(WARM_ITERATIONS):
+        state = stepped(manifold, linearise(manifold, state, factor, samples))
+    return linearise(manifold, state, factor, samples)
+
+
+def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSolution:
+    """Return the estimates at the solved state ``at``."""
+    pressure = np.exp(at.state[:, LOG_PRESSURE])
+    square = (pressure * pressure)[:, None, None]
+    covariance = np.asarray(np.linalg.inv(at.hessian), dtype=np.float64)
+    cross = np.where(used[:, None, :], square * manifold.load_strain_covariance, 0.0)
+    turned = np.swapaxes(np.linalg.solve(at.factor, np.swapaxes(cross, 1, 2)), 1, 2)
+    loads = at.loads + (turned @ at.whitened[:, :, None])[:, :, 0]
+    by_state = at.load_jacobian - turned @ at.whitened_jacobian
+    remaining = square * manifold.load_covariance - turned @ np.swapaxes(turned, 1, 2)
+    mach = at.state[:, MACH]
+    dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * pressure
+    scale = 1.0 / (dynamic[:, None] * manifold.references)
+    coefficients = scale * loads
+    of_pressure = np.zeros((len(mach), 4))
+    of_pressure[:, MACH], of_pressure[:, LOG_PRESSURE] = 2.0 / mach, 1.0
+    # The error of ln q_inf is normal, that of q_inf is not: three of these deviations cover what the other does.
+    of_log = np.sqrt(np.einsum("kx,kxy,ky->k", of_pressure, covariance, of_pressure))
+    wider = (lognormal_std(of_log) / of_log)[:, None, None] ** 2
+    coefficients_by_state = scale[:, :, None] * by_state - coefficients[:, :, None] * of_pressure[:, None, :]
+    return FlightSolution(
+        state=at.state,
+        state_covariance=covariance,
+        loads=loads,
+        load_covariance=_spread(by_state, covariance) + remaining,
+        coefficients=coefficients,
+        coefficient_covariance=wider
+        * (_spread(coefficients_by_state, covariance) + scale[:, :, None] * remaining * scale[:, None, :]),
+        chi_square=at.cost,
+        standardised_residual=_gauge_residuals(at, covariance, used),
+        navigation_residual=_navigation_residuals(at, covariance),
+    )
+
+
+def lognormal_std(of_log: FloatArray) -> FloatArray:
+    """Return the relative deviation of a lognormal value three times which reach as far as three ``of_log``."""
+    return np.asarray(np.expm1(3.0 * of_log) / 3.0)
+
+
+def _spread(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+    return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
+
+
+def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:
+    """Return (k, n_d) (P r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1."""
+    inverse = np.linalg.inv(at.factor)
+    back = np.swapaxes(inverse, 1, 2)
+    of_state = back @ at.whitened_jacobian
+    # At the solution J' S^-1 r is what the measurement holds against it, so that P r = S^-1 r but for that.
+    weighted = (back @ at.whitened[:, :, None])[:, :, 0]
+    pull = np.einsum("knx,kn->kx", at.whitened_jacobian, at.whitened)
+    product = weighted - np.einsum("knx,kxy,ky->kn", of_state, covariance, pull)
+    diagonal = np.einsum("kmn,kmn->kn", inverse, inverse)
+    diagonal = diagonal - np.einsum("knx,kxy,kny->kn", of_state, covariance, of_state)
+    checked = used & (diagonal > 0.0)
+    return np.where(checked, product / np.sqrt(np.where(checked, diagonal, 1.0)), 0.0)
+
+
+def _navigation_residuals(at: Linearised, covariance: FloatArray) -> FloatArray:
+    """Return (k, 3) each innovation over its standard deviation, the state estimated without it."""
+    jacobian, precision = at.measurement_jacobian[:, :3], at.precision[:, :3]
+    reached = np.einsum("kix,kxy,kiy->ki", jacobian, covariance, jacobian)
+    variance = np.where(precision > 0.0, 1.0 / np.where(precision > 0.0, precision, 1.0) - reached, 0.0)
+    known = variance > 0.0
+    return np.where(known, at.innovation[:, :3] / np.sqrt(np.where(known, variance, 1.0)), 0.0)

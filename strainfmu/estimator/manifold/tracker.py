@@ -1,0 +1,99 @@
+"""The nonlinear estimator step by step: each step starts from the state of the last one, at a fixed cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.solve import solve_warm
+
+SEARCH_EVERY = 10
+"""Steps from one search of the tables to the next while strain does not fit them."""
+
+RETURN_AFTER = 5
+"""Steps in a row that must fit the tables before their loads follow those of the linear map again."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """What a step leaves to the next one.
+
+    Attributes
+    ----------
+    state : (4,) flight state, None before the first step and after a loss of lock.
+    since_search : steps since the last search of the tables.
+    to_return : steps that still must fit before the tables' loads are used; 0 while they are.
+    """
+
+    state: FloatArray | None = None
+    since_search: int = 0
+    to_return: int = 0
+
+
+class FlightTracker:
+    """A :class:`ManifoldEstimator` fed with one sample after another."""
+
+    def __init__(self, estimator: ManifoldEstimator, track: Track | None = None) -> None:
+        """Begin with ``track``; None searches the tables in the first step."""
+        self.estimator = estimator
+        self.track = track or Track()
+
+    def step(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: float = np.nan,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: float = np.nan,
+        *,
+        mach_number: float = np.nan,
+        mach_number_std: float = np.nan,
+        altitude: float = np.nan,
+        static_pressure: float = np.nan,
+        static_pressure_std: float = np.nan,
+    ) -> FlightEstimate:
+        """Estimate the loads of one sample; arguments and errors as :meth:`ManifoldEstimator.estimate`."""
+        inputs = self.estimator.checked_inputs(
+            strain,
+            valid,
+            {
+                "mach_number": mach_number,
+                "static_pressure": static_pressure,
+                "dynamic_pressure": dynamic_pressure,
+                "mach_number_std": mach_number_std,
+                "static_pressure_std": static_pressure_std,
+                "dynamic_pressure_std": dynamic_pressure_std,
+                "altitude": altitude,
+            },
+        )
+        found, self.track = tracked(self.estimator, inputs, self.track)
+        return found
+
+
+def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track) -> tuple[FlightEstimate, Track]:
+    """Return the estimate of the one sample in ``inputs``, and what it leaves to the next step.
+
+    A step without gauges keeps the state. While strain does not fit the tables, they are searched every
+    :data:`SEARCH_EVERY` steps.
+    """
+    state = track.state
+    search = state is None or track.since_search >= SEARCH_EVERY
+    if search or state is None:
+        found = estimator.estimated(inputs, estimator.search)
+    else:
+        last = state[None]
+        found = estimator.estimated(inputs, lambda samples: solve_warm(estimator.manifold, last, samples))
+    one = found[0]
+    if one.health in (HealthState.INVALID, HealthState.UNIDENTIFIED):
+        return one, track
+    fits = bool(one.chi_square <= one.chi_square_limit)
+    to_return = max(track.to_return - 1, 0) if fits else RETURN_AFTER
+    if fits and to_return > 0:
+        one = estimator.with_linear_loads(inputs, found)[0]
+    since = 0 if search or fits else track.since_search + 1
+    return one, replace(track, state=one.state, since_search=since, to_return=to_return)

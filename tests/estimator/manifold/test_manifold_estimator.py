@@ -1,0 +1,151 @@
+"""The nonlinear estimator as it is used: inputs, health, fall back to the linear map, air data, one by one."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_maps import ROWS, STATIONS, exact_response, flight_map
+from scaled_maps import scaled_map
+
+import strainfmu
+from strainfmu.errors import InputError
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
+from strainfmu.flight_condition import FlightCondition
+
+pytestmark = pytest.mark.fast
+N_D = STATIONS * ROWS
+CONDITION = FlightCondition(6.2, np.radians(5.0), np.radians(-3.0), 20e3)
+
+
+def whole_map() -> InverseMap:
+    return replace(scaled_map(2, 1, N_D), manifold=flight_map(discrepancy=1e-3))
+
+
+def strain_at(condition: FlightCondition, seed: int = 1) -> np.ndarray:
+    incidence, phi = condition.total_incidence, condition.leeward_roll_angle
+    u, w = incidence * np.cos(phi), incidence * np.sin(phi)
+    exact = exact_response(condition.mach_number, u, w, condition.ambient_pressure)
+    return exact[:N_D] + 2e-7 * np.random.default_rng(seed).standard_normal(N_D)
+
+
+def navigation(condition: FlightCondition) -> dict[str, float]:
+    return {
+        "dynamic_pressure": condition.dynamic_pressure,
+        "mach_number": condition.mach_number,
+        "altitude": condition.altitude,
+    }
+
+
+def test_air_data_are_those_of_the_condition() -> None:
+    found = ManifoldEstimator(whole_map()).estimate(strain_at(CONDITION), **navigation(CONDITION))
+    true = dict(
+        zip(
+            AIR_DATA_NAMES,
+            (
+                CONDITION.angle_of_attack,
+                CONDITION.sideslip_angle,
+                CONDITION.total_incidence,
+                CONDITION.leeward_roll_angle,
+                CONDITION.mach_number,
+                CONDITION.ambient_pressure,
+                CONDITION.dynamic_pressure,
+            ),
+            strict=True,
+        )
+    )
+    air = found[0].air_data
+    for i, name in enumerate(AIR_DATA_NAMES):
+        assert abs(air.value[i] - true[name]) < 3.5 * air.std[i], name
+    assert found[0].health is HealthState.OK
+    assert np.all(air.is_identified)
+
+
+def test_loading_a_map_with_tables_gives_the_nonlinear_estimator(tmp_path: Path) -> None:
+    save_inverse_map(whole_map(), tmp_path / "map.h5")
+    loaded = load_inverse_map(tmp_path / "map.h5")
+    assert loaded.manifold is not None
+    assert np.array_equal(loaded.manifold.response, flight_map().response)
+    estimator = strainfmu.load(tmp_path / "map.h5")
+    assert isinstance(estimator, ManifoldEstimator)
+    save_inverse_map(replace(whole_map(), manifold=None), tmp_path / "linear.h5")
+    assert not isinstance(strainfmu.load(tmp_path / "linear.h5"), ManifoldEstimator)
+
+
+def test_strain_off_the_tables_gets_the_loads_of_the_linear_map() -> None:
+    estimator = ManifoldEstimator(whole_map())
+    strain = strain_at(CONDITION) + 2e-5 * np.cos(np.arange(N_D))
+    found = estimator.estimate(strain, **navigation(CONDITION))
+    linear = estimator.linear.estimate(strain, CONDITION.dynamic_pressure)
+    assert found.is_linear[0]
+    assert found.health[0] in (HealthState.INCONSISTENT, HealthState.OUTSIDE)
+    assert np.array_equal(found.loads[0], linear.loads)
+    blind = estimator.estimate(strain)
+    assert not blind.is_linear[0]  # the linear map knows nothing without q_inf
+    assert blind.health[0] in (HealthState.INCONSISTENT, HealthState.OUTSIDE)
+
+
+def test_without_gauges_nothing_is_known() -> None:
+    found = ManifoldEstimator(whole_map()).estimate(np.full(N_D, np.nan), **navigation(CONDITION))[0]
+    assert found.health is HealthState.INVALID
+    assert np.all(np.isnan(found.loads)) and np.all(np.isnan(found.air_data.value))
+
+
+def test_a_flight_beyond_the_tables_is_outside() -> None:
+    beyond = replace(CONDITION, angle_of_attack=np.radians(12.5))
+    found = ManifoldEstimator(whole_map()).estimate(strain_at(beyond), **navigation(beyond))
+    assert found.health[0] == HealthState.OUTSIDE
+    fast = replace(CONDITION, mach_number=8.4)
+    assert (
+        ManifoldEstimator(whole_map()).estimate(strain_at(fast), **navigation(fast)).health[0]
+        == HealthState.OUTSIDE
+    )
+
+
+def test_a_lost_gauge_degrades_and_a_wrong_one_is_suspect() -> None:
+    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    valid = np.ones(N_D, dtype=bool)
+    valid[4] = False
+    assert estimator.estimate(strain, valid=valid, **navigation(CONDITION)).health[0] == HealthState.DEGRADED
+    wrong = strain.copy()
+    wrong[7] += 2.2e-6
+    found = estimator.estimate(wrong, **navigation(CONDITION))[0]
+    assert found.suspects == (7,)
+    assert found.health in (HealthState.SUSPECT, HealthState.INCONSISTENT)
+
+
+def test_bad_arguments_are_named() -> None:
+    estimator = ManifoldEstimator(whole_map())
+    with pytest.raises(InputError, match=rf"strain: expected \(k, {N_D}\) values, got \(3,\)"):
+        estimator.estimate(np.zeros(3))
+    with pytest.raises(InputError, match="mach_number: expected a number or 1 numbers"):
+        estimator.estimate(np.zeros(N_D), mach_number=[1.0, 2.0])
+    with pytest.raises(InputError, match="estimator 'linear' found, expected 'manifold'"):
+        ManifoldEstimator(replace(whole_map(), manifold=None))
+
+
+def test_steps_follow_the_search_and_keep_lock() -> None:
+    estimator = ManifoldEstimator(whole_map())
+    tracker = FlightTracker(estimator)
+    for step in range(40):
+        condition = replace(CONDITION, angle_of_attack=np.radians(5.0 * np.sin(0.1 * step)))
+        strain = strain_at(condition, step)
+        found = tracker.step(strain, **navigation(condition))
+        alone = estimator.estimate(strain, **navigation(condition))[0]
+        assert np.all(np.abs(found.loads - alone.loads) < 0.2 * alone.loads_std)
+
+
+def test_after_strain_off_the_tables_the_loads_come_back_late() -> None:
+    estimator = ManifoldEstimator(whole_map())
+    tracker = FlightTracker(estimator)
+    off = 2e-5 * np.cos(np.arange(N_D))
+    tracker.step(strain_at(CONDITION), **navigation(CONDITION))
+    assert tracker.step(strain_at(CONDITION) + off, **navigation(CONDITION)).is_linear
+    late = [tracker.step(strain_at(CONDITION, i), **navigation(CONDITION)) for i in range(RETURN_AFTER + 3)]
+    assert all(one.is_linear and one.health is not HealthState.OK for one in late[: RETURN_AFTER - 1])
+    assert not late[-1].is_linear
+    assert late[-1].health is HealthState.OK

@@ -1,0 +1,127 @@
+"""Tables of the nonlinear estimator from real flows: accuracy between the snapshots, discrepancy, refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from builder.aero.loads import load_operator
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map, snapshot_coefficients
+from builder.manifold.build import with_manifold
+from builder.manifold.discrepancy import gaussian_process_shapes
+from builder.manifold.flow_amplitudes import flow_amplitudes
+from builder.manifold.tables import spline_rows
+from builder.structure.fourier.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+
+
+def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:
+    return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": "manifold", **entry})})
+
+
+@pytest.fixture(scope="module")
+def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
+    exact = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
+    entry = with_entry(exact, discrepancy_percent=0.5, discrepancy_of_prior_percent=1.0)
+    return with_manifold(build_inverse_map(entry, snapshots, structure), entry, snapshots, structure)
+
+
+def test_flights_between_the_snapshots_are_found(
+    vehicle: Vehicle, structure: StructuralModel, held_out: Snapshots, inverse_map: InverseMap
+) -> None:
+    conditions = held_out.conditions()
+    net = held_out.pressure - held_out.internal_pressure[:, None]
+    strain = net @ structure.strain_operator(vehicle.gauges.layout).T
+    random = np.random.default_rng(1)
+    strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
+    q = np.array([condition.dynamic_pressure for condition in conditions])
+    mach = np.array([condition.mach_number for condition in conditions])
+    estimator = ManifoldEstimator(inverse_map)
+    found = estimator.estimate(
+        strain,
+        q,
+        dynamic_pressure_std=0.0,
+        mach_number=mach + 0.05 * random.standard_normal(len(q)),
+        altitude=20e3,
+    )
+    loads = load_operator(structure.surface, vehicle.reference_quantities().moment_station)
+    true = snapshot_coefficients(vehicle, held_out, loads)
+    error = found.coefficients - true
+    linear = estimator.linear.estimate(strain, q, None, 0.0)
+    rms, of_linear = (np.sqrt(np.mean(one**2, axis=0)) for one in (error, linear.coefficients - true))
+    assert np.all(rms < 0.5 * of_linear)
+    assert np.mean(np.abs(error) <= 3.0 * found.coefficients_std) > 0.98
+    angle = np.array([condition.angle_of_attack for condition in conditions])
+    assert np.quantile(np.abs(found.air_data.value[:, 0] - angle), 0.95) < np.radians(0.2)
+    assert 0.7 < np.mean(found.chi_square / found.degrees_of_freedom) < 1.2
+
+
+def test_hardware_errors_and_discrepancy_widen_sigma(
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap
+) -> None:
+    entry = with_entry(vehicle)
+    wide = with_manifold(inverse_map, entry, snapshots, structure)
+    strain = inverse_map.mean_strain
+    q = inverse_map.nominal_dynamic_pressure
+    narrow, other = (ManifoldEstimator(one).estimate(strain, q, mach_number=6.0) for one in (inverse_map, wide))
+    assert np.all(other.coefficients_std > 2.0 * narrow.coefficients_std)
+
+
+def test_shapes_have_the_correlation_of_the_process(structure: StructuralModel) -> None:
+    grid = structure.surface
+    along, around = gaussian_process_shapes(grid, float(grid.x[-1]), 0.2, 0.7)
+    exact = np.exp(-0.5 * ((grid.x[:, None] - grid.x) / (0.2 * grid.x[-1])) ** 2)
+    assert np.max(np.abs(along @ along.T - exact)) < 0.02
+    assert np.max(np.abs(np.diag(around @ around.T) - 1.0)) < 0.02
+
+
+@pytest.mark.fast
+def test_knots_of_the_incidence_keep_their_distance() -> None:
+    incidence = np.radians([2.0, 4.0, 5.0, 5.38, 6.0, 8.0, 8.1])
+    assert np.degrees(incidence[spline_rows(incidence, np.radians(0.9))]).round(2).tolist() == [
+        2.0,
+        4.0,
+        5.0,
+        6.0,
+        8.1,
+    ]
+
+
+def test_flows_that_do_not_suffice_are_named(
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap
+) -> None:
+    mach = np.array([condition.mach_number for condition in snapshots.conditions()])
+    one = mach == 5.0
+    few = rows_of(snapshots, one)
+    with pytest.raises(InputError, match="needs 2 Mach numbers and 4 total incidences above 0 at least, got 1"):
+        with_manifold(inverse_map, with_entry(vehicle), few, structure)
+    torn = rows_of(snapshots, np.arange(len(mach)) != int(np.flatnonzero(one)[-1]))
+    with pytest.raises(InputError, match="no flow at Mach number 5 and total incidence"):
+        with_manifold(inverse_map, with_entry(vehicle), torn, structure)
+
+
+def rows_of(snapshots: Snapshots, chosen: np.ndarray) -> Snapshots:
+    names = ("condition", "pressure", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
+    changed = {name: getattr(snapshots, name)[chosen] for name in names}
+    if snapshots.mass_error is not None:
+        changed["mass_error"] = snapshots.mass_error[chosen]
+    changed["solved"] = np.ones_like(changed["solved"])
+    changed["flow"] = np.arange(len(changed["flow"]))
+    return replace(snapshots, **changed)
+
+
+def test_amplitudes_give_the_snapshots_back(snapshots: Snapshots) -> None:
+    flows = flow_amplitudes(snapshots)
+    condition = snapshots.conditions()[37]
+    i = int(np.argmin(np.abs(flows.mach - condition.mach_number)))
+    j = int(np.argmin(np.abs(flows.incidence - condition.total_incidence)))
+    grid = snapshots.grid
+    assert grid is not None
+    m = np.arange(flows.amplitude.shape[-1])
+    wave = np.cos(np.outer(m, grid.roll_angle - condition.leeward_roll_angle))
+    found = condition.ambient_pressure * (flows.amplitude[i, j] @ wave).ravel()
+    assert np.max(np.abs(found - snapshots.pressure[37])) < 0.02 * np.max(snapshots.pressure[37])

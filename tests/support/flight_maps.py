@@ -1,0 +1,84 @@
+"""A small vehicle with a flow in closed form: tables over the flight state whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.manifold.tables import spline_coefficients
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+
+STATIONS, ROWS = 4, 12
+NOISE_STD = 2e-7
+MACH = np.array([5.0, 5.5, 6.0, 6.5, 7.0])
+INCIDENCE = np.radians([2.0, 4.0, 6.0, 8.0, 10.0])
+AREA, LENGTH = 0.12, 0.4
+
+
+def amplitudes(mach: float, incidence: float) -> FloatArray:
+    """Return (3,) of cos m(phi - phi_T) in a response per p_inf: smooth in M and even or odd in the incidence."""
+    dynamic = 0.7 * mach**2
+    return np.array(
+        [
+            dynamic * (0.02 + 0.3 * incidence**2) - 0.1,
+            dynamic * np.sin(incidence) * (1.0 + 0.3 / mach),
+            dynamic * incidence**2 * (1.0 - 0.05 * mach),
+        ]
+    )
+
+
+def gauge_roll_angles() -> FloatArray:
+    """Return (n_d,) roll angles [rad]: ROWS even ones at each station."""
+    return np.tile(2.0 * np.pi * np.arange(ROWS) / ROWS, STATIONS)
+
+
+def channel_factors() -> FloatArray:
+    """Return (n_d + 5, 3, 2) factors of cos m phi_T and sin m phi_T per harmonic; strains, then loads."""
+    phi, station = gauge_roll_angles(), np.repeat(np.arange(STATIONS), ROWS)
+    m = np.arange(3)
+    size = 1e-10 * np.array([2.0, 3.0, 1.5]) * (1.0 + np.outer(station, [0.1, 0.4, -0.15]))
+    gauges = np.stack([size * np.cos(np.outer(phi, m)), size * np.sin(np.outer(phi, m))], axis=-1)
+    loads = np.zeros((5, 3, 2))
+    loads[0, 0, 0], loads[1, 1, 0], loads[2, 1, 1] = AREA, 2.0 * AREA, 2.0 * AREA
+    loads[3, 1, 0], loads[4, 1, 1] = -3.0 * AREA * LENGTH, -3.0 * AREA * LENGTH
+    return np.concatenate([gauges, loads])
+
+
+def exact_response(mach: float, u: float, w: float, pressure: float) -> FloatArray:
+    """Return (n_d + 5,) strains [m/m] and loads [N, N m] of the vehicle itself."""
+    incidence, phi = np.hypot(u, w), np.arctan2(w, u)
+    m = np.arange(3)
+    wind = np.stack([np.cos(m * phi), np.sin(m * phi)], axis=-1)
+    return pressure * np.einsum("nms,m,ms->n", channel_factors(), amplitudes(mach, incidence), wind)
+
+
+def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
+    """Return its tables; ``discrepancy`` is a roll-symmetric error of strain and load per p_inf."""
+    values = np.array([[amplitudes(m, a) for a in INCIDENCE] for m in MACH])
+    factors = channel_factors()
+    table = values[:, :, None, :, None] * factors
+    zero = np.array([amplitudes(m, 0.0) for m in MACH])[:, None, :, None] * factors
+    knots, response = spline_coefficients(MACH, INCIDENCE, table, np.arange(len(INCIDENCE)), zero)
+    n_d = len(factors) - 5
+    columns = discrepancy * np.concatenate([factors[:, m, s : s + 1] for m in range(3) for s in (0, 1)], axis=1)
+    return ManifoldMap(
+        mach_knots=MACH,
+        incidence_knots=knots,
+        response=response,
+        fixed_response=np.zeros(n_d + 5),
+        gauge_covariance=NOISE_STD**2 * np.eye(n_d),
+        error_strain=columns[:n_d],
+        error_load=columns[n_d:],
+        gauge_gain_std=0.01 if hardware else 0.0,
+        common_gain_std=0.01 if hardware else 0.0,
+        gauge_error_product=np.zeros((21, n_d)),
+        common_error=np.zeros((0, 6, n_d)),
+        reference_area=AREA,
+        reference_length=LENGTH,
+        mach_range=MACH[[0, -1]],
+        pressure_range=np.array([300.0, 1e5]),
+        incidence_limit=float(INCIDENCE[-1]),
+        mach_number_error=0.05,
+        static_pressure_error=0.02,
+        dynamic_pressure_error=0.01,
+    )
