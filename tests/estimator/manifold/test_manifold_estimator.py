@@ -92,7 +92,8 @@ def test_strain_off_the_tables_gets_the_loads_of_the_linear_map() -> None:
 def test_without_gauges_nothing_is_known() -> None:
     found = ManifoldEstimator(whole_map()).estimate(np.full(N_D, np.nan), **navigation(CONDITION))[0]
     assert found.health is HealthState.INVALID
-    assert np.all(np.isnan(found.loads)) and np.all(np.isnan(found.air_data.value))
+    assert np.all(np.isnan(found.loads))
+    assert np.all(np.isnan(found.air_data.value))
 
 
 def test_a_flight_beyond_the_tables_is_outside() -> None:
