@@ -38,8 +38,8 @@ STATES = ("good", "suspect", "lost_frame", "bus_off", "gone")
 _COMMAND = (sys.executable, "-c", "from strainfmu.cli.main import main; main()")
 _ADDRESSES = re.compile(r"(http://\S+/): .*datagrams at (\S+);")
 _BUS_OFF = 0x40
-_FREQUENT, _OTHERS = 48, 80
-"""Colours of a picture's palette: the most frequent ones, and such as stand for all others."""
+_FREQUENT, _OTHERS = 24, 72
+"""Colours of a picture's palette: the most frequent ones, and those that stand for all others."""
 _BIAS = 1e-5
 """Error of the suspect gauge [m/m]."""
 
@@ -226,9 +226,12 @@ def _save_with_palette(path: Path) -> None:
     pixels = np.asarray(image).astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
     colours, index, counts = np.unique(pixels, return_inverse=True, return_counts=True)
     parts = np.stack((colours >> 16, colours >> 8 & 255, colours & 255), axis=-1)
-    frequent = parts[np.argsort(-counts)[:_FREQUENT]]
-    others = np.array(image.quantize(_OTHERS).getpalette()).reshape(-1, 3)
-    palette = np.concatenate((frequent, others))
+    chosen = np.argsort(-counts)[:_FREQUENT].tolist()
+    distance = np.min([((parts - parts[one]) ** 2).sum(axis=1) for one in chosen], axis=0)
+    for _ in range(_OTHERS):  # whichever is farthest from all so far, so that no hue is lost
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, ((parts - parts[chosen[-1]]) ** 2).sum(axis=1))
+    palette = parts[chosen]
     nearest = np.array([np.argmin(((palette - part) ** 2).sum(axis=1)) for part in parts], dtype=np.uint8)
     written = Image.fromarray(nearest[index].reshape(pixels.shape), mode="P")
     written.putpalette(palette.astype(np.uint8).ravel().tolist())
