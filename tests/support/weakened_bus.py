@@ -242,7 +242,9 @@ class AcceptsZero(GaugeChecks):
 class IgnoresWatch(FreezeWatch):
     """Finds no gauges that are frozen together."""
 
-    def update(self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray) -> None:
+    def update(
+        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray | None = None
+    ) -> None:
         return None
 
 
@@ -254,8 +256,8 @@ class RepeatsTogether(GaugeChecks):
 class IgnoresScatter(FreezeWatch):
     """Finds gauges that repeat their readings, not those that scatter too little."""
 
-    def _watch_scatter(self, difference: FloatArray, run: IntArray) -> None:
-        super()._watch_scatter(difference, run)
+    def _watch_scatter(self, difference: FloatArray, run: IntArray, is_whole: bool) -> None:
+        super()._watch_scatter(difference, run, is_whole)
         self._any_too_little = False
 
 

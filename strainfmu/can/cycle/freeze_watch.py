@@ -31,6 +31,9 @@ SHORTEST_RUN = 3
 LOW_VARIANCE = 0.2
 """Variance of a frozen frame's scatter that the test is made for, as part of the usual one."""
 
+_LOG_RATIO, _SLOPE = -log(LOW_VARIANCE), 1.0 / LOW_VARIANCE - 1.0
+"""The log-likelihood ratio of a variance x, in usual ones, is half of the first less x times the second."""
+
 _BLOCK = 4
 """Cycles whose second differences are judged together."""
 
@@ -73,13 +76,18 @@ class FreezeWatch:
         self._weight = 1.0 / (6.0 * self._variance * noise.step**2)
         self._difference = np.full(n, np.nan)
         self._squares, self._counts = np.zeros(n), np.zeros(n)
-        self._has_moved = np.zeros(n, dtype=bool)
-        self._blocked = 0
+        self._largest = _LARGEST_SQUARE / self._weight
+        self._has_moved, self._all_moved = np.zeros(n, dtype=bool), False
+        # Cycles of this block, those of them with all gauges, and whether all had a difference before.
+        self._blocked, self._whole, self._is_complete = 0, 0, False
+        self._everywhere = np.ones(n, dtype=bool)
+        self._is_ordered = bool((np.diff(self._order) == 1).all())
         groups = self._by_group(np.ones(n))
+        self._group_size = groups
         self._steps_squared = self._by_group(self._variance) / groups
         quiet = self._table.variance_of(np.minimum(noise.ratio, _QUIET)) / self._variance
         self._level = self._by_group(quiet) / groups
-        self._evidence = np.zeros(len(self._level))
+        self._evidence, self._has_evidence = np.zeros(len(self._level)), False
         self._memory = np.full(len(self._level), float(_FIRST_MEMORY))
         self._scatters_too_little = np.zeros(n, dtype=bool)
         self._any_too_little = False
@@ -87,28 +95,26 @@ class FreezeWatch:
         self._learn()
 
     def update(
-        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray
+        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray | None = None
     ) -> BoolArray | None:
         """Return (n_d,) which gauges are frozen, None if none is.
 
         Parameters
         ----------
         strain : (n_d,) [m/m].
-        difference : (n_d,) change since the last cycle [m/m], NaN where there is none.
+        difference : (n_d,) change since the last cycle [m/m], NaN where there is none; not to be written to.
         run : (n_d,) number of repetitions of the reading.
-        present : (n_d,) gauges of this cycle.
+        present : (n_d,) gauges of this cycle; None for all, each with a difference.
         """
-        self._watch_scatter(difference, run)
-        log_probability = self._log_repeated[self._gauge, np.minimum(run, LONGEST_RUN)]
-        repeating = None
-        if (log_probability * present).sum() < self._limit:  # else no choice of gauges can be below it
-            at_zero = np.abs(strain) < 0.5 * self._noise.step
-            of_zero = self._log_repeated_zero[self._gauge, np.minimum(run, LONGEST_RUN)]
-            log_probability = np.where(at_zero, of_zero, log_probability)
-            repeating = self._repeating(np.where(present, log_probability, 0.0))
+        self._watch_scatter(difference, run, is_whole=present is None)
+        repeating, late = None, int(np.count_nonzero(run >= SHORTEST_RUN))
+        # The probability of any choice of gauges is not below this bound.
+        if late > 1 and late * self._least[min(int(run.max()), LONGEST_RUN)] < self._limit:
+            here = self._everywhere if present is None else present
+            repeating = self._repeating(self._log_probability(strain, run, here))
         if not self._any_too_little:
             return repeating
-        found = self._scatters_too_little & present
+        found = self._scatters_too_little if present is None else self._scatters_too_little & present
         return found if repeating is None else found | repeating
 
     @property
@@ -117,6 +123,15 @@ class FreezeWatch:
         return self._ratio
 
     # --- repeated readings --------------------------------------------------------------------------------------
+
+    def _log_probability(self, strain: FloatArray, run: IntArray, present: BoolArray) -> FloatArray:
+        """Return (n_d,) the logarithm of the probability of so many repetitions, 0 where not present."""
+        capped = np.minimum(run, LONGEST_RUN)
+        at_zero = np.abs(strain) < 0.5 * self._noise.step
+        table = np.where(
+            at_zero, self._log_repeated_zero[self._gauge, capped], self._log_repeated[self._gauge, capped]
+        )
+        return np.where(present, table, 0.0)
 
     def _repeating(self, log_probability: FloatArray) -> BoolArray | None:
         """Return which gauges repeat their reading together, None if chance may have it."""
@@ -133,49 +148,85 @@ class FreezeWatch:
 
     # --- scatter ------------------------------------------------------------------------------------------------
 
-    def _watch_scatter(self, difference: FloatArray, run: IntArray) -> None:
+    def _watch_scatter(self, difference: FloatArray, run: IntArray, is_whole: bool) -> None:
         """Take in the readings' second differences; judge them at the end of a block."""
         second = difference - self._difference
-        np.copyto(self._difference, difference, where=difference == difference)  # not NaN, of missing frames
-        square = np.fmin(second * second * self._weight, _LARGEST_SQUARE)
-        known = second == second
-        self._squares += square * known
-        self._counts += known
+        if is_whole and self._is_complete:
+            self._difference = difference
+            np.multiply(second, second, out=second)
+            self._squares += np.minimum(second, self._largest, out=second)
+            self._whole += 1
+        else:
+            known = np.isfinite(second)
+            self._squares += np.where(known, np.fmin(second * second, self._largest), 0.0)
+            self._counts += known
+            # Of a gauge whose frame is missing the last one is kept.
+            self._difference = np.where(np.isfinite(difference), difference, self._difference)
+            self._is_complete = bool(np.isfinite(self._difference).all())
         self._blocked += 1
         if self._blocked == _BLOCK:
-            self._judge_scatter()
-            self._has_moved |= self._squares > 0.0
-            self._learn_level(self._has_moved & (run <= _ALIVE))
-            self._squares[:], self._counts[:], self._blocked = 0.0, 0.0, 0
+            self._judge_block(run)
+            self._squares.fill(0.0)
+            if self._whole < _BLOCK:
+                self._counts.fill(0.0)
+            self._blocked = self._whole = 0
 
-    def _judge_scatter(self) -> None:
+    def _judge_block(self, run: IntArray) -> None:
+        """Judge the second differences of a block, and learn from those of living gauges."""
+        squares = self._squares * self._weight
+        is_whole = self._whole == _BLOCK
+        counts = None if is_whole else self._counts + self._whole
+        variance, count = self._variances(squares, counts)
+        if self._has_evidence or (variance < self._low).any():
+            self._judge_scatter(variance, count)
+        if not self._all_moved:
+            self._has_moved |= squares > 0.0
+            self._all_moved = bool(self._has_moved.all())
+        if not (self._all_moved and run.max() <= _ALIVE):
+            is_alive = self._has_moved & (run <= _ALIVE)
+            counts = self._whole + self._counts
+            variance, count = self._variances(squares * is_alive, counts * is_alive)
+        self._learn_level(variance, count)
+
+    def _variances(self, squares: FloatArray, counts: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Return (n_f + 1,) the mean squares of every group, as parts of the stated ones, and their numbers."""
+        if counts is None:
+            count = _BLOCK * self._group_size
+            return self._by_group(squares) / count, count
+        count = self._by_group(counts)
+        return self._by_group(squares) / np.maximum(count, 1.0), count
+
+    def _judge_scatter(self, variance: FloatArray, count: FloatArray) -> None:
         """Update the evidence of every group."""
-        count = self._by_group(self._counts)
-        variance = self._by_group(self._squares) / np.maximum(count, 1.0)
-        usual = np.minimum(_MARGIN * self._level, 1.0)
         # Second differences of noise are correlated: half of them count.
-        increment = 0.25 * count * (-log(LOW_VARIANCE) - (1.0 / LOW_VARIANCE - 1.0) * variance / usual)
-        increment[usual * self._steps_squared < _SMALLEST_SCATTER] = -_LARGEST_EVIDENCE
+        increment = 0.25 * count * (_LOG_RATIO - _SLOPE * variance / self._usual)
+        increment[self._usual * self._steps_squared < _SMALLEST_SCATTER] = -_LARGEST_EVIDENCE
         self._evidence = np.clip(self._evidence + increment, 0.0, _LARGEST_EVIDENCE)
+        self._has_evidence = bool(self._evidence.any())
         found = self._evidence > -self._limit
         self._any_too_little = self._noise.is_known and bool(found.any())
         self._scatters_too_little = found[self._noise.frame] | found[-1]
 
-    def _learn_level(self, is_alive: BoolArray) -> None:
+    def _learn_level(self, variance: FloatArray, count: FloatArray) -> None:
         """Bring the usual variance of groups without much evidence up to date."""
-        count = self._by_group(self._counts * is_alive)
-        variance = self._by_group(self._squares * is_alive) / np.maximum(count, 1.0)
         learned = count > 0.0
-        if self._noise.is_known:
+        if self._noise.is_known and self._has_evidence:
             learned &= self._evidence <= _HELD
         change = (np.minimum(variance, _LARGEST_LEARNED) - self._level) / self._memory
         self._memory = np.minimum(self._memory + learned, _MEMORY)
-        self._level += np.where(learned, change, 0.0)
+        self._level += change * learned
+        self._use_level()
         if (np.abs(self._level - self._learned) > 0.05 * self._learned).any():
             self._learn()
 
+    def _use_level(self) -> None:
+        """Derive from the usual variance what is counted on, and below what a block is looked at closely."""
+        self._usual = np.minimum(_MARGIN * self._level, 1.0)
+        self._low = self._usual * (_LOG_RATIO / _SLOPE)
+
     def _learn(self) -> None:
         """Derive from the usual variance which noise is counted on, and the probabilities of repetitions."""
+        self._use_level()
         self._learned = self._level.copy()
         # A frame that is dead from the start teaches nothing: the others stand for it.
         level = np.where(self._memory > _FIRST_MEMORY, self._level, self._level[-1])
@@ -185,12 +236,15 @@ class FreezeWatch:
         self._log_repeated = self._table.log_repeated[row]
         self._log_repeated_zero = self._table.log_repeated_zero[row]
         self._log_repeated[:, :SHORTEST_RUN] = self._log_repeated_zero[:, :SHORTEST_RUN] = 0.0
+        self._least = np.minimum(self._log_repeated, self._log_repeated_zero).min(axis=0).tolist()
         self._gauge = np.arange(len(self._ratio))
 
     def _by_group(self, values: FloatArray) -> FloatArray:
         """Return (n_f + 1,) the sums of (n_d,) ``values`` over each of n_f frames, and over all."""
-        sums = np.add.reduceat(values[self._order], self._first)
-        return np.append(sums, sums.sum())
+        by_group = np.empty(len(self._first) + 1)
+        np.add.reduceat(values if self._is_ordered else values[self._order], self._first, out=by_group[:-1])
+        by_group[-1] = by_group[:-1].sum()
+        return by_group
 
 
 def _log_choices(n: int) -> FloatArray:

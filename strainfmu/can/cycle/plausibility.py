@@ -101,7 +101,7 @@ class GaugeChecks:
         is_clean : all gauges are present and none is refused. False if that is not known.
         """
         if is_clean and self._is_quiet and self._stays_quiet(strain, raw, now):
-            frozen = self._frozen_together(strain, present)
+            frozen = self._frozen_together(strain, None)
             return self._all if frozen is None else self._left_out(frozen)
         return self._checked(strain, raw, present=present, refused=refused, now=now)
 
@@ -145,8 +145,8 @@ class GaugeChecks:
         self._found_at, self._cycles_since = now, 0
         return self._longest_found + self._cycle_time < self._shortest_stuck
 
-    def _frozen_together(self, strain: FloatArray, present: BoolArray) -> BoolArray | None:
-        """Return which gauges of this cycle are frozen together, None if none is."""
+    def _frozen_together(self, strain: FloatArray, present: BoolArray | None) -> BoolArray | None:
+        """Return which gauges of this cycle are frozen together, None if none is; ``present`` None for all."""
         frozen = self._watch.update(strain, self._difference, run=self._repeats, present=present)
         if self._watch.noise_ratio is not self._counted_on:
             self._count_on(self._watch.noise_ratio)
