@@ -27,9 +27,10 @@ from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, g
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import Reception
+from strainfmu.can.cycle.restart_proof import RestartProof
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
-from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
+from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
@@ -61,6 +62,13 @@ class NeverSheds(Acceptance):
     """Lets a babbling sender through."""
 
     def _take_token(self, key: int, time: float) -> bool:
+        return True
+
+
+class OwnsEveryResult(Acceptance):
+    """Takes the results of another bridge for its own."""
+
+    def _comes_back(self, frame: Frame) -> bool:
         return True
 
 
@@ -124,6 +132,13 @@ class ReceivesAnyCrc(Reception):
 class ReceivesAnyCounter(Reception):
     def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
         return AnyCounter(protection, max_delta)
+
+
+class HearsOneSender(Reception):
+    """Takes all frames for those of one sender."""
+
+    def has_second_sender(self, now: float) -> bool:
+        return False
 
 
 class ReceivesAnyConfiguration(Reception):
@@ -192,6 +207,25 @@ class NeverJumps(AgelessClock):
 
     def read(self, local: float, ticks: int) -> ClockReading:
         return ClockReading(self._clock.read(local, ticks).age)
+
+
+class ForgetsDelay(AgelessClock):
+    """A sample clock that takes 200 ppm for drift, without end and without doubt."""
+
+    def __init__(self, clock: SenderClock) -> None:
+        assert isinstance(clock, SampleClock)
+        limits = ClockLimits(jump_tolerance=0.1, tolerance=2e-4, hidden=np.inf)
+        super().__init__(SampleClock(1e-6, round(np.log2(clock.range / 1e-6)), limits))
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        return replace(self._clock.read(local, ticks), uncertainty=0.0, hides_delay=False)
+
+
+class AlwaysProven(RestartProof):
+    """Takes every jump of the sender's time for a restart."""
+
+    def take(self, clock: SenderClock, reading: ClockReading, **_: object) -> bool:
+        return reading.restarted
 
 
 class AnswersNoSilence(BridgeCore):
@@ -366,6 +400,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
             assembler=chosen(CycleAssembler)(cycle_limits(layout, settings)),
             pace=chosen(ArrivalPace)(settings.max_age * layout.cycle_time, settings.rate / layout.cycle_time),
             clock=around(whole.clock),
+            proof=None if whole.proof is None else chosen(RestartProof)(whole.proof.limits),
             decoder=chosen(StrainDecoder)(layout),
             gauges=gauge_checks(layout, settings, noise_of(step), chosen(GaugeChecks)),
             flow=HeldFlow(
@@ -391,6 +426,10 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
 
 WITHOUT: dict[str, MakeCore] = {
     "own_frames": core_without(ignores_own_keys=True),
+    "second_bridge": core_without(OwnsEveryResult),
+    "second_sender": core_without(HearsOneSender),
+    "creep": core_without(clock=ForgetsDelay),
+    "restart_proof": core_without(AlwaysProven),
     "error_frames": core_without(TakesErrorFrames),
     "remote_frames": core_without(TakesRemoteFrames),
     "format": core_without(AcceptsAnyFormat, ReceivesAnyFormat),

@@ -98,7 +98,7 @@ class Bridge:
         self._malformed = self._failures = 0
         self._last_malformed = ""
         self._shed = 0
-        self._stop = False
+        self._stop = self._is_confirmed = False
         self._qualities: Counter[Quality] = Counter()
         self._latency: deque[float] = deque(maxlen=_LATENCIES)
         self._last_valid: CycleResult | None = None
@@ -113,6 +113,10 @@ class Bridge:
     def stop(self) -> None:
         """End :meth:`run`; may be called from a signal handler or another thread."""
         self._stop = True
+
+    def confirm_sender(self) -> None:
+        """Take the sender for proven and its delay for the smallest; may be called from a signal handler."""
+        self._is_confirmed = True
 
     def run(self, duration: float | None = None) -> BridgeSummary:
         """Run until stopped, or for ``duration`` [s]; return the summary.
@@ -169,6 +173,9 @@ class Bridge:
         items, known = self._next_items(min(max(due - now, 0.0), _LONGEST_WAIT))
         self.known = known
         self._watch_receiver()
+        if self._is_confirmed:
+            self._is_confirmed = False
+            self._core.confirm_sender()
         is_answered = not items or self._backlog.is_answered(self._clock() - items[-1].time)
         for item in items:
             if isinstance(item, BusFault):

@@ -47,6 +47,8 @@ class BridgeOptions:
     key_file : key of profile fd64-sec, None of others.
     freshness_file : where the freshness value is remembered across runs, None for beside the key.
     stuck_cycles, zero_cycles, max_age : as of :class:`BridgeSettings`.
+    clock_rate, clock_tolerance, hidden_age, synchronised, synchronised_shift : as of :class:`BridgeSettings`.
+    max_uncertainty : as there; None for no limit.
     gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
     """
 
@@ -67,6 +69,12 @@ class BridgeOptions:
     max_age: float = 5.0
     key_file: Path | None = None
     freshness_file: Path | None = None
+    clock_rate: float = 0.0
+    clock_tolerance: float = 1e-4
+    hidden_age: float = 0.01
+    max_uncertainty: float | None = None
+    synchronised: float | None = None
+    synchronised_shift: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +183,12 @@ def make_core(
         stuck_cycles=options.stuck_cycles,
         zero_cycles=options.zero_cycles,
         gauge_noise=options.gauge_noise,
+        clock_rate=options.clock_rate,
+        clock_tolerance=options.clock_tolerance,
+        hidden_age=options.hidden_age,
+        max_uncertainty=float("inf") if options.max_uncertainty is None else options.max_uncertainty,
+        synchronised=options.synchronised,
+        synchronised_shift=options.synchronised_shift,
     )
     layout, configuration = input_layout(options, gauge_names)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)

@@ -193,6 +193,8 @@ class CycleJudge:
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""
         none = self._decoder.empty()
+        if self._reception.has_second_sender(time):
+            causes |= Cause.SECOND_SENDER
         return CycleResult(time=time, quality=quality, causes=causes, valid=none.present, strain=none.strain)
 
     def _age(
@@ -296,6 +298,9 @@ class CycleJudge:
             quality = Quality.STALE
         published = step is not None and quality.has_coefficients
         self.has_published = self.has_published or published
+        if step is not None and causes & Cause.UNPROVEN_RESTART:
+            # Until the strains are proven, q_inf of their sender is not used: there may be no coefficients.
+            quality = Quality.UNCONFIRMED
         named = self._named(cycle)
         return CycleResult(
             time=now,

@@ -72,7 +72,7 @@ class RestartProof:
     """Follows whether the sender is proven; at the start it is, as there is nothing to compare it with."""
 
     def __init__(self, limits: ProofLimits) -> None:
-        self._limits = limits
+        self.limits = limits
         self._last: tuple[float, int | None] | None = None
         self._new = 0
         self._heard: float | None = None
@@ -103,10 +103,10 @@ class RestartProof:
         self._new = self._new + 1 if is_new else 0
         if reading.jumped:
             silence = 0.0 if self._last is None else local - self._last[0]
-            self._begins = clock.seconds(ticks) <= self._limits.startup_time + silence
+            self._begins = clock.seconds(ticks) <= self.limits.startup_time + silence
         if reading.jumped and not reading.restarted:
             return False
-        self.is_proven = self._new >= self._limits.new_frames and (
+        self.is_proven = self._new >= self.limits.new_frames and (
             self._has_begun(clock, ticks, counter) or self._was_set_ahead(clock, local, ticks, counter)
         )
         if self.is_proven:
@@ -115,11 +115,11 @@ class RestartProof:
 
     def take_untimed(self, local: float, is_new: bool) -> None:
         """Take in a cycle without sample time: behind a pause it may be a recording until it is new."""
-        if self._heard is not None and local - self._heard > self._limits.pause:
+        if self._heard is not None and local - self._heard > self.limits.pause:
             self.is_proven, self._new = False, 0
         self._heard = local
         self._new = self._new + 1 if is_new else 0
-        self.is_proven = self.is_proven or self._new >= self._limits.new_frames
+        self.is_proven = self.is_proven or self._new >= self.limits.new_frames
 
     def confirm(self) -> None:
         """Take the sender for proven."""
@@ -127,7 +127,7 @@ class RestartProof:
 
     def _has_begun(self, clock: SenderClock, ticks: int, counter: int | None) -> bool:
         """Return whether the clock began after the sender was last heard, and the counter no earlier."""
-        modulus, limits = self._limits.counter_modulus, self._limits
+        modulus, limits = self.limits.counter_modulus, self.limits
         largest = clock.seconds(ticks) / limits.period + limits.max_delta
         return self._begins and (modulus is None or counter is None or counter <= largest or largest >= modulus)
 
@@ -135,8 +135,8 @@ class RestartProof:
         """Return whether the time went ahead while the counter continued at its pace."""
         if self._last is None or clock.seconds_ahead(local, ticks) <= 0.0:
             return False
-        modulus, (since, last) = self._limits.counter_modulus, self._last
+        modulus, (since, last) = self.limits.counter_modulus, self._last
         if modulus is None or counter is None or last is None:
             return True
-        error = counter - last - round((local - since) / self._limits.period)
-        return abs((error + modulus // 2) % modulus - modulus // 2) <= self._limits.max_delta
+        error = counter - last - round((local - since) / self.limits.period)
+        return abs((error + modulus // 2) % modulus - modulus // 2) <= self.limits.max_delta

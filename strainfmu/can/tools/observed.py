@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_addr
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
 from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.e2e.clock import monotonic
+from strainfmu.can.e2e.clock import monotonic, synchronised_shift
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.errors import InputError
 
@@ -85,6 +85,8 @@ def observed_bridge(
             on_result=on_result,
             outputs=() if address is None else PAGE_OUTPUTS,
         )
+        if options.synchronised is not None:
+            options = replace(options, synchronised_shift=synchronised_shift(taps.clock))
         ready = stack.enter_context(make_bridge(fmu, options, taps))
         if recorder is not None:
             keeper = ready.freshness

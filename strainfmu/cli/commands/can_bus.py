@@ -114,6 +114,46 @@ def bridge(
             help="Largest age of strains that are used.",
         ),
     ] = 5.0,
+    clock_rate: Annotated[
+        float,
+        typer.Option(
+            metavar="PPM",
+            callback=within(-10_000.0, 10_000.0, "ppm"),
+            help="Known rate by which the sender's clock is slower than the bridge's.",
+        ),
+    ] = 0.0,
+    clock_tolerance: Annotated[
+        float,
+        typer.Option(
+            metavar="PPM",
+            callback=within(0.0, 10_000.0, "ppm"),
+            help="Largest difference from that rate; a delay that grows faster is age.",
+        ),
+    ] = 100.0,
+    hidden_age: Annotated[
+        float,
+        typer.Option(
+            metavar="MS",
+            callback=within(0.0, 1e6, "ms"),
+            help="Largest sum of delays that is taken for a slow clock; from then on results are UNCONFIRMED.",
+        ),
+    ] = 10.0,
+    max_uncertainty: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MS",
+            callback=within(0.0, 1e6, "ms"),
+            help="Largest uncertainty of the age of VALID results. Default: no limit.",
+        ),
+    ] = None,
+    synchronised: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MS",
+            callback=within(0.0, 1e6, "ms"),
+            help="The sender's sample times are the system's time (PTP, NTP), to so much.",
+        ),
+    ] = None,
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Record the bus: X.blf, X.asc or X.log (candump).")
     ] = None,
@@ -131,7 +171,8 @@ def bridge(
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
-    Ends on SIGINT or SIGTERM with a summary. What is on the bus: docs/reference/can.md, or 'strainfmu dbc'.
+    Ends on SIGINT or SIGTERM with a summary. SIGUSR1 confirms a sender whose restart is not proven.
+    What is on the bus: docs/reference/can.md, or 'strainfmu dbc'.
 
     Examples:
 
@@ -166,6 +207,11 @@ def bridge(
         max_age=max_age,
         key_file=key,
         freshness_file=freshness,
+        clock_rate=1e-6 * clock_rate,
+        clock_tolerance=1e-6 * clock_tolerance,
+        hidden_age=1e-3 * hidden_age,
+        max_uncertainty=None if max_uncertainty is None else 1e-3 * max_uncertainty,
+        synchronised=None if synchronised is None else 1e-3 * synchronised,
     )
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
@@ -230,15 +276,21 @@ def identifiers_of(base: str, result_base: str, extended: bool) -> Identifiers:
 
 @contextmanager
 def _stopped_by_signals(running: Bridge) -> Iterator[None]:
-    """Let SIGINT and SIGTERM stop the bridge in good order; the second one as ever."""
+    """Let SIGINT and SIGTERM stop the bridge in good order, the second one as ever; SIGUSR1 confirms senders."""
 
     def stop(number: int, _: object) -> None:
         signal.signal(number, previous[signal.Signals(number)])
         running.stop()
 
+    def confirm(_: int, __: object) -> None:
+        running.confirm_sender()
+
     previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in previous:
         signal.signal(number, stop)
+    if hasattr(signal, "SIGUSR1"):
+        previous[signal.SIGUSR1] = signal.getsignal(signal.SIGUSR1)
+        signal.signal(signal.SIGUSR1, confirm)
     try:
         yield
     finally:

@@ -178,6 +178,13 @@ def ill(health: HealthState = HealthState.OK, coefficient: float = 0.0) -> SickS
 # For every guard: a scenario, and what is wrong without it.
 SCENARIOS: dict[str, tuple[Callable[[MakeCore], Campaign], Callable[[Campaign], bool]]] = {
     "own_frames": (of_kind(FaultKind.OWN_IDENTIFIER), lambda run: count(run, FrameClass.OWN) == 0),
+    "second_bridge": (
+        of_kind(FaultKind.SECOND_BRIDGE),
+        lambda run: run.qualities[Quality.UNCONFIRMED] < 10 or count(run, FrameClass.SECOND_BRIDGE) != 12,
+    ),
+    "second_sender": (of_kind(FaultKind.CONFLICT), has_false_valid),
+    "creep": (lambda make_core: slow_creep(make_core), has_false_valid),
+    "restart_proof": (lambda make_core: recording(make_core), has_false_valid),
     "error_frames": (of_kind(FaultKind.ERROR_FRAMES), lambda run: count(run, FrameClass.CORRUPT) > 0),
     "remote_frames": (of_kind(FaultKind.REMOTE_FRAMES), lambda run: count(run, FrameClass.WRONG_FORMAT) > 0),
     "format": (of_kind(FaultKind.IDENTIFIER_WIDTH), lambda run: run.qualities[Quality.STALE] == 0),
@@ -240,6 +247,21 @@ def value_inside_the_range(make_core: MakeCore) -> Campaign:
     return run_campaign(replace(layout, strain_frames=frames), faults, 80, make_core=make_core)
 
 
+def recording(make_core: MakeCore) -> Campaign:
+    """Forty cycles that the sender sent before it was switched off."""
+    faults = [Fault(kind=FaultKind.RECORDING, start=80, cycles=40, seed=48)]
+    return run_campaign(layout_of("fd64"), faults, 160, make_core=make_core)
+
+
+def slow_creep(make_core: MakeCore) -> Campaign:
+    """A gateway whose queue grows by 190 ppm for 200 s."""
+
+    def gateway(number: int, frames: list[Frame]) -> list[Frame]:
+        return [replace(frame, time=frame.time * (1.0 + 190e-6)) for frame in frames]
+
+    return run_campaign(layout_of("fd64", 4, 0.1), [], 2000, change=gateway, make_core=make_core)
+
+
 def held_back(make_core: MakeCore) -> Campaign:
     """Frames without a sample time that a gateway keeps for half a second, then sends one behind the other."""
     timed = layout_of("fd64")
@@ -275,7 +297,7 @@ def test_every_guard_is_needed(guard: str) -> None:
 
 def test_every_guard_has_its_scenario() -> None:
     assert set(SCENARIOS) == set(WITHOUT)
-    assert len(WITHOUT) == 29
+    assert len(WITHOUT) == 33
 
 
 def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:

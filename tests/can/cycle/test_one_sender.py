@@ -10,7 +10,8 @@ import pytest
 from can_case import CYCLE, OWN, Projection, Truth, layout_of
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
@@ -164,3 +165,140 @@ def test_results_of_another_bridge_take_valid_away() -> None:
         results += bench.give(bench.cycle(number, number * CYCLE))
         results += bench.give([replace(OWN, data=bytes([number]) + bytes(63), time=number * CYCLE + 5e-3)])
     assert n_valid(results) <= 1
+
+
+def test_two_senders_in_turns_take_valid_away() -> None:
+    """The same clock, other counters: as two racks with the same identifiers."""
+    bench = Bench()
+    bench.run(range(50))
+    results = []
+    for number in range(50, 80):
+        results += bench.give(bench.cycle(number, number * CYCLE))
+        results += bench.give(bench.cycle(number, number * CYCLE + 2e-3, counter=number + 100, seed=1))
+    assert all(result.causes & Cause.SECOND_SENDER for result in results if result.time > 0.55)
+    assert n_valid(results) <= 2
+
+
+def test_own_frames_that_come_back_are_own_once_each() -> None:
+    bench = Bench()
+    bench.run(range(50))
+    results = []
+    for number in range(50, 80):
+        own = replace(OWN, data=bytes([number]) + bytes(63), time=number * CYCLE + 5e-3)
+        bench.core.own_frames.sending(own)
+        results += bench.give([*bench.cycle(number, number * CYCLE), own])
+    assert n_valid(results) == 30
+    assert bench.core.account.classes[FrameClass.OWN] == 30
+    bench.give([replace(own, time=0.805)])
+    assert bench.run([81])[-1].causes == Cause.SECOND_BRIDGE
+    assert bench.core.account.classes[FrameClass.SECOND_BRIDGE] == 1
+
+
+# --- what else a restart may be
+
+
+def test_a_recording_of_the_dynamic_pressure_alone_is_not_used() -> None:
+    bench, key = Bench(), layout_of("fd64", 4).flow_frames[0].layout.key
+    bench.run(range(300))
+    results = []
+    for number in range(300, 360):
+        strains = [frame for frame in bench.cycle(number, number * CYCLE) if frame.key != key]
+        old = [frame for frame in bench.cycle(number - 100, number * CYCLE) if frame.key == key]
+        results += bench.give(old + strains)
+    pressures = {result.dynamic_pressure for result in results if np.isfinite(result.dynamic_pressure)}
+    assert pressures == {Truth(4, 1).cycle(299)[1]}, "the last true one, for as long as it is held"
+    assert n_valid(results) <= 10
+
+
+def restarted(bench: Bench, first: int, at: float, clock: float, counter: int, n: int = 40) -> list[CycleResult]:
+    """Send new strains from ``at`` [s] on, with a sender's clock that shows ``clock`` [s] then."""
+    results = []
+    for index in range(n):
+        later = index * CYCLE
+        results += bench.give(
+            bench.cycle(first + index, at + later, sample_time=clock + later, counter=counter + index)
+        )
+    return results
+
+
+@pytest.mark.parametrize(
+    ("clock", "counter", "is_proven"),
+    [
+        (0.0, 0, True),  # switched on
+        (0.9, 90, True),  # switched on just after it was heard, first heard again 0.9 s later
+        (0.9, 120, False),  # a counter that is ahead of its clock
+        (2.5, 250, False),  # a clock that began before the sender was last heard
+        (30.0, 400, True),  # the clock was set ahead, the counter goes on
+        (30.0, 450, False),  # the clock is ahead, the counter is not that of this sender
+        (1.5, 400, False),  # the clock was set back
+    ],
+)
+def test_proofs_of_a_restart(clock: float, counter: int, is_proven: bool) -> None:
+    bench = Bench()
+    bench.run(range(300))
+    results = restarted(bench, first=1000, at=4.0, clock=clock, counter=counter)
+    assert (n_valid(results) > 20) == is_proven
+    if is_proven:
+        return
+    # Also not later, nor after the bus was reopened; only when somebody confirms it.
+    assert results[-1].quality is Quality.UNCONFIRMED
+    assert results[-1].causes & Cause.UNPROVEN_RESTART
+    bench.core.restart(4.405)
+    results = restarted(bench, first=1040, at=4.41, clock=clock + 0.41, counter=counter + 41)
+    assert n_valid(results) == 0
+    bench.core.confirm_sender()
+    results = restarted(bench, first=1080, at=4.82, clock=clock + 0.82, counter=counter + 82)
+    assert n_valid(results) == 40
+
+
+def test_the_true_sender_comes_back_behind_a_recording_by_itself() -> None:
+    bench = Bench()
+    bench.run(range(300))
+    replayed(bench, range(200, 260), 3.01)
+    assert n_valid(bench.run(range(370, 400))) > 20
+
+
+def test_a_synchronised_sender_needs_no_proof_and_its_recording_is_old() -> None:
+    bench = Bench(settings=BridgeSettings(synchronised=1e-3))
+    assert n_valid(bench.run(range(300))) > 290
+    results = replayed(bench, range(200, 260), 3.01)
+    assert {result.quality for result in results if result.counter is not None} == {Quality.STALE}
+    results = restarted(bench, first=1000, at=5.0, clock=5.0, counter=7)
+    assert n_valid(results) > 30
+    assert results[-1].age_uncertainty == 1e-3
+
+
+def test_a_constant_delay_of_a_synchronised_sender_is_age() -> None:
+    bench = Bench(settings=BridgeSettings(synchronised=1e-3))
+    assert bench.run(range(50), later=0.03)[-1].age == pytest.approx(0.03, abs=1e-4)
+    results = bench.run(range(100, 150), later=0.06)
+    assert n_valid(results) == 0
+
+
+def test_an_uncertainty_beyond_its_limit_is_not_valid() -> None:
+    bench = Bench(cycle_time=0.1, settings=BridgeSettings(max_uncertainty=5e-3))
+    results = bench.run(range(1000))
+    assert [r.quality for r in results if 2.0 < r.time < 49.0] == [Quality.VALID] * 470
+    assert results[-1].causes == Cause.HIDDEN_DELAY
+
+
+@pytest.mark.parametrize("rate", [-90e-6, 0.0, 90e-6])
+@pytest.mark.parametrize("growth", [0.0, 90e-6, 300e-6])
+def test_no_valid_result_is_older_than_stated_whatever_the_clock(growth: float, rate: float) -> None:
+    found = creep(Bench(cycle_time=0.5), growth, 600.0, rate)
+    beyond = [
+        true - result.age - result.age_uncertainty for true, result in found if result.quality is Quality.VALID
+    ]
+    assert len(beyond) > 50
+    assert max(beyond) < 1e-5
+
+
+def test_frames_without_sample_time_behind_a_pause_may_be_a_recording() -> None:
+    timed = layout_of("fd64", 4)
+    frames = tuple(replace(frame, sample_time=None) for frame in timed.strain_frames)
+    bench = Bench()
+    bench.layout = replace(timed, strain_frames=frames)
+    bench.core = bridge_core(bench.layout, Projection(4), BridgeSettings(), start=0.0)
+    assert n_valid(bench.run(range(100))) > 90
+    assert n_valid(replayed(bench, range(40, 90), 1.2)) == 0
+    assert n_valid(bench.run(range(200, 240))) > 25
