@@ -36,6 +36,14 @@ _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
 
 
+@dataclass(frozen=True)
+class StrainTime:
+    """Time by the clock of a proven sender of strains [s], and the largest difference that counts as none [s]."""
+
+    seconds: float
+    tolerance: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class FlowState:
     """What is known of the flow at one time; NaN where it is not.
@@ -98,11 +106,11 @@ class HeldValue:
         """Return whether ``frame`` holds the quantity."""
         return frame is self._frame
 
-    def take(self, raw: IntArray, time: float, is_new: bool = True, sender_time: float | None = None) -> bool:
+    def take(self, raw: IntArray, time: float, is_new: bool = True, strain_time: StrainTime | None = None) -> bool:
         """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
 
-        ``is_new`` says that the frame has not been received before in this run; ``sender_time`` is the present
-        time by the clock of the strains [s], None if it is not known.
+        ``is_new`` says that the frame has not been received before in this run; ``strain_time`` is the present
+        time by the clock of the strains, None if it is not known.
         """
         index = self._source.index
         value = self._plan.value(raw, index)
@@ -114,12 +122,12 @@ class HeldValue:
             self._to_be_proven = (self._to_be_proven or reading.restarted) and not reading.resumed
             if reading.jumped:
                 return False  # a repeated old frame or a restart: the next frames decide
-            agrees = self._agrees(self._clock, ticks, sender_time)
+            agrees = self._agrees(self._clock, ticks, strain_time)
             # A frame behind a restart is no recording if it is new, or at the time of the strains.
             if self._to_be_proven and not agrees and (self._shares_clock or self._new < _NEW_FRAMES):
                 return False
             self._accept(self._clock)
-            self._shares_clock = agrees if sender_time is not None else self._shares_clock
+            self._shares_clock = agrees if strain_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
         signal, code = self._frame.layout.signals[index], int(raw[index])
         bad = (
@@ -132,12 +140,13 @@ class HeldValue:
         self.was_known |= not bad
         return not bad
 
-    def _agrees(self, clock: SenderClock, ticks: int, sender_time: float | None) -> bool:
+    def _agrees(self, clock: SenderClock, ticks: int, strain_time: StrainTime | None) -> bool:
         """Return whether a sample time is that of the strains, as far as the clock's range tells."""
-        if sender_time is None:
+        if strain_time is None:
             return False
         half = 0.5 * clock.range
-        return abs((clock.seconds(ticks) - sender_time + half) % clock.range - half) <= self._max_age
+        difference = (clock.seconds(ticks) - strain_time.seconds + half) % clock.range - half
+        return abs(difference) <= strain_time.tolerance
 
     def _accept(self, clock: SenderClock) -> None:
         """Take the sender for proven after a restart."""
@@ -197,13 +206,13 @@ class HeldFlow:
         for value in self._values:
             value.confirm()
 
-    def take(self, frame: InputFrame, raw: IntArray, time: float, sender_time: float | None = None) -> bool:
+    def take(self, frame: InputFrame, raw: IntArray, time: float, strain_time: StrainTime | None = None) -> bool:
         """Take in the raw numbers of ``frame``, received at ``time`` [s]; return whether any value may be used.
 
-        ``sender_time`` is the present time by the clock of the strains [s], None if it is not known.
+        ``strain_time`` is the present time by the clock of the strains, None if it is not known.
         """
         is_new = self._seen.add([frame.layout.key.to_bytes(4, "little") + raw.tobytes()])
-        usable = [value.take(raw, time, is_new, sender_time) for value in self._values if value.is_in(frame)]
+        usable = [value.take(raw, time, is_new, strain_time) for value in self._values if value.is_in(frame)]
         return any(usable)
 
     def state(self, now: float) -> FlowState:

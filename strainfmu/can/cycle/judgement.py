@@ -11,7 +11,7 @@ from strainfmu.can.cycle.assembler import Arrival, Cycle
 from strainfmu.can.cycle.decoder import DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
-from strainfmu.can.cycle.held_flow import FlowState
+from strainfmu.can.cycle.held_flow import FlowState, StrainTime
 from strainfmu.can.cycle.held_strains import WholeCycle
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
@@ -86,7 +86,7 @@ class CycleJudge:
         if not self._reception.is_trusted(arrival.slot):
             return FrameClass.NOT_TRUSTED
         frame = self._layout.frames[arrival.slot]
-        usable = self._flow.take(frame, arrival.raw, arrival.frame.time, self._sender_time(arrival.frame.time))
+        usable = self._flow.take(frame, arrival.raw, arrival.frame.time, self._strain_time(arrival.frame.time))
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
 
     def take_held(self, arrival: Arrival) -> FrameClass:
@@ -244,12 +244,12 @@ class CycleJudge:
             # The clock of q_inf may be so short that a restart looks like a delay.
             self._flow.reset()
 
-    def _sender_time(self, now: float) -> float | None:
-        """Return the time at ``now`` [s] by the clock of the strains [s], None if their sender is not proven."""
+    def _strain_time(self, now: float) -> StrainTime | None:
+        """Return the time at ``now`` [s] by the clock of the strains, None if their sender is not proven."""
         if self._last_sample is None or (self._proof is not None and not self._proof.is_proven):
             return None
         local, seconds = self._last_sample
-        return seconds + now - local
+        return StrainTime(seconds + now - local, self._settings.jump_tolerance * self._layout.cycle_time)
 
     def _strain_data(self, cycle: Cycle) -> list[bytes]:
         """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""
