@@ -54,6 +54,10 @@ def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE)
     )
 
 
+LOSING = frozenset({FaultKind.LOSS, FaultKind.CORRUPTION, FaultKind.BURST_ERROR})
+"""Faults that take single cycles away."""
+
+
 class Projection:
     """A step whose first four outputs are projections of all strains and whose fifth is q_inf.
 
@@ -277,10 +281,12 @@ class Oracle:
         return found
 
     def _unseen(self, fault: Fault, last: int) -> int:
-        """Return the cycles since a fault began that are late behind a restart: no reading of them counts."""
+        """Return the cycles since a fault began that are late behind a restart or may be lost."""
         late = self._settings.late_cycles + 1
         found = self._faults_near(last)
-        return sum(late for one in found if one.kind is FaultKind.RESTART and one.start + late > fault.start)
+        lost = max((one.cycles for one in found if one.start == fault.start and one.kind in LOSING), default=0)
+        restarts = [one for one in found if one.kind is FaultKind.RESTART]
+        return lost + sum(late for one in restarts if one.start + late > fault.start)
 
     def _faults_near(self, last: int) -> list[Fault]:
         """Return the faults that have begun and whose effect may not be over."""
