@@ -12,14 +12,13 @@ u and w go through zero incidence without a jump where the polar angle phi_T has
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.spline import basis
+from strainfmu.estimator.manifold.spline import local_basis
 
 MIN_INCIDENCE = 1e-7
 """Rounds the cone a_T = |(u, w)| off at its tip [rad]."""
@@ -59,11 +58,6 @@ class FlightTables:
         """Number of gauges n_d."""
         return int(self.response.shape[2]) - 5
 
-    @cached_property
-    def flat(self) -> FloatArray:
-        """(knots, rest) the coefficients as a matrix."""
-        return np.ascontiguousarray(self.response.reshape(np.prod(self.response.shape[:2]), -1))
-
 
 class Response(NamedTuple):
     """Strains then loads (k, n_d + 5), and their derivatives by the flight state (k, n_d + 5, 4)."""
@@ -76,17 +70,8 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     """Return the response at ``state`` (k, 4) real or complex."""
     mach, u, w, log_pressure = state.T
     incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
-    of_mach, of_incidence = basis(tables.mach_knots, mach), basis(tables.incidence_knots, incidence)
-    shape = tables.response.shape[2:]
-    amplitude, by_mach, by_incidence = (
-        _combined(tables, first, second).reshape(len(state), *shape)
-        for first, second in (
-            (of_mach.value, of_incidence.value),
-            (of_mach.derivative, of_incidence.value),
-            (of_mach.value, of_incidence.derivative),
-        )
-    )
-    wind = _harmonics(u, w, incidence, shape[1])
+    amplitude, by_mach, by_incidence = _amplitudes(tables, mach, incidence)
+    wind = _harmonics(u, w, incidence, tables.response.shape[3])
     pressure = np.exp(log_pressure)[:, None]
     value = pressure * _sum(amplitude, wind.value)
     jacobian = np.stack(
@@ -101,9 +86,25 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     return Response(value + tables.fixed_response, jacobian)
 
 
-def _combined(tables: FlightTables, of_mach: FloatArray, of_incidence: FloatArray) -> FloatArray:
-    weight = of_mach[:, :, None] * of_incidence[:, None, :]
-    return np.asarray(weight.reshape(len(of_mach), -1) @ tables.flat)
+def _amplitudes(tables: FlightTables, mach: FloatArray, incidence: FloatArray) -> tuple[FloatArray, ...]:
+    """Return (k, n_d + 5, n_m, 2) A and B, and their derivatives by Mach number and by incidence."""
+    of_mach, of_incidence = local_basis(tables.mach_knots, mach), local_basis(tables.incidence_knots, incidence)
+    factors = (
+        (of_mach.value, of_incidence.value),
+        (of_mach.derivative, of_incidence.value),
+        (of_mach.value, of_incidence.derivative),
+    )
+    shape = tables.response.shape[2:]
+    found = tuple(np.empty((len(mach), *shape), dtype=of_incidence.value.dtype) for _ in factors)
+    cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
+    # Samples of one cell have their 16 coefficients in common.
+    for i, j in np.unique(cells, axis=0).tolist():
+        rows = np.flatnonzero((cells[:, 0] == i) & (cells[:, 1] == j))
+        local = tables.response[i : i + 4, j : j + 4].reshape(16, -1)
+        for out, (first, second) in zip(found, factors, strict=True):
+            weight = first[rows, :, None] * second[rows, None, :]
+            out[rows] = (weight.reshape(-1, 16) @ local).reshape(-1, *shape)
+    return found
 
 
 def _sum(amplitude: FloatArray, wind: FloatArray) -> FloatArray:

@@ -23,8 +23,8 @@ from strainfmu.estimator.manifold.gauss_newton import (
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.starts import MACHS, SearchTable, starts
 
-COLD_ITERATIONS, WARM_ITERATIONS = 8, 2
-"""Iterations from the states of the search, and from the last step's state."""
+START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 8, 6, 2
+"""Iterations of every state of the search, of the best of them from there, and from the last step's state."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,18 +52,25 @@ class FlightSolution:
 
 
 def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> Linearised:
-    """Return the best solution from the states of the search; S is renewed in every iteration."""
+    """Return the best solution from the states of the search.
+
+    Each of them is iterated, S renewed half-way; the best is iterated on, S renewed in every iteration.
+    """
     k = len(samples.strain)
     state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
     each = samples.rows(np.tile(np.arange(k), MACHS))
-    for _ in range(COLD_ITERATIONS):
+    for _ in range(2):
         factor = strain_factor(manifold, state, each.used)
-        state = stepped(manifold, linearise(manifold, state, factor, each))
-    factor = strain_factor(manifold, state, each.used)
+        for _ in range(START_ITERATIONS // 2):
+            state = stepped(manifold, linearise(manifold, state, factor, each))
     at = linearise(manifold, state, factor, each)
     cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
     best = np.argmin(cost.reshape(MACHS, k), axis=0) * k + np.arange(k)
-    return linearise(manifold, state[best], factor[best], samples)
+    state = state[best]
+    for _ in range(COLD_ITERATIONS):
+        factor = strain_factor(manifold, state, samples.used)
+        state = stepped(manifold, linearise(manifold, state, factor, samples))
+    return linearise(manifold, state, strain_factor(manifold, state, samples.used), samples)
 
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 
 DEGREE = 3
 
@@ -18,30 +18,43 @@ class Basis(NamedTuple):
     derivative: FloatArray
 
 
+class LocalBasis(NamedTuple):
+    """The four basis functions (k, 4) that are not zero in the cell of each of k points, and their derivatives.
+
+    ``cell`` (k,) is the number of the cell, and of the first of the four functions.
+    """
+
+    cell: IntArray
+    value: FloatArray
+    derivative: FloatArray
+
+
 def padded_knots(knots: FloatArray) -> FloatArray:
     """Return the knot vector (n + 6,) of cubic splines on increasing ``knots`` (n,), n >= 2: ends fourfold."""
     return np.concatenate([np.repeat(knots[0], DEGREE), knots, np.repeat(knots[-1], DEGREE)])
 
 
-def basis(knots: FloatArray, x: FloatArray) -> Basis:
+def local_basis(knots: FloatArray, x: FloatArray) -> LocalBasis:
     """Return the basis at ``x`` (k,) real or complex; beyond the outer knots splines go on along their tangent.
 
     Source: the recurrence of Cox and de Boor (de Boor, A Practical Guide to Splines, chapter X).
     """
     inside = np.where(x.real < knots[0], knots[0], np.where(x.real > knots[-1], knots[-1], x))
-    padded, n = padded_knots(knots), len(knots)
-    span = np.clip(np.searchsorted(knots, inside.real, side="right") - 1, 0, n - 2) + DEGREE
-    local, slope = _local(padded, span, inside)
-    rows = np.arange(len(x))[:, None]
-    columns = span[:, None] - DEGREE + np.arange(DEGREE + 1)
-    value = np.zeros((len(x), n + 2), dtype=inside.dtype)
-    derivative = np.zeros_like(value)
-    value[rows, columns], derivative[rows, columns] = local, slope
-    beyond = (x - inside)[:, None]
-    return Basis(value + beyond * derivative, derivative)
+    cell = np.clip(np.searchsorted(knots, inside.real, side="right") - 1, 0, len(knots) - 2)
+    value, derivative = _local(padded_knots(knots), cell + DEGREE, inside)
+    return LocalBasis(cell, value + (x - inside)[:, None] * derivative, derivative)
 
 
-def _local(padded: FloatArray, span: np.ndarray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def basis(knots: FloatArray, x: FloatArray) -> Basis:
+    """Return all basis functions at ``x`` (k,), see :func:`local_basis`."""
+    local = local_basis(knots, x)
+    rows, columns = np.arange(len(x))[:, None], local.cell[:, None] + np.arange(DEGREE + 1)
+    found = Basis(*(np.zeros((len(x), len(knots) + 2), dtype=local.value.dtype) for _ in range(2)))
+    found.value[rows, columns], found.derivative[rows, columns] = local.value, local.derivative
+    return found
+
+
+def _local(padded: FloatArray, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the four basis functions (k, 4) that are not zero at ``x``, and their derivatives."""
     values = [np.ones_like(x)]
     lower = values
