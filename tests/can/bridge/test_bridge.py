@@ -179,6 +179,36 @@ def test_results_come_back_on_the_bus(virtual: Running) -> None:
 
 
 @pytest.mark.fast
+def test_results_of_another_bridge_are_told_from_own_ones_that_come_back(multicast: Running) -> None:
+    """On udp_multicast every result comes back; the other bridge's has the same identifier, and more counters."""
+    multicast.send_until(Quality.VALID)
+    multicast.send(10)
+    assert multicast.results[-1].quality is Quality.VALID
+    other = can.Message(
+        arbitration_id=0x380, data=bytes(range(64)), is_fd=True, bitrate_switch=True, is_extended_id=False
+    )
+    multicast.sender.send(other)
+    multicast.send_until(Quality.UNCONFIRMED)
+    multicast.send_until(Quality.VALID)
+    summary = multicast.end()
+    assert any(result.causes & Cause.SECOND_BRIDGE for result in multicast.results)
+    assert summary.account.classes[FrameClass.SECOND_BRIDGE] == 1
+    assert summary.account.classes[FrameClass.OWN] >= 20
+
+
+@pytest.mark.fast
+def test_a_sender_whose_clock_went_back_is_used_once_somebody_has_confirmed_it(virtual: Running) -> None:
+    virtual.send_until(Quality.VALID)
+    virtual.send(50)
+    virtual._start += 0.3  # the sender's clock is set back, and its counter goes on
+    virtual.send_until(Quality.UNCONFIRMED)
+    virtual.send(20)
+    assert virtual.results[-1].quality is Quality.UNCONFIRMED
+    virtual.bridge.confirm_sender()
+    virtual.send_until(Quality.VALID)
+
+
+@pytest.mark.fast
 def test_a_malformed_datagram_is_counted_and_passed_over(multicast: Running) -> None:
     multicast.send_until(Quality.VALID)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as raw:
