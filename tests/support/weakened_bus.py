@@ -321,7 +321,7 @@ class HoldsAnyRange(HeldValue):
 
 
 class HoldsWhateverStatus(HeldValue):
-    def _is_refused_by_sender(self, raw: IntArray) -> bool:
+    def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
         return False
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
-from strainfmu.arrays import IntArray
+from strainfmu.can.cycle.assembler import Arrival
 from strainfmu.can.cycle.decoder import STATUS_DEGRADED
 from strainfmu.can.cycle.restart_proof import SeenFrames
 from strainfmu.can.e2e.sample_clock import SenderClock
@@ -44,7 +44,7 @@ class StrainTime:
     tolerance: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)  # not frozen: one is made for every cycle
 class FlowState:
     """What is known of the flow at one time; NaN where it is not.
 
@@ -106,7 +106,9 @@ class HeldValue:
         """Return whether ``frame`` holds the quantity."""
         return frame is self._frame
 
-    def take(self, raw: IntArray, time: float, is_new: bool = True, strain_time: StrainTime | None = None) -> bool:
+    def take(
+        self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: StrainTime | None = None
+    ) -> bool:
         """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
 
         ``is_new`` says that the frame has not been received before in this run; ``strain_time`` is the present
@@ -174,7 +176,7 @@ class HeldValue:
         # As of strains: a converter at either end is overdriven, or its wire is broken.
         return not (low <= value <= high and sensible) or code in (raw_ends(signal) or ())
 
-    def _is_refused_by_sender(self, raw: IntArray) -> bool:
+    def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
         """Return whether the sender's own status forbids to use the value."""
         status = self._frame.status
         return status is not None and unsigned(raw, status) > STATUS_DEGRADED
@@ -206,13 +208,14 @@ class HeldFlow:
         for value in self._values:
             value.confirm()
 
-    def take(self, frame: InputFrame, raw: IntArray, time: float, strain_time: StrainTime | None = None) -> bool:
-        """Take in the raw numbers of ``frame``, received at ``time`` [s]; return whether any value may be used.
+    def take(self, item: InputFrame, arrival: Arrival, strain_time: StrainTime | None = None) -> bool:
+        """Take in a frame of the layout's ``item``; return whether any value of it may be used.
 
         ``strain_time`` is the present time by the clock of the strains, None if it is not known.
         """
-        is_new = self._seen.add([frame.layout.key.to_bytes(4, "little") + raw.tobytes()])
-        usable = [value.take(raw, time, is_new, strain_time) for value in self._values if value.is_in(frame)]
+        frame, raw = arrival.frame, arrival.plan.numbers(arrival.frame.data)
+        is_new = self._seen.add([frame.key.to_bytes(4, "little") + frame.data])
+        usable = [v.take(raw, frame.time, is_new, strain_time) for v in self._values if v.is_in(item)]
         return any(usable)
 
     def state(self, now: float) -> FlowState:

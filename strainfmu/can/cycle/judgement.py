@@ -44,6 +44,7 @@ class CycleJudge:
 
     def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
         self._layout, self._step, self._settings = layout, step, settings
+        self._is_protected = layout.is_protected
         self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
         self._reception, self._flow = parts.reception, parts.flow
         self._clock, self._pace = parts.clock, parts.pace
@@ -86,7 +87,7 @@ class CycleJudge:
         if not self._reception.is_trusted(arrival.slot):
             return FrameClass.NOT_TRUSTED
         frame = self._layout.frames[arrival.slot]
-        usable = self._flow.take(frame, arrival.raw, arrival.frame.time, self._strain_time(arrival.frame.time))
+        usable = self._flow.take(frame, arrival, self._strain_time(arrival.frame.time))
         return FrameClass.USED if usable else FrameClass.NOT_USABLE
 
     def take_held(self, arrival: Arrival) -> FrameClass:
@@ -141,7 +142,7 @@ class CycleJudge:
             causes |= Cause.GAUGE_INVALID
         if self._gauges.has_frozen:
             causes |= Cause.FROZEN
-        refused = trailer.refused or (FrameClass.TOO_OLD if of_time & _UNUSABLE else None)
+        refused = trailer.refused or (FrameClass.TOO_OLD if of_time and of_time & _UNUSABLE else None)
         classes: FrameClass | list[FrameClass] = FrameClass.USED
         valid, verdicts = plausible, None
         if refused or not (all_trusted and all_plausible):
@@ -343,7 +344,7 @@ class CycleJudge:
 
     def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
         """Return the quality of a step's outputs, and the causes with those of the estimator's health."""
-        return quality_of_step(step, causes, self._layout.is_protected)
+        return quality_of_step(step, causes, self._is_protected)
 
     def _is_finite(self, step: StepResult) -> bool:
         """Return whether coefficients and their standard deviations are finite."""

@@ -113,10 +113,11 @@ class GaugeChecks:
         """
         difference = strain - self._last_strain
         size, change = np.abs(strain), np.abs(difference)
-        smallest, largest = np.minimum.reduce(size), np.maximum.reduce(size)
-        if not (smallest > _ROUND_OFF and largest <= self._settings.sensor_range):  # False of NaN
+        # Counted, as a count takes a third of the time of the smallest or largest of so few; False of NaN.
+        n, count = len(raw), np.count_nonzero
+        if count(raw) < n or count(size > _ROUND_OFF) < n or count(size <= self._settings.sensor_range) < n:
             return False
-        if not np.maximum.reduce(change) <= self._settings.rate_limit or np.count_nonzero(raw) < len(raw):
+        if count(change <= self._settings.rate_limit) < n:
             return False
         if not self._none_is_stuck(now):
             return False

@@ -124,12 +124,14 @@ class Reception:
         slot = arrival.slot
         if slot == self.trailer:
             return None  # its CRC covers frames that may not have come yet
-        forged = self._not_authentic(slot, arrival.frame.data)
-        if forged is not None:
-            return forged
+        if self.authentication is not None:
+            forged = self._not_authentic(slot, arrival.frame.data)
+            if forged is not None:
+                return forged
         check = self._checks[slot]
         status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
-        wrong = status is not E2EStatus.ERROR and self._is_of_other_configuration(arrival)
+        wrong = arrival.configuration is not None and status is not E2EStatus.ERROR
+        wrong = wrong and self._is_of_other_configuration(arrival)
         self._machines[slot].add(E2EStatus.ERROR if wrong else status)
         if status is E2EStatus.OK and not wrong:
             return None
@@ -223,7 +225,7 @@ class Reception:
 
     def _is_of_other_configuration(self, arrival: Arrival) -> bool:
         """Return whether a frame is of a sender with another assignment of gauges."""
-        return arrival.configuration is not None and arrival.configuration != self._expected[arrival.slot]
+        return arrival.configuration != self._expected[arrival.slot]
 
 
 def _authentication(layout: InputLayout) -> Authentication | None:

@@ -46,7 +46,7 @@ class ClockLimits:
     confirmations: int = 3
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # not frozen: one is made for every frame with a sample time
 class ClockReading:
     """What one sample time shows.
 

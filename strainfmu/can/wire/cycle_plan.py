@@ -91,12 +91,16 @@ class InnerRange:
         ranges = [_inner(signal) for signal in signals]
         self._low, self._high = np.array(ranges, dtype=np.int64).T
         self._is_common = len(set(ranges)) == 1
-        self._first, self._last = ranges[0]
+        self._first, self._span = ranges[0][0], np.uint64(max(ranges[0][1] - ranges[0][0], 0))
+        self._is_empty = any(first > last for first, last in ranges)
 
     def holds(self, raw: IntArray) -> bool:
         """Return whether all of the (n,) ``raw`` numbers are inside."""
+        if self._is_empty:
+            return False
         if self._is_common:
-            return bool(np.minimum.reduce(raw) >= self._first and np.maximum.reduce(raw) <= self._last)
+            # A negative distance from the first number is a huge one without sign.
+            return int(np.count_nonzero((raw - self._first).view(np.uint64) <= self._span)) == len(raw)
         return bool(((raw >= self._low) & (raw <= self._high)).all())
 
 

@@ -69,6 +69,12 @@ class SignalPlan:
         self._bits[:-1] = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
         return np.packbits(self._bits[self._index], bitorder="little").view("<i8")
 
+    def numbers(self, data: bytes) -> Sequence[int]:
+        """Return the k raw numbers in ``data`` as :meth:`raw` does, without the cost of an array."""
+        if self._packed is not None and len(data) == self.length:
+            return self._packed.unpack(data)
+        return self.raw(data).tolist()
+
     def physical(self, raw: IntArray) -> FloatArray:
         """Return the (k,) values of ``raw`` in the signals' units; NaN of a float that is NaN."""
         number = raw.astype(np.float64)
@@ -79,11 +85,12 @@ class SignalPlan:
         with np.errstate(over="ignore", invalid="ignore"):  # a value beyond float64 is refused as out of range
             return number * self._scale + self._offset
 
-    def value(self, raw: IntArray, index: int) -> float:
+    def value(self, raw: Sequence[int] | IntArray, index: int) -> float:
         """Return the value of one signal of ``raw``, as :meth:`physical` does."""
         signal, number = self.signals[index], float(raw[index])
         if signal.kind == FLOAT:
-            number = float(raw[index : index + 1].view(_FLOAT_TYPES[signal.length])[0])
+            pattern = int(raw[index]) % (1 << signal.length)
+            (number,) = _FLOATS[signal.length].unpack(pattern.to_bytes(signal.length // 8, "little"))
         elif signal.kind == UNSIGNED and number < 0.0:
             number = float(int(raw[index]) + (1 << _WIDTH))
         return number * signal.scale + signal.offset
@@ -176,7 +183,7 @@ def _picked(numbers: Sequence[int], places: Sequence[int | None]) -> tuple[int |
     return tuple([None if place is None else numbers[place] for place in places])
 
 
-def unsigned(raw: IntArray, index: int) -> int:
+def unsigned(raw: Sequence[int] | IntArray, index: int) -> int:
     """Return the raw number of an unsigned signal; 64 bits come as int64 from :meth:`SignalPlan.raw`."""
     return int(raw[index]) % (1 << _WIDTH)
 
