@@ -19,7 +19,7 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.loading import estimator_of
 
 SIGMAS = 3.0
 """An estimate is wrong where a coefficient is further from the truth than this many of its standard deviations, or
@@ -115,7 +115,7 @@ class Range:
         effort: Effort,
     ) -> None:
         self.vehicle, self.structure, self.table, self.effort = vehicle, structure, table, effort
-        self.inverse_map, self.estimator = inverse_map, Estimator(inverse_map)
+        self.inverse_map, self.estimator = inverse_map, estimator_of(inverse_map)
         self.hardware = Hardware(
             noise=vehicle.noise,
             station=structure.placed.x,

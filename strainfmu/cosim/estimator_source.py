@@ -13,6 +13,8 @@ from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 
 NAVIGATION = ("mach_number", "altitude")
@@ -45,7 +47,8 @@ def open_step(source: Path) -> Iterator[ReadyStep]:
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     inverse_map = load_inverse_map(source)
-    yield ReadyStep(MapStep(inverse_map), tuple(inverse_map.gauge_names))
+    kind = MapStep if inverse_map.manifold is None else FlightStep
+    yield ReadyStep(kind(inverse_map), tuple(inverse_map.gauge_names))
 
 
 class MapStep:
@@ -55,6 +58,7 @@ class MapStep:
 
     def __init__(self, inverse_map: InverseMap) -> None:
         self._estimator = Estimator(inverse_map)
+        self.noise_std = inverse_map.noise_std
 
     def __call__(
         self,
@@ -67,6 +71,35 @@ class MapStep:
     ) -> StepResult:
         """Do one step; the estimator has no memory, so that ``step_size`` does not matter."""
         found = self._estimator.step(strain, dynamic_pressure, mach_number=mach_number, altitude=altitude)
+        return StepResult(
+            coefficients=found.coefficients,
+            coefficients_std=found.coefficients_std,
+            health=int(found.health),
+            chi_square=found.chi_square,
+            further={ENVELOPE_SCORE: found.envelope_score},
+        )
+
+
+class FlightStep:
+    """The nonlinear estimator of a map as the step of a bridge: each step starts from the state of the last."""
+
+    further_inputs = NAVIGATION
+
+    def __init__(self, inverse_map: InverseMap) -> None:
+        self._tracker = FlightTracker(ManifoldEstimator(inverse_map))
+        self.noise_std = inverse_map.noise_std
+
+    def __call__(
+        self,
+        strain: FloatArray,
+        dynamic_pressure: float,
+        step_size: float,
+        *,
+        mach_number: float = nan,
+        altitude: float = nan,
+    ) -> StepResult:
+        """Do one step; its result does not depend on ``step_size``."""
+        found = self._tracker.step(strain, dynamic_pressure, mach_number=mach_number, altitude=altitude)
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,

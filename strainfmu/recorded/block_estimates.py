@@ -14,8 +14,15 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.step import StepRefused
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, gauge_threshold
+from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.estimator.step import Estimator
 from strainfmu.recorded.column_names import FLOW_NAMES
@@ -41,6 +48,7 @@ class BlockEstimates:
     envelope_score : (n,) standard deviations by which the coefficients leave the envelope of the map, 0 inside.
     residual : (n, n_d) z of each gauge [1], None of an FMU.
     residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
+    further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
     """
 
     coefficients: FloatArray
@@ -56,6 +64,7 @@ class BlockEstimates:
     envelope_score: FloatArray
     residual: FloatArray | None
     residual_limit: FloatArray
+    further: FloatArray | None = None
 
 
 class BlockEstimator(Protocol):
@@ -67,9 +76,11 @@ class BlockEstimator(Protocol):
     reference : the level of strains that it expects.
     has_residuals : whether it gives the z of each gauge.
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
+    further_columns : names and units of further columns of the output.
     """
 
     gauge_names: tuple[str, ...]
+    further_columns: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     reference: LevelReference
     has_residuals: bool
@@ -96,7 +107,8 @@ def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
         return
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
-    yield _MapBlocks(Estimator(load_inverse_map(source)))
+    estimator = estimator_of(load_inverse_map(source))
+    yield _FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else _MapBlocks(estimator)
 
 
 class _MapBlocks:
@@ -104,17 +116,14 @@ class _MapBlocks:
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
+    further_columns: tuple[tuple[str, str], ...] = ()
 
     def __init__(self, estimator: Estimator) -> None:
         inverse_map = estimator.inverse_map
         self._estimator = estimator
         self.gauge_names = tuple(inverse_map.gauge_names)
         self.envelope_score_limit = inverse_map.envelope_score_limit
-        self.reference = LevelReference(
-            strain_range=inverse_map.strain_range,
-            noise_std=inverse_map.noise_std,
-            dynamic_pressure=inverse_map.nominal_dynamic_pressure,
-        )
+        self.reference = _level_reference(inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         found = self._estimator.estimate(block.strain, block.dynamic_pressure, **block.flow)
@@ -148,10 +157,75 @@ class _MapBlocks:
         return np.asarray(threshold[of_sample] * np.sqrt(held.outlier_scale * moved))
 
 
+AIR_DATA_UNITS = ("rad", "rad", "rad", "rad", "1", "Pa", "Pa")
+
+
+class _FlightBlocks:
+    """An inverse map with tables over the flight state, sample by sample."""
+
+    inputs: tuple[str, ...] = FLOW_NAMES[1:]
+    has_residuals = True
+    envelope_score_limit = OUTSIDE_SCORE
+    further_columns = (
+        *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
+        *((f"sigma.air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
+        *((f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES),
+        *((f"navigation_used.{name}", "1") for name in NAVIGATION),
+        ("linear_loads", "1"),
+    )
+
+    def __init__(self, estimator: ManifoldEstimator) -> None:
+        self._tracker = FlightTracker(estimator)
+        self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
+        self.gauge_names = tuple(estimator.inverse_map.gauge_names)
+        self.reference = _level_reference(estimator.inverse_map)
+
+    def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
+        found = [self._step(block, row) for row in range(len(block.time))]
+        k = len(found)
+        return BlockEstimates(
+            coefficients=np.array([one.coefficients for one in found]),
+            coefficients_std=np.array([one.coefficients_std for one in found]),
+            chi_square=np.array([one.chi_square for one in found]),
+            chi_square_limit=np.array([one.chi_square_limit for one in found]),
+            degrees_of_freedom=np.array([float(one.degrees_of_freedom) for one in found]),
+            health=np.array([float(one.health) for one in found]),
+            gauges_used=np.array([float(one.valid.sum()) for one in found]),
+            valid=np.array([one.valid for one in found]),
+            suspects=[one.suspects for one in found],
+            suspect_count=np.array([float(len(one.suspects)) for one in found]),
+            envelope_score=np.array([one.envelope_score for one in found]),
+            residual=np.array([one.standardised_residual for one in found]),
+            residual_limit=np.full(k, self._threshold),
+            further=np.array([_further(one) for one in found]),
+        )
+
+    def _step(self, block: StrainBlock, row: int) -> FlightEstimate:
+        flow = {name: float(values[row]) for name, values in block.flow.items()}
+        return self._tracker.step(block.strain[row], float(block.dynamic_pressure[row]), **flow)
+
+
+def _further(one: FlightEstimate) -> FloatArray:
+    """Return the values of ``_FlightBlocks.further_columns``."""
+    air = one.air_data
+    return np.concatenate(
+        [air.value, air.std, air.is_identified, one.navigation_used, [float(one.is_linear)]]
+    ).astype(float)
+
+
+def _level_reference(inverse_map: InverseMap) -> LevelReference:
+    return LevelReference(
+        strain_range=inverse_map.strain_range,
+        noise_std=inverse_map.noise_std,
+        dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+    )
+
+
 class _FmuBlocks:
     """An estimator FMU, step by step."""
 
     has_residuals = False
+    further_columns: tuple[tuple[str, str], ...] = ()
     envelope_score_limit = float("nan")
 
     def __init__(self, step: FmuStep) -> None:

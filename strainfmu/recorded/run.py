@@ -121,7 +121,7 @@ def estimate_file(
             summary = EstimationSummary(
                 unused=plan.unused, notes=[*opened.notes, *_unused_inputs(source, estimator, plan)]
             )
-            names = _columns(plan, estimator.gauge_names if residuals else ())
+            names = _columns(plan, estimator.further_columns, estimator.gauge_names if residuals else ())
             with estimate_writer(output, names, (SUSPECTS_COLUMN,)) as writer:
                 last = float("nan")
                 for block, done in opened.blocks:
@@ -144,13 +144,16 @@ def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) ->
     return [f"{plan.path}: {', '.join(missing)}: written but not used, {source} does not take them"]
 
 
-def _columns(plan: ColumnPlan, residuals: Sequence[str]) -> tuple[tuple[str, str], ...]:
+def _columns(
+    plan: ColumnPlan, further: Sequence[tuple[str, str]], residuals: Sequence[str]
+) -> tuple[tuple[str, str], ...]:
     """Return names and units of the output's columns, with the residuals of the gauges named."""
     limit = (("health.residual_limit", "1"),) if residuals else ()
     return (
         *ESTIMATE_COLUMNS,
         *HEALTH_COLUMNS,
         *((name, _FLOW_UNITS[name]) for name in FLOW_NAMES if name in plan.stated),
+        *further,
         *limit,
         *((f"residual.{gauge}", "1") for gauge in residuals),
     )
@@ -180,6 +183,8 @@ def _write(
         np.full(len(block.time), estimator.envelope_score_limit),
         *(block.flow[name] for name in FLOW_NAMES if name in block.flow),
     ]
+    if found.further is not None:
+        columns += [*found.further.T]
     if residuals and found.residual is not None:
         columns += [found.residual_limit, *found.residual.T]
     names = [";".join(estimator.gauge_names[i] for i in one) for one in found.suspects]

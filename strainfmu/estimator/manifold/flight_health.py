@@ -56,7 +56,7 @@ def flight_health(
     freedom = used.sum(axis=1) + navigation_used.sum(axis=1)
     limits = np.array([chi_square_limit(max(one, 1)) for one in range(n + len(NAVIGATION) + 1)])
     limit = alarm_scale * manifold.chi_square_scale * limits[freedom]
-    threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) * np.sqrt(manifold.outlier_scale * alarm_scale)
+    threshold = gauge_threshold(manifold, alarm_scale)
     size = np.abs(found.standardised_residual)
     worst = np.argmax(size, axis=1)
     suspect = np.where(size[np.arange(k), worst] > threshold, worst, -1)
@@ -77,6 +77,12 @@ def flight_health(
         suspect=suspect,
         range_score=score,
     )
+
+
+def gauge_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
+    """Return the alarm level of the largest leave-one-out residual |z|."""
+    nominal = outlier_threshold(manifold.tables.n_gauges, FALSE_ALARM_PROBABILITY)
+    return float(nominal * np.sqrt(manifold.outlier_scale * alarm_scale))
 
 
 def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:

@@ -1,0 +1,69 @@
+"""Recorded strains with the nonlinear estimator: air data, navigation and the kind of loads as columns."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from flight_maps import ROWS, STATIONS, exact_response, flight_map
+from scaled_maps import scaled_map
+
+from strainfmu.cosim.estimator_source import open_step
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.flight_condition import FlightCondition
+from strainfmu.recorded.run import estimate_file
+
+pytestmark = pytest.mark.fast
+N_D, K = STATIONS * ROWS, 12
+
+
+def flights() -> list[FlightCondition]:
+    return [FlightCondition(6.0, np.radians(0.6 * i), np.radians(2.0), 20e3) for i in range(K)]
+
+
+def strains() -> np.ndarray:
+    rows = []
+    for one in flights():
+        u, w = (one.total_incidence * f(one.leeward_roll_angle) for f in (np.cos, np.sin))
+        rows.append(exact_response(one.mach_number, u, w, one.ambient_pressure)[:N_D])
+    return np.array(rows) + 2e-7 * np.random.default_rng(1).standard_normal((K, N_D))
+
+
+@pytest.fixture
+def map_path(tmp_path: Path) -> Path:
+    whole = replace(scaled_map(2, 1, N_D), manifold=flight_map(discrepancy=1e-3))
+    save_inverse_map(whole, tmp_path / "map.h5")
+    return tmp_path / "map.h5"
+
+
+def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
+    strain = 1e6 * strains()
+    header = ["time [s]", "dynamic_pressure [Pa]", "mach_number [1]", "altitude [m]"]
+    header += [f"g{i} [um/m]" for i in range(N_D)]
+    lines = [",".join(header)]
+    for i, one in enumerate(flights()):
+        row = [0.01 * i, one.dynamic_pressure, one.mach_number, one.altitude, *strain[i]]
+        lines.append(",".join(f"{value:.9g}" for value in row))
+    data = tmp_path / "flight.csv"
+    data.write_text("\n".join(lines), encoding="utf-8")
+    summary = estimate_file(map_path, data, tmp_path / "out.h5", check_level=False)
+    assert summary.samples == K
+    with h5py.File(tmp_path / "out.h5") as file:
+        assert file["air_data.angle_of_attack"].attrs["unit"] == "rad"
+        angle, std = file["air_data.angle_of_attack"][()], file["sigma.air_data.angle_of_attack"][()]
+        assert np.all(file["navigation_used.mach_number"][()] == 1.0)
+        assert np.all(file["linear_loads"][()] == 0.0)
+        assert np.all(file["identified.air_data.total_incidence"][()] == 1.0)
+    true = np.array([one.angle_of_attack for one in flights()])
+    assert np.all(np.abs(angle - true) < 4.0 * std)
+
+
+def test_a_map_with_tables_steps_from_the_last_state(map_path: Path) -> None:
+    with open_step(map_path) as ready:
+        for one, strain in zip(flights(), strains(), strict=True):
+            found = ready.step(
+                strain, one.dynamic_pressure, 0.01, mach_number=one.mach_number, altitude=one.altitude
+            )
+            assert found.health == 0
+            assert np.all(found.coefficients_std > 0.0)
