@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import nan
 
 import numpy as np
@@ -51,6 +52,12 @@ class SignalPlan:
         self._scale = np.array([s.scale for s in layout.signals])
         self._offset = np.array([s.offset for s in layout.signals])
         self._encoders = [_encoder(signal, layout.length) for signal in layout.signals]
+        plain = [index for index, s in enumerate(layout.signals) if _is_plain_float(s)]
+        starts = sorted(layout.signals[index].start for index in plain)
+        if len(plain) < 2 or any(b - a < 32 for a, b in pairwise(starts)):
+            plain = []
+        self._plain_floats = _FloatGroup(layout, plain) if plain else None
+        self._others = [index for index in range(len(layout.signals)) if index not in plain]
         # The last bit stays 0: it pads unsigned numbers.
         self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
 
@@ -107,8 +114,13 @@ class SignalPlan:
         """
         little = big = 0
         numbers = values.tolist() if isinstance(values, np.ndarray) else values
-        for encoder, value in zip(self._encoders, numbers, strict=True):
-            placed = (encoder.raw(value) & encoder.mask) << encoder.shift
+        if len(numbers) != len(self._encoders):
+            raise ValueError(f"expected {len(self._encoders)} values, got {len(numbers)}")
+        if self._plain_floats is not None:
+            little = self._plain_floats.encoded(numbers)
+        for index in self._others:
+            encoder = self._encoders[index]
+            placed = (encoder.raw(numbers[index]) & encoder.mask) << encoder.shift
             if encoder.is_big:
                 big |= placed
             else:
@@ -116,6 +128,34 @@ class SignalPlan:
         if big:
             little |= int.from_bytes(big.to_bytes(self.length, "big"), "little")
         return little.to_bytes(self.length, "little")
+
+
+_LARGEST_FLOAT = float(np.finfo(np.float32).max)
+
+
+def _is_plain_float(signal: SignalLayout) -> bool:
+    """Return whether a signal is a little endian float32 on a byte's border, without scale, offset or limits."""
+    is_float = signal.kind == FLOAT and signal.length == 32 and signal.byte_order == LITTLE
+    is_plain = signal.scale == 1.0 and signal.offset == 0.0
+    return is_float and is_plain and signal.minimum is None and signal.maximum is None and signal.start % 8 == 0
+
+
+class _FloatGroup:
+    """The plain floats of a frame, encoded by one call of ``struct``."""
+
+    def __init__(self, layout: FrameLayout, indices: Sequence[int]) -> None:
+        self._indices = sorted(indices, key=lambda index: layout.signals[index].start)
+        code, end = "<", 0
+        for index in self._indices:
+            first = layout.signals[index].start // 8
+            code, end = f"{code}{first - end}xf", first + 4
+        self._packed = struct.Struct(code)
+
+    def encoded(self, numbers: Sequence[float]) -> int:
+        """Return the bits of the frame that hold the floats of the ``numbers`` of all signals."""
+        held = [numbers[index] for index in self._indices]
+        data = self._packed.pack(*[x if -_LARGEST_FLOAT <= x <= _LARGEST_FLOAT else nan for x in held])
+        return int.from_bytes(data, "little")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -87,3 +87,18 @@ def test_what_is_inside_a_range_is_usable(signal: SignalLayout) -> None:
         assert signal.minimum is None or value >= signal.minimum
         assert signal.maximum is None or value <= signal.maximum
     assert bool(inside) == (signal.kind != FLOAT and signal.minimum != 0.1 and signal.scale != 1e-9)
+
+
+def test_floats_side_by_side_are_encoded_as_each_alone() -> None:
+    names = ("a", "b", "c")
+    signals = tuple(SignalLayout(name=n, start=8 + 40 * i, length=32, kind=FLOAT) for i, n in enumerate(names))
+    header = SignalLayout(name="h", start=0, length=8)
+    frame = FrameLayout(name="f", identifier=1, length=16, signals=(signals[2], header, *signals[:2]))
+    alone = [SignalPlan(replace(frame, signals=(signal,))) for signal in frame.signals]
+    plan = SignalPlan(frame)
+    for values in ([1.5, 7.0, -2.25, 0.1], [np.nan, 255.0, np.inf, -np.inf], [1e300, 0.0, 3.4e38, -3.5e38]):
+        parts = [own.encode([value]) for own, value in zip(alone, values, strict=True)]
+        expected = sum(int.from_bytes(part, "little") for part in parts)
+        assert int.from_bytes(plan.encode(values), "little") == expected
+    with pytest.raises(ValueError, match="expected 4 values, got 3"):
+        plan.encode([1.0, 2.0, 3.0])
