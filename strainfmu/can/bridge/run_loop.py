@@ -86,6 +86,7 @@ class Bridge:
         n_frames = core.layout.cycle_length
         self._queue = FrameQueue(queued_cycles * n_frames, n_frames, core.layout.optional_keys)
         self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
+        self._answering = 0.0
         self._back_off = BackOff(back_off or BackOffSettings())
         self._on_result, self._on_frame = on_result, on_frame
         self._on_received, self._on_sent = on_received, on_sent
@@ -176,7 +177,9 @@ class Bridge:
         if self._is_confirmed:
             self._is_confirmed = False
             self._core.confirm_sender()
-        is_answered = not items or self._backlog.is_answered(self._clock() - items[-1].time)
+        begin = self._clock()
+        is_answered = not items or self._backlog.is_answered(begin - items[-1].time)
+        n_answered = sum(self._qualities.values())
         for item in items:
             if isinstance(item, BusFault):
                 self._lose_bus(item.reason, item.time)
@@ -184,6 +187,8 @@ class Bridge:
             if self._on_frame is not None:
                 self._on_frame(item)
             self._publish(self._core.receive(item, is_answered))
+        if items and is_answered:
+            self._note_answer(self._clock() - begin, sum(self._qualities.values()) - n_answered)
         # Only up to the time by which all frames are known, so that a recording gives the same results.
         self._publish(self._core.advance(known))
         now = self._clock()
@@ -193,6 +198,13 @@ class Bridge:
             self._lose_bus("bus off", now)
         if self._back_off.due is not None and now >= self._back_off.due:
             self._reconnect(now)
+
+    def _note_answer(self, seconds: float, n_results: int) -> None:
+        """Note the time [s] of a turn in which so many results went out: one may take in the start of a cycle."""
+        self._answering += seconds
+        if n_results:
+            self._backlog.answered(self._answering / n_results)
+            self._answering = 0.0
 
     def _next_items(self, timeout: float) -> tuple[list[Frame | BusFault], float]:
         """Wait up to ``timeout`` [s]; return the frames of a cycle and a time that no later frame precedes."""

@@ -57,12 +57,18 @@ class Overloaded:
 
 
 def run(
-    profile: str, service: float, n_cycles: int, stall: tuple[int, float] = (-1, 0.0), mach_number: float = np.nan
+    profile: str,
+    service: float,
+    n_cycles: int,
+    stall: tuple[int, float] = (-1, 0.0),
+    mach_number: float = np.nan,
+    measured: bool = False,
 ) -> Overloaded:
     """Wire queue, backlog and core as the bridge does, an answer taking ``service`` [cycles].
 
     With a ``mach_number`` a frame of navigation is sent, which a cycle need not have.
 
+    ``measured`` tells the backlog how long answers take.
     ``stall`` is a cycle at which the bridge stands still, and for how long [cycles].
     """
     layout, truth, step = layout_of(profile, N), Truth(N, 1), Projection(N)
@@ -95,6 +101,8 @@ def run(
             clock.now += SKIPPING * CYCLE
         for result in results + over.core.advance(known):
             clock.now += service * CYCLE
+            if measured:
+                backlog.answered(service * CYCLE)
             over.results.append(published(result, clock.now, SETTINGS.max_age * CYCLE))
         if items and stall[0] == items[0].time // CYCLE:
             clock.now, stall = clock.now + stall[1] * CYCLE, (-1, 0.0)
@@ -195,3 +203,22 @@ def test_frames_that_a_cycle_may_have_or_not_neither_split_it_nor_fill_the_queue
     assert queue.put(first[:1]) == 4, "the oldest cycle, whole"
     assert queue.put([first[1]] * 100) > 80
     assert queue.highest <= 12
+
+
+def test_a_quick_bridge_that_was_held_up_skips_only_what_it_cannot_answer_in_time() -> None:
+    backlog = Backlog(5.0, 0.01)
+    for _ in range(3):
+        backlog.answered(0.002)
+    waited = [0.0, 0.026, 0.047, 0.049, 0.2, 0.047, 0.02]
+    assert [backlog.is_answered(one) for one in waited] == [True, True, True, False, False, True, True]
+    for _ in range(100):
+        backlog.answered(0.008)
+    assert [backlog.is_answered(one) for one in (0.024, 0.026, 0.011, 0.009)] == [True, False, False, True]
+
+
+def test_a_quick_bridge_catches_up_without_a_gap() -> None:
+    over = run("fd64", 0.3, 400, stall=(100, 4.0), measured=True)
+    assert over.core.account.classes[FrameClass.SKIPPED] == 0
+    assert over.count(Quality.VALID) == 397
+    skipping = run("fd64", 0.3, 400, stall=(100, 4.0))
+    assert skipping.core.account.classes[FrameClass.SKIPPED] > 0, "as without knowing how quick it is"
