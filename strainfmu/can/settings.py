@@ -66,7 +66,7 @@ class BridgeSettings:
     zero_cycles : exact zeros in a row after which a gauge is left out; None: as the gauge's noise allows.
     gauge_noise : standard deviation of the gauges' noise at rest [m/m]; None: what the estimator was made with.
     zero_jump : a fall to exactly zero by more than this [m/m] and three times the last change counts at once.
-    rate_limit : maximum change from one cycle to the next [m/m].
+    rate_limit : maximum change from one value to the next [m/m].
     sensor_range : maximum |strain| [m/m], whatever the layout allows.
     heal_cycles : good values in a row after which a gauge is used again.
     jump_tolerance : by how much the delay of a cycle may be below the smallest one so far.

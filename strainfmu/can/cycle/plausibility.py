@@ -208,8 +208,8 @@ class GaugeChecks:
         return ~(np.abs(strain) <= self._settings.sensor_range)
 
     def _jumping(self, difference: FloatArray) -> BoolArray:
-        """Find gauges that changed too much since the last cycle."""
-        return np.abs(difference) > self._settings.rate_limit * self._cycles_apart  # false of NaN
+        """Find gauges that changed too much since their last value."""
+        return np.abs(difference) > self._settings.rate_limit  # false of NaN
 
     def _keep_pace(self, strain: FloatArray, good: BoolArray, now: float) -> None:
         """Keep good strains and their rates of change [m/m per cycle]."""

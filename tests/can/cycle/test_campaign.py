@@ -60,6 +60,19 @@ def test_random_faults_on_frames_of_two_rates() -> None:
     assert run.core.account.unaccounted == 0
 
 
+@pytest.mark.parametrize(
+    "kind", [FaultKind.JUMP, FaultKind.STUCK_GAUGE, FaultKind.ZERO_GAUGE, FaultKind.OUT_OF_RANGE]
+)
+def test_a_fault_of_a_held_gauge(kind: FaultKind) -> None:
+    """Seeds that hit one of the three gauges of the slow frame."""
+    held = [s for s in range(200) if int(np.random.default_rng(s).integers(N_GAUGES)) >= 27 and s % 2][:2]
+    gap = 5 * SETTINGS.recovery_cycles + 15
+    faults = [Fault(kind=kind, start=100 + (gap + 30) * k, cycles=30, seed=s) for k, s in enumerate(held)]
+    run = run_campaign(mixed_layout(), faults, 100 + 2 * (gap + 30))
+    assert run.false_valid == []
+    assert run.late_recovery == []
+
+
 @pytest.mark.slow
 def test_a_thousand_random_faults_on_frames_of_two_rates() -> None:
     run = mixed_campaign(1000, seed=2025)
