@@ -54,7 +54,7 @@ def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE)
     )
 
 
-LOSING = frozenset({FaultKind.LOSS, FaultKind.CORRUPTION, FaultKind.BURST_ERROR})
+LOSING = frozenset({FaultKind.LOSS, FaultKind.CORRUPTION, FaultKind.BURST_ERROR, FaultKind.SEQUENCE})
 """Faults that take single cycles away."""
 
 
@@ -222,7 +222,7 @@ class Oracle:
         largest = self._tolerance + self._step.outputs(np.full(n, QUANTUM), 0.0)[:4].max()
         return any(
             fault.kind is FaultKind.DITHER
-            and last < fault.start + limit
+            and last < fault.start + limit + self._unseen(fault, last)
             and self._distance(result, self._truth.cycle(fault.start)[0]) <= largest
             for fault in self._faults_near(last)
         )
