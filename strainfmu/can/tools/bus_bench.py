@@ -211,7 +211,9 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
     InputError, StrainfmuError
         A file is missing or damaged; there is no route for multicast, or a process failed.
     """
-    load_inverse_map(folder / "map.h5")
+    gauge_names = load_inverse_map(folder / "map.h5").gauge_names
+    # Of strains, and that of the dynamic pressure.
+    n_frames = len(profile_layout(PROFILE, gauge_names, 1.0 / rate).strain_frames) + 1
     port = private_port()
     check_multicast(port)
     with _burning(burners), tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
@@ -240,7 +242,7 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
         summary=summary,
         python_can_load=load,
         python_can_received=received,
-        python_can_sent=3 * len(again),
+        python_can_sent=n_frames * len(again),
     )
 
 

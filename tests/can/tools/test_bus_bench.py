@@ -28,7 +28,7 @@ def test_the_table_of_a_short_run(folder: Path) -> None:
     assert run.sent == 200 - SETTLING_CYCLES
     assert sum(run.outcome.values()) == run.on_time <= run.sent
     assert rows["frames: not accounted for"] == "0"
-    assert run.python_can_received == run.python_can_sent == 600
+    assert run.python_can_received == run.python_can_sent == 400
     assert 0.0 < run.load < 1.0
     assert 0.0 < run.python_can_load < 1.0
     assert "us a cycle" in rows["virtual time: core"]
