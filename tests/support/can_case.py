@@ -223,8 +223,9 @@ class Oracle:
         return any(
             fault.kind is FaultKind.DITHER
             and last < fault.start + limit + self._unseen(fault, last)
-            and self._distance(result, self._truth.cycle(fault.start)[0]) <= largest
+            and self._distance(result, strain) <= largest
             for fault in self._faults_near(last)
+            for strain in self._with_held([self._truth.cycle(fault.start)[0]], fault.start, last)
         )
 
     def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
