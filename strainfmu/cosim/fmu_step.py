@@ -89,7 +89,8 @@ class FmuStep:
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         self._get = _outputs(path, self._description, further_outputs)
-        self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) :])
+        # The state of health, the only one that is no Real, stands last, so that the others are side by side.
+        self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
         self.pressure_nominal = float(pressure.nominal or 1.0)
         self._time = 0.0
@@ -157,9 +158,9 @@ class FmuStep:
         return StepResult(
             coefficients=self._values[:5].copy(),
             coefficients_std=self._values[5:10].copy(),
-            health=int(self._values[11]),
+            health=int(self._values[-1]),
             chi_square=float(self._values[10]),
-            further=dict(zip(self.further_outputs, self._values[len(_OUTPUTS) :].tolist(), strict=True)),
+            further=dict(zip(self.further_outputs, self._values[len(_OUTPUTS) - 1 : -1].tolist(), strict=True)),
         )
 
     def close(self) -> None:
@@ -253,12 +254,13 @@ def _inputs(path: Path, description: Any) -> list[Any]:
 
 
 def _outputs(path: Path, description: Any, further: Sequence[str]) -> list[Any]:
-    """Return the outputs that the bridge reads, then those of ``further`` that there are."""
+    """Return the outputs that the bridge reads, with those of ``further`` that there are ahead of the last one."""
     found = {v.name: v for v in description.modelVariables if v.causality == "output"}
     missing = [name for name in _OUTPUTS if name not in found]
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
-    return [found[name] for name in (*_OUTPUTS, *(name for name in further if name in found))]
+    numbers, state = _OUTPUTS[:-1], _OUTPUTS[-1]
+    return [found[name] for name in (*numbers, *(name for name in further if name in found), state)]
 
 
 def _numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:

@@ -220,13 +220,18 @@ class HeldFlow:
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""
-        lost = [value.was_known and isnan(value.value(now)) for value in self._navigation]
+        lost, hidden = False, False
+        for value in self._navigation:
+            lost = lost or (value.was_known and isnan(value.value(now)))
+        if self._fixed is None:
+            for value in self._values:
+                hidden = hidden or value.hides_delay
         return FlowState(
             dynamic_pressure=self._at(DYNAMIC_PRESSURE, now) if self._fixed is None else self._fixed,
             mach_number=self._at(MACH_NUMBER, now),
             altitude=self._at(ALTITUDE, now),
-            is_navigation_lost=any(lost),
-            hides_delay=self._fixed is None and any(value.hides_delay for value in self._values),
+            is_navigation_lost=lost,
+            hides_delay=hidden,
         )
 
     def _at(self, quantity: str, now: float) -> float:

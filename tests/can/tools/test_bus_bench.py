@@ -21,7 +21,7 @@ def folder(synthetic: SyntheticFiles, tmp_path: Path) -> Path:
 
 
 def test_the_table_of_a_short_run(folder: Path) -> None:
-    cost, run = core_cost(folder, 200), bus_run(folder, 100.0, 2.0)
+    cost, run = core_cost(folder, 200), bus_run(folder, 200.0, 1.0)
     rows = dict(bus_rows(cost, run))
     assert 0.0 < cost.core < 0.1
     assert 0.0 < cost.observed < 0.1
