@@ -116,7 +116,8 @@ class Publisher:
         """Hand over a result to be sent, unless one was just before; never waits."""
         now = time.monotonic()
         quality = result.quality
-        self._since |= result.causes
+        if result.causes:  # the sum of two flags takes longer than all the rest
+            self._since |= result.causes
         self._counts[quality] += 1
         if now < self._next and quality is self._quality:
             return

@@ -103,7 +103,7 @@ def quality_of_step(step: StepResult, causes: Cause, protected: bool) -> tuple[Q
         causes |= Cause.HEALTH
         if step.health in _NO_ESTIMATE:
             return Quality.INVALID, causes
-    if causes & _UNCONFIRMED:
+    if causes and causes & _UNCONFIRMED:
         return Quality.UNCONFIRMED, causes
     if step.health != HealthState.OK:
         # An unknown state is never better than suspect.
