@@ -21,9 +21,9 @@ from strainfmu.estimator.manifold.gauss_newton import (
     strain_factor,
 )
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.starts import MACHS, SearchTable, starts
+from strainfmu.estimator.manifold.starts import STARTS, SearchTable, starts
 
-START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 8, 6, 2
+START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 4, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
 
 
@@ -58,14 +58,14 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
     """
     k = len(samples.strain)
     state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
-    each = samples.rows(np.tile(np.arange(k), MACHS))
+    each = samples.rows(np.tile(np.arange(k), STARTS))
     for _ in range(2):
         factor = strain_factor(manifold, state, each.used)
         for _ in range(START_ITERATIONS // 2):
             state = stepped(manifold, linearise(manifold, state, factor, each))
     at = linearise(manifold, state, factor, each)
     cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    best = np.argmin(cost.reshape(MACHS, k), axis=0) * k + np.arange(k)
+    best = np.argmin(cost.reshape(STARTS, k), axis=0) * k + np.arange(k)
     state = state[best]
     for _ in range(COLD_ITERATIONS):
         factor = strain_factor(manifold, state, samples.used)

@@ -8,12 +8,16 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, evaluate
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import StateMeasurement, predicted
 
-MACHS, INCIDENCES, ROLLS = 3, 6, 16
-"""States of the search: Mach numbers, of each the best is a start; incidences; roll angles of the wind."""
+STARTS, MACHS, ROLLS = 6, 3, 16
+"""States of the search: incidences, of each the best is a start; Mach numbers; roll angles of the wind.
+
+Strain is nearly in proportion to p_inf times incidence: without navigation the search cannot tell them apart, and
+from a wrong incidence the iterations end elsewhere.
+"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -22,8 +26,8 @@ class SearchTable:
 
     Attributes
     ----------
-    state : (MACHS, n, 4) flight states at p_inf = 1 Pa.
-    strain : (MACHS, n, n_d) strain per p_inf there [1/Pa].
+    state : (STARTS, n, 4) flight states at p_inf = 1 Pa, the incidence rising.
+    strain : (STARTS, n, n_d) strain per p_inf there [1/Pa].
     fixed_strain : (n_d,) that does not follow p_inf [m/m].
     whitening : (n_d,) reciprocal standard deviation of each gauge about the tables in the middle of the range.
     """
@@ -38,38 +42,41 @@ def search_table(manifold: ManifoldMap) -> SearchTable:
     """Return the states that a start is searched in."""
     n_d = manifold.tables.n_gauges
     mach = np.linspace(manifold.mach_range[0], manifold.mach_range[1], MACHS)
-    incidence = manifold.incidence_limit * np.arange(1, INCIDENCES + 1) / INCIDENCES
+    incidence = manifold.incidence_limit * (np.arange(STARTS) + 0.5) / STARTS
     roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
-    u = np.concatenate([[0.0], np.outer(incidence, np.cos(roll)).ravel()])
-    w = np.concatenate([[0.0], np.outer(incidence, np.sin(roll)).ravel()])
-    state = np.zeros((MACHS, len(u), 4))
-    state[:, :, 0], state[:, :, 1], state[:, :, 2] = mach[:, None], u, w
+    state = np.zeros((STARTS, MACHS, ROLLS, 4))
+    state[..., MACH] = mach[:, None]
+    state[..., U] = incidence[:, None, None] * np.cos(roll)
+    state[..., W] = incidence[:, None, None] * np.sin(roll)
+    state = state.reshape(STARTS, -1, 4)
     fixed = manifold.tables.fixed_response[:n_d]
     strain = evaluate(manifold.tables, state.reshape(-1, 4)).value[:, :n_d] - fixed
     middle = float(np.exp(np.log(manifold.pressure_range).mean()))
-    at = np.append(state[1, -1, :3], np.log(middle))[None]
+    at = np.append(state[STARTS // 2, 0, :3], np.log(middle))[None]
     response = evaluate(manifold.tables, at).value
     covariance = strain_covariance(manifold, np.array([middle]), response[:, :n_d], response[:, n_d:])
     return SearchTable(
         state=state,
-        strain=strain.reshape(MACHS, -1, n_d),
+        strain=strain.reshape(STARTS, -1, n_d),
         fixed_strain=fixed,
         whitening=1.0 / np.sqrt(np.diagonal(covariance[0])),
     )
 
 
 def starts(table: SearchTable, strain: FloatArray, used: BoolArray, measured: StateMeasurement) -> FloatArray:
-    """Return (MACHS, k, 4) the best state of the table at each Mach number, p_inf chosen for each state."""
+    """Return (STARTS, k, 4) the best state of the table at each incidence, p_inf chosen for each state."""
     weight = np.where(used, table.whitening, 0.0)
     data = np.where(used, strain - table.fixed_strain, 0.0) * weight
-    found = np.empty((MACHS, len(strain), 4))
+    found = np.empty((STARTS, len(strain), 4))
     for i, (states, unit) in enumerate(zip(table.state, table.strain, strict=True)):
         dot = (data * weight) @ unit.T
         size = (weight * weight) @ (unit * unit).T
         pressure = np.clip(dot / np.maximum(size, 1e-300), 10.0, 5e5)
-        log_pressure = _with_navigation(np.log(pressure), size * pressure**2, states[0, 0], measured)
+        log_pressure, of_navigation = _with_navigation(
+            np.log(pressure), size * pressure**2, states[:, MACH], measured
+        )
         pressure = np.exp(log_pressure)
-        cost = -2.0 * pressure * dot + pressure**2 * size
+        cost = pressure**2 * size - 2.0 * pressure * dot + of_navigation
         best = np.argmin(cost, axis=1)
         rows = np.arange(len(strain))
         found[i, :, :3] = states[best, :3]
@@ -78,14 +85,21 @@ def starts(table: SearchTable, strain: FloatArray, used: BoolArray, measured: St
 
 
 def _with_navigation(
-    log_pressure: FloatArray, information: FloatArray, mach: float, measured: StateMeasurement
-) -> FloatArray:
-    """Return ln p_inf (k, n) that joins strain, of ``information`` (k, n), with navigation at a Mach number."""
-    state = np.zeros((len(log_pressure), 4))
-    state[:, 0] = mach
-    value, jacobian = predicted(state)
-    rows = [1, 2, 6]
-    precision = measured.precision[:, rows] * jacobian[:, rows, LOG_PRESSURE] ** 2
-    target = measured.value[:, rows] - value[:, rows]
-    total = information + precision.sum(axis=1)[:, None]
-    return np.asarray((information * log_pressure + np.sum(precision * target, axis=1)[:, None]) / total)
+    log_pressure: FloatArray, information: FloatArray, mach: FloatArray, measured: StateMeasurement
+) -> tuple[FloatArray, FloatArray]:
+    """Return ln p_inf (k, n) that joins strain, of ``information`` (k, n), with navigation, and its cost (k, n).
+
+    ``mach`` (n,) are the Mach numbers of the states.
+    """
+    state = np.zeros((len(mach), 4))
+    state[:, MACH] = mach
+    value, _ = predicted(state)
+    rows = [1, 2, 6]  # ln p_inf of navigation, ln q_inf less that of the state, the prior of ln p_inf
+    precision = measured.precision[:, None, rows]
+    target = measured.value[:, None, rows] - value[None, :, rows]
+    total = information + precision.sum(axis=2)
+    joined = (information * log_pressure + np.sum(precision * target, axis=2)) / total
+    cost = np.sum(precision * (target - joined[:, :, None]) ** 2, axis=2)
+    both = [0, 3]  # Mach number of navigation, its prior
+    off = measured.value[:, None, both] - mach[None, :, None]
+    return np.asarray(joined), np.asarray(cost + np.sum(measured.precision[:, None, both] * off**2, axis=2))
