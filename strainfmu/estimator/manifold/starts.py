@@ -44,11 +44,11 @@ def search_table(manifold: ManifoldMap) -> SearchTable:
     mach = np.linspace(manifold.mach_range[0], manifold.mach_range[1], MACHS)
     incidence = manifold.incidence_limit * (np.arange(STARTS) + 0.5) / STARTS
     roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
-    state = np.zeros((STARTS, MACHS, ROLLS, 4))
-    state[..., MACH] = mach[:, None]
-    state[..., U] = incidence[:, None, None] * np.cos(roll)
-    state[..., W] = incidence[:, None, None] * np.sin(roll)
-    state = state.reshape(STARTS, -1, 4)
+    states = np.zeros((STARTS, MACHS, ROLLS, 4))
+    states[..., MACH] = mach[:, None]
+    states[..., U] = incidence[:, None, None] * np.cos(roll)
+    states[..., W] = incidence[:, None, None] * np.sin(roll)
+    state = states.reshape(STARTS, -1, 4)
     fixed = manifold.tables.fixed_response[:n_d]
     strain = evaluate(manifold.tables, state.reshape(-1, 4)).value[:, :n_d] - fixed
     middle = float(np.exp(np.log(manifold.pressure_range).mean()))
