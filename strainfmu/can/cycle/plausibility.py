@@ -63,7 +63,7 @@ class GaugeChecks:
         self._all = np.ones(n_gauges, dtype=bool)
         self._all.setflags(write=False)
         # Every gauge was good in the last cycle, at the time given, and is not on its way to be left out.
-        self._is_quiet, self._last_time = False, 0.0
+        self._is_quiet, self._has_zeros, self._last_time = False, False, 0.0
         # The longest time without a change of any gauge, when and how many cycles ago it was found.
         self._longest_found, self._found_at, self._cycles_since = np.inf, 0.0, 0
         self._changed_at = np.nan
@@ -115,12 +115,21 @@ class GaugeChecks:
         size, change = np.abs(strain), np.abs(difference)
         # Counted, as a count takes a third of the time of the smallest or largest of so few; False of NaN.
         n, count = len(raw), np.count_nonzero
-        if count(raw) < n or count(size > _ROUND_OFF) < n or count(size <= self._settings.sensor_range) < n:
+        if count(size <= self._settings.sensor_range) < n or count(change <= self._settings.rate_limit) < n:
             return False
-        if count(change <= self._settings.rate_limit) < n:
-            return False
+        zeros = None
+        if count(raw) < n or count(size > _ROUND_OFF) < n:
+            zero = (raw == 0) | (size <= _ROUND_OFF)
+            zeros = (self._zeros + 1) * zero
+            # A change within this has not fallen to zero, whatever the gauge's pace.
+            if count(zero & ((change > self._settings.zero_jump) | (zeros >= self._zero_cycles))):
+                return False
         if not self._none_is_stuck(now):
             return False
+        if zeros is not None:
+            self._zeros, self._has_zeros = zeros, True
+        elif self._has_zeros:
+            self._zeros, self._has_zeros = np.zeros_like(self._zeros), False
         differs = raw != self._last_raw
         if np.count_nonzero(differs):
             self._changed_at = now
@@ -199,7 +208,7 @@ class GaugeChecks:
         self._last_strain = np.where(present & finite, strain, self._last_strain)
         self._keep_pace(strain, good, now)
         valid = good & (self._good >= self._settings.heal_cycles)
-        self._is_quiet = bool(valid.all()) and not self._zeros.any()
+        self._is_quiet, self._has_zeros = bool(valid.all()), bool(self._zeros.any())
         self._last_time, self._longest_found = now, np.inf
         return valid
 

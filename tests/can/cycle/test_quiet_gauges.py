@@ -16,7 +16,7 @@ N, CYCLE, QUANTUM = 6, 0.01, 0.25e-6
 def cycles(seed: int, n_cycles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return raw numbers, presence and times of cycles; gauges stick, jump, fall to zero or are missing."""
     random = np.random.default_rng(seed)
-    raw = 400 + np.cumsum(random.integers(-2, 3, size=(n_cycles, N)), axis=0)
+    raw = np.array([400, 400, 3, -2, 50, 400]) + np.cumsum(random.integers(-2, 3, size=(n_cycles, N)), axis=0)
     present = np.ones((n_cycles, N), dtype=bool)
     for start in range(60, n_cycles - 40, 70):
         gauge, end = int(random.integers(N)), start + int(random.integers(1, 40))
