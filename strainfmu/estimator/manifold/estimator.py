@@ -14,7 +14,7 @@ from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates, set_unknown
-from strainfmu.estimator.manifold.air_data import AirData, air_data
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData, air_data
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import flight_health
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
@@ -32,6 +32,8 @@ from strainfmu.estimator.step import Estimator, moment_transfer
 
 BLOCK = 256
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
+
+_OF_STATE = [AIR_DATA_NAMES.index(name) for name in ("total_incidence", "mach_number", "static_pressure")]
 
 _OF_LOADS = ("loads", "loads_std", "coefficients", "coefficients_std", "load_covariance")
 
@@ -192,9 +194,16 @@ class ManifoldEstimator:
             samples = without_navigation(samples, dropped)
             at = solve(samples)
             found = replace(solution(self.manifold, at, used), navigation_residual=residual)
-        return self._estimates(inputs, samples, found)
+        return self.concluded(inputs, samples, found)
 
-    def _estimates(self, inputs: EstimatorInputs, samples: Samples, found: FlightSolution) -> FlightEstimates:
+    def concluded(
+        self, inputs: EstimatorInputs, samples: Samples, found: FlightSolution, predicted: bool = False
+    ) -> FlightEstimates:
+        """Return the estimates of ``inputs`` with health, from their solution with the ``samples`` used.
+
+        Samples without gauges are unknown, or ``predicted``: known from earlier ones while their state is
+        identified.
+        """
         used, navigation = inputs.used, inputs.navigation
         known = samples.measured.precision[:, :3] > 0.0
         judged = flight_health(
@@ -212,11 +221,13 @@ class ManifoldEstimator:
         for row, suspect in enumerate(judged.suspect.tolist()):
             out.suspects[row] = () if suspect < 0 else (suspect,)
         some = np.asarray(used.any(axis=1))
-        set_unknown(out, np.flatnonzero(~some))
+        air = self._air_data(found, used, predicted)
+        of_state = air.is_identified[:, _OF_STATE].all(axis=1)
+        set_unknown(out, np.flatnonzero(~some & ~of_state))
         is_linear = self._fall_back(out, inputs, np.asarray(~judged.fits & some))
         return FlightEstimates(
             **{entry.name: getattr(out, entry.name) for entry in fields(out)},
-            air_data=self._air_data(found, used),
+            air_data=air,
             state=found.state,
             state_covariance=found.state_covariance,
             navigation_residual=found.navigation_residual,
@@ -237,10 +248,11 @@ class ManifoldEstimator:
         out.coefficients_std[:] = np.sqrt(np.diagonal(of_coefficient, axis1=1, axis2=2))
         return out
 
-    def _air_data(self, found: FlightSolution, used: BoolArray) -> AirData:
-        """Return the air data; NaN where no gauge is used, since they would be those of navigation."""
+    def _air_data(self, found: FlightSolution, used: BoolArray, predicted: bool) -> AirData:
+        """Return the air data; NaN where no gauge is used, since they would be those of navigation, unless
+        ``predicted``."""
         air = air_data(found.state, found.state_covariance, self._prior_std)
-        some = np.asarray(used.any(axis=1))[:, None]
+        some = np.asarray(used.any(axis=1) | predicted)[:, None]
         return AirData(
             value=np.where(some, air.value, np.nan),
             std=np.where(some, air.std, np.nan),

@@ -1,0 +1,248 @@
+"""The nonlinear estimator over time: flight state with rates, and errors that last, from step to step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.filter.consistency import Consistency, noted
+from strainfmu.estimator.filter.flight_model import FlightModel, SampleRows, flight_model, transition
+from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample
+from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
+from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator, without_navigation
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
+from strainfmu.estimator.manifold.gauss_newton import Samples
+from strainfmu.estimator.manifold.navigation import inconsistent_navigation, state_measurement
+from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
+from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilterTrack:
+    """What a step leaves to the next one.
+
+    Attributes
+    ----------
+    law : of the states, None before the first step.
+    state : (4,) flight state from which the next step starts, None before the first.
+    since_search, to_return : as of :class:`~strainfmu.estimator.manifold.tracker.Track`.
+    consistency : of the window.
+    """
+
+    law: Law | None = None
+    state: FloatArray | None = None
+    since_search: int = 0
+    to_return: int = 0
+    consistency: Consistency = field(default_factory=Consistency)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilteredStep:
+    """A step of the filter, as much of it as smoothing needs.
+
+    Attributes
+    ----------
+    estimate : of the step.
+    inputs : of the step.
+    sample : as it was used.
+    before, after : laws of the states before and after the sample.
+    transition : from the last step to this one.
+    continues : whether ``before`` follows from the last step; false where the filter began again.
+    """
+
+    estimate: FlightEstimates
+    inputs: EstimatorInputs
+    sample: Samples
+    before: Law
+    after: Law
+    transition: Transition
+    continues: bool
+
+
+class FlightFilter:
+    """A :class:`ManifoldEstimator` fed with one sample after another, with memory.
+
+    A sample that does not fit what the filter has predicted is estimated on its own. If it fits the tables so, the
+    filter begins again from it: a manoeuvre faster than the rates costs memory, not accuracy.
+    """
+
+    def __init__(
+        self, estimator: ManifoldEstimator, settings: FilterSettings, track: FilterTrack | None = None
+    ) -> None:
+        """Begin with ``track``; None searches the tables in the first step."""
+        self.estimator, self.settings = estimator, settings
+        self.model: FlightModel = flight_model(estimator.inverse_map, estimator.manifold, settings)
+        self.track = track or FilterTrack()
+
+    def step(
+        self,
+        time_step: float,
+        strain: ArrayLike,
+        dynamic_pressure: float = np.nan,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: float = np.nan,
+        *,
+        mach_number: float = np.nan,
+        mach_number_std: float = np.nan,
+        altitude: float = np.nan,
+        static_pressure: float = np.nan,
+        static_pressure_std: float = np.nan,
+    ) -> FlightEstimate:
+        """Estimate the loads of one sample, ``time_step`` [s] after the last one.
+
+        Other arguments as :meth:`ManifoldEstimator.estimate`. Without a gauge the estimate is the prediction, and
+        health is ``DEGRADED``, until the flight state is no longer identified.
+
+        Raises
+        ------
+        InputError
+            ``time_step`` is not positive, or an argument has the wrong shape.
+        """
+        flow = {
+            "mach_number": mach_number,
+            "static_pressure": static_pressure,
+            "dynamic_pressure": dynamic_pressure,
+            "mach_number_std": mach_number_std,
+            "static_pressure_std": static_pressure_std,
+            "dynamic_pressure_std": dynamic_pressure_std,
+            "altitude": altitude,
+        }
+        inputs = self.estimator.checked_inputs(strain, valid, flow)
+        if len(inputs.strain) != 1:
+            raise InputError(f"strain: expected one sample, got {len(inputs.strain)}")
+        return self.stepped(checked_time_step(time_step), inputs).estimate[0]
+
+    def stepped(self, time_step: float, inputs: EstimatorInputs) -> FilteredStep:
+        """Return the step of the one sample in ``inputs``, and keep what it leaves."""
+        track = self.track
+        step = transition(self.model, time_step, track.consistency.widening)
+        law = None if track.law is None else predicted(track.law, step)
+        samples = Samples(
+            strain=np.where(inputs.used, inputs.strain, 0.0),
+            used=inputs.used,
+            measured=state_measurement(self.estimator.manifold, inputs.navigation),
+        )
+        if not inputs.used.any():
+            return self._coasted(inputs, samples, law, step)
+        if law is not None and track.state is not None:
+            found, sample = self._solved(law, samples, track.state, WARM_ITERATIONS)
+            estimate = self.estimator.concluded(inputs, sample, found.solution)
+            if _fits(estimate):
+                return self._kept(inputs, sample, (law, found.law), step, estimate=estimate, continues=True)
+        return self._begun(inputs, samples, law, step)
+
+    def _solved(
+        self, law: Law, samples: Samples, start: FloatArray, iterations: int
+    ) -> tuple[FilteredSample, Samples]:
+        """Return the sample from ``law``, a second time without navigation that is inconsistent."""
+        found = filtered_sample(self.model, law, _rows(samples), start=start, iterations=iterations)
+        dropped = inconsistent_navigation(found.solution.navigation_residual)
+        if not dropped.any():
+            return found, samples
+        residual = found.solution.navigation_residual
+        samples = without_navigation(samples, dropped)
+        found = filtered_sample(self.model, law, _rows(samples), start=start, iterations=iterations)
+        return replace(found, solution=replace(found.solution, navigation_residual=residual)), samples
+
+    def _begun(self, inputs: EstimatorInputs, samples: Samples, law: Law | None, step: Transition) -> FilteredStep:
+        """Return the sample on its own; the filter begins again from it if it fits the tables."""
+        track = self.track
+        searched = track.state is None or track.since_search >= SEARCH_EVERY
+        start, iterations = track.state, WARM_ITERATIONS
+        if searched or start is None:
+            start, iterations = self.estimator.search(samples).state[0], 0
+        own = stationary_law(transition(self.model, 1.0, 1.0), len(samples.strain[0]))
+        found, sample = self._solved(own, samples, start, iterations)
+        estimate = self.estimator.concluded(inputs, sample, found.solution)
+        if _fits(estimate):
+            return self._kept(inputs, sample, (own, found.law), step, estimate=estimate, continues=False)
+        since = 0 if searched else track.since_search + 1
+        after = own if law is None else law
+        self.track = replace(
+            track,
+            law=law,
+            state=estimate.state[0],
+            since_search=since,
+            to_return=RETURN_AFTER,
+            consistency=self._consistency(estimate),
+        )
+        return FilteredStep(
+            estimate=estimate,
+            inputs=inputs,
+            sample=sample,
+            before=after,
+            after=after,
+            transition=step,
+            continues=law is not None,
+        )
+
+    def _kept(
+        self,
+        inputs: EstimatorInputs,
+        sample: Samples,
+        laws: tuple[Law, Law],
+        step: Transition,
+        *,
+        estimate: FlightEstimates,
+        continues: bool,
+    ) -> FilteredStep:
+        """Keep what a sample that fits leaves. Its loads count after :data:`RETURN_AFTER` such samples."""
+        to_return = max(self.track.to_return - 1, 0)
+        self.track = FilterTrack(
+            law=laws[1],
+            state=estimate.state[0],
+            to_return=to_return,
+            consistency=self._consistency(estimate),
+        )
+        if to_return > 0:
+            estimate = self.estimator.with_linear_loads(inputs, estimate)
+        return FilteredStep(
+            estimate=estimate,
+            inputs=inputs,
+            sample=sample,
+            before=laws[0],
+            after=laws[1],
+            transition=step,
+            continues=continues,
+        )
+
+    def _coasted(
+        self, inputs: EstimatorInputs, samples: Samples, law: Law | None, step: Transition
+    ) -> FilteredStep:
+        """Return the prediction of a sample without gauges, and with the navigation that it has."""
+        own = stationary_law(step, len(samples.strain[0])) if law is None else law
+        start = own.mean[:4] if self.track.state is None else self.track.state
+        found, sample = self._solved(own, samples, start, WARM_ITERATIONS)
+        estimate = self.estimator.concluded(inputs, sample, found.solution, predicted=law is not None)
+        if law is not None:
+            self.track = replace(self.track, law=found.law, state=estimate.state[0])
+        return FilteredStep(
+            estimate=estimate,
+            inputs=inputs,
+            sample=sample,
+            before=own,
+            after=found.law,
+            transition=step,
+            continues=law is not None,
+        )
+
+    def _consistency(self, estimate: FlightEstimates) -> Consistency:
+        manifold, scale = self.estimator.manifold, self.estimator.settings.alarm_scale
+        expected = manifold.chi_square_scale * scale * float(estimate.degrees_of_freedom[0])
+        return noted(self.track.consistency, float(estimate.chi_square[0]), expected)
+
+
+def _rows(samples: Samples) -> SampleRows:
+    return SampleRows(strain=samples.strain[0], used=samples.used[0], navigation=samples.measured)
+
+
+def _fits(estimate: FlightEstimates) -> bool:
+    if estimate.health[0] in (HealthState.INVALID, HealthState.UNIDENTIFIED):
+        return False
+    return bool(estimate.chi_square[0] <= estimate.chi_square_limit[0])
