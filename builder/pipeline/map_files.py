@@ -70,10 +70,15 @@ def run_build(vehicle_path: Path, folder: Path, reporter: Reporter, given: Files
 
 def make_map(pipeline: Pipeline) -> None:
     """Make or take the snapshots, the structure if it is a file of its own, and the map."""
+    make_map_parts(pipeline)
+    _inverse_map(pipeline)
+
+
+def make_map_parts(pipeline: Pipeline) -> None:
+    """Make or take the files that a map is made from: snapshots, and the structure if it is a file of its own."""
     if pipeline.vehicle.structure.model == "solid":
         _solid_structure(pipeline)
     _snapshots(pipeline)
-    _inverse_map(pipeline)
 
 
 def _snapshots(pipeline: Pipeline) -> None:
@@ -138,7 +143,7 @@ def _solid(pipeline: Pipeline) -> Structure | None:
     return load_structure(pipeline.path(STRUCTURE))
 
 
-def _map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
+def map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
     """Return what the map is made from, solved once per run."""
     if pipeline.map_parts is None:
         vehicle, reporter = pipeline.vehicle, pipeline.reporter
@@ -157,7 +162,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
         make_independent_flows(pipeline)
 
     def write(path: Path) -> None:
-        snapshots, structure = _map_parts(pipeline)
+        snapshots, structure = map_parts(pipeline)
         made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
         if calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
@@ -205,7 +210,7 @@ def _report(pipeline: Pipeline) -> None:
 
     @cache
     def report() -> BuildReport:
-        snapshots, structure = _map_parts(pipeline)
+        snapshots, structure = map_parts(pipeline)
         inverse_map = load_inverse_map(pipeline.path(MAP))
         with pipeline.reporter.stage("Report: what the gauges observe"):
             found = build_report(pipeline.vehicle, snapshots, structure, inverse_map)

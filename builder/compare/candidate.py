@@ -1,0 +1,146 @@
+"""An estimator under comparison: readings in; coefficients, air data and pressure field out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Protocol
+
+import numpy as np
+
+from builder.compare.field import TableField, is_vented, linear_field
+from builder.compare.flights import Readings, one_condition
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.step import Estimator
+
+GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE = "given", "q_inf only", "M and p_inf only"
+NAVIGATION = (GIVEN, PRESSURE_ALONE)
+"""What an estimator knows beside strain: q_inf, M and p_inf; or q_inf alone. Without q_inf only the nonlinear
+estimator has coefficients: what it says of q_inf is scored there."""
+
+AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "static_pressure", "dynamic_pressure")
+"""Air data that are compared, in this order."""
+
+STEPS = 31
+"""Steps that the cost of one is the median of."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Answer:
+    """Estimates of k readings.
+
+    Attributes
+    ----------
+    coefficients, std : (k, 5) with one standard deviation, or a third of a band for 3 sigma.
+    air_data : (k, 5) of :data:`AIR_DATA` [rad, rad, 1, Pa, Pa], NaN for what is not estimated; None for none.
+    field : (k, n_p) pressure at the nodes of the map [Pa]; None for none.
+    """
+
+    coefficients: FloatArray
+    std: FloatArray
+    air_data: FloatArray | None = None
+    field: FloatArray | None = None
+
+
+class Candidate(Protocol):
+    """An estimator under comparison."""
+
+    name: str
+
+    def answer(self, read: Readings, navigation: str) -> Answer:
+        """Return the estimates of ``read`` with ``navigation``, as in :data:`NAVIGATION`."""
+        ...
+
+    def step_microseconds(self, read: Readings, navigation: str) -> float:
+        """Return the time of one step [us] in this process, from the readings of one condition."""
+        ...
+
+
+class LinearCandidate:
+    """A linear map. Navigation decides on its health alone, but p_inf is part of the field of a vented body."""
+
+    def __init__(self, name: str, inverse_map: InverseMap) -> None:
+        self.name, self.inverse_map = name, inverse_map
+        self.estimator = Estimator(inverse_map)
+
+    def answer(self, read: Readings, navigation: str) -> Answer:
+        """Return the estimates; without navigation a vented body has no field."""
+        q = read.dynamic_pressure
+        found = self.estimator.estimate(read.last, q, None, read.dynamic_pressure_std)
+        assert isinstance(found, LoadEstimates)
+        field = None
+        if self.inverse_map.field_modes is not None and (navigation == GIVEN or not is_vented(self.inverse_map)):
+            field = linear_field(self.inverse_map, read.last, q, read.static_pressure)
+        return Answer(coefficients=found.coefficients, std=found.coefficients_std, field=field)
+
+    def step_microseconds(self, read: Readings, navigation: str) -> float:
+        """Return the median time of a step."""
+        one = one_condition(read)
+        strain, q = one.last[0], float(one.dynamic_pressure[0])
+        return median_microseconds(lambda: self.estimator.step(strain, q, None, read.dynamic_pressure_std))
+
+
+class ManifoldCandidate:
+    """The nonlinear estimator, each reading on its own."""
+
+    name = "manifold"
+
+    def __init__(self, inverse_map: InverseMap, field: TableField) -> None:
+        found = estimator_of(inverse_map)
+        assert isinstance(found, ManifoldEstimator)
+        self.estimator, self.field = found, field
+
+    def answer(self, read: Readings, navigation: str) -> Answer:
+        """Return the estimates of a search of the tables."""
+        known = navigation != PRESSURE_ALONE
+        found = self.estimator.estimate(
+            read.last,
+            np.nan if navigation == NO_DYNAMIC_PRESSURE else read.dynamic_pressure,
+            None,
+            read.dynamic_pressure_std,
+            mach_number=read.mach_number if known else np.nan,
+            static_pressure=read.static_pressure if known else np.nan,
+        )
+        columns = [AIR_DATA_NAMES.index(name) for name in AIR_DATA]
+        return Answer(
+            coefficients=found.coefficients,
+            std=found.coefficients_std,
+            air_data=found.air_data.value[:, columns],
+            field=self.field.pressure(self.estimator.manifold, found.state, read.last),
+        )
+
+    def step_microseconds(self, read: Readings, navigation: str) -> float:
+        """Return the median time of a step from the last one's state."""
+        one, known = one_condition(read), navigation != PRESSURE_ALONE
+        tracker = FlightTracker(self.estimator)
+        q = np.nan if navigation == NO_DYNAMIC_PRESSURE else float(one.dynamic_pressure[0])
+
+        def step() -> object:
+            return tracker.step(
+                one.last[0],
+                q,
+                None,
+                read.dynamic_pressure_std,
+                mach_number=float(one.mach_number[0]) if known else np.nan,
+                static_pressure=float(one.static_pressure[0]) if known else np.nan,
+            )
+
+        return median_microseconds(step)
+
+
+def median_microseconds(step: Callable[[], object]) -> float:
+    """Return the median time of ``step()`` over :data:`STEPS` calls [us], after one that does not count."""
+    step()
+    times = []
+    for _ in range(STEPS):
+        start = perf_counter()
+        step()
+        times.append(perf_counter() - start)
+    return 1e6 * float(np.median(times))

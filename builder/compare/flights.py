@@ -1,0 +1,188 @@
+"""Flights of a comparison: random conditions inside the envelope, and what gauges and navigation read there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import cos, hypot, radians
+
+import numpy as np
+
+from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.flows import with_knots
+from builder.truth.held_out import largest_incidence
+from builder.truth.strain import TrueFlights, TrueStructure, true_strain
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import MapEntry
+from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
+
+GAUGE_NOISE, HARDWARE = "gauge noise", "hardware"
+ERRORS = (GAUGE_NOISE, HARDWARE)
+"""What the readings are wrong by: noise of the gauges alone, or also the errors of the section [noise]."""
+
+MACH_KNOTS, INCIDENCE_KNOTS = 7, 8
+"""Knots of the flows, over the Mach numbers of the map and total incidences up to those that are drawn."""
+
+ANGLES = 0.8
+"""Largest angle of attack and sideslip that are drawn, over the largest listed ones."""
+
+ALTITUDES_KM = (15.0, 28.0)
+"""Altitudes that are drawn [km], where the map holds at them."""
+
+CYCLES = 20
+"""Readings of each flight, one after another at the same condition. Filters take all, the others the last one."""
+
+DISCREPANCY_PERCENT, DISCREPANCY_OF_PRIOR_PERCENT = 0.8, 1.0
+"""Pressure off the tables in the map that knows of gauge noise alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """The size of a comparison.
+
+    Attributes
+    ----------
+    conditions : flight conditions.
+    draws : draws of noise, and of the vehicle as built, at every condition.
+    seed : of all draws.
+    training : flights that each learning estimator is trained on; a third as many are for its bands.
+    """
+
+    conditions: int = 300
+    draws: int = 8
+    seed: int = 1
+    training: int = 12_000
+
+
+def with_errors(vehicle: Vehicle, errors: str, case: int) -> Vehicle:
+    """Return ``vehicle`` with a map of ``case`` that holds the tables and the field, and knows of ``errors``."""
+    entry = vehicle.map.model_dump()
+    entry.update(
+        case=case,
+        form="dynamic_pressure",
+        symmetry="full",
+        estimator="manifold",
+        gamma=1.0,
+        keep_field=True,
+    )
+    noise = vehicle.noise
+    if errors == GAUGE_NOISE:
+        noise = noise.without_hardware_errors()
+        entry.update(
+            discrepancy_percent=DISCREPANCY_PERCENT, discrepancy_of_prior_percent=DISCREPANCY_OF_PRIOR_PERCENT
+        )
+    return vehicle.model_copy(update={"map": MapEntry(**entry), "noise": noise})
+
+
+def drawn_angle(vehicle: Vehicle) -> float | None:
+    """Return the largest angle of attack and sideslip that are drawn [rad]; None for the disc of the envelope."""
+    entry = vehicle.conditions
+    largest = min(
+        max(map(abs, entry.angle_of_attack_deg), default=0.0), max(map(abs, entry.sideslip_angle_deg), default=0.0)
+    )
+    return radians(ANGLES * largest) if largest > 0.0 else None
+
+
+def drawn_incidence(vehicle: Vehicle) -> float:
+    """Return the largest total incidence that is drawn [rad]."""
+    angle = drawn_angle(vehicle)
+    return largest_incidence(vehicle) if angle is None else float(np.arccos(cos(angle) ** 2))
+
+
+def vehicle_that_flies(vehicle: Vehicle) -> Vehicle:
+    """Return ``vehicle`` whose independent model has flows where the conditions of the comparison are."""
+    listed = vehicle.conditions.mach_number
+    mach = np.round(np.linspace(min(listed), max(listed), MACH_KNOTS), 9)
+    largest = 1.01 * drawn_incidence(vehicle)
+    return with_knots(vehicle, mach, largest * np.arange(1, INCIDENCE_KNOTS + 1) / INCIDENCE_KNOTS)
+
+
+def altitudes(vehicle: Vehicle) -> tuple[float, float]:
+    """Return lowest and highest altitude that are drawn [m]."""
+    low, high = vehicle.map.valid_altitude_km
+    bottom, top = max(low, ALTITUDES_KM[0]), min(high, ALTITUDES_KM[1])
+    return (1e3 * bottom, 1e3 * top) if bottom < top else (1e3 * low, 1e3 * high)
+
+
+def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator) -> list[FlightCondition]:
+    """Return conditions uniform in Mach number, altitude and both angles, or in the disc of total incidence."""
+    listed, (bottom, top) = vehicle.conditions.mach_number, altitudes(vehicle)
+    angle, found = drawn_angle(vehicle), list[FlightCondition]()
+    largest = largest_incidence(vehicle)
+    half = angle if angle is not None else largest
+    while len(found) < count:
+        alpha, beta = random.uniform(-half, half, 2).tolist()
+        mach, altitude = float(random.uniform(min(listed), max(listed))), float(random.uniform(bottom, top))
+        if angle is None and hypot(alpha, beta) > largest:
+            continue
+        found.append(
+            FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=beta, altitude=altitude)
+        )
+    return found
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Readings:
+    """What one vehicle reads at k conditions.
+
+    Attributes
+    ----------
+    strain : (CYCLES, k, n_d) [m/m].
+    dynamic_pressure : (k,) stated q_inf [Pa].
+    dynamic_pressure_std : its standard deviation [Pa], NaN for that of the map.
+    mach_number, static_pressure : (k,) M [1] and p_inf [Pa] of navigation.
+    """
+
+    strain: FloatArray
+    dynamic_pressure: FloatArray
+    dynamic_pressure_std: float
+    mach_number: FloatArray
+    static_pressure: FloatArray
+
+    @property
+    def last(self) -> FloatArray:
+        """(k, n_d) the last strain of each condition."""
+        return self.strain[-1]
+
+
+def readings(
+    vehicle: Vehicle,
+    structure: TrueStructure,
+    flights: TrueFlights,
+    *,
+    errors: str,
+    noise_std: FloatArray,
+    draws: int,
+    random: np.random.Generator,
+) -> Iterator[Readings]:
+    """Return the readings of ``draws`` vehicles, errors drawn at the sizes of the section [noise].
+
+    ``noise_std`` (n_d,) is that of the gauges [m/m].
+    """
+    n_d, k = len(noise_std), len(flights.conditions)
+    mach = np.array([one.mach_number for one in flights.conditions])
+    navigation = vehicle.noise
+    for _ in range(draws):
+        exact = errors == GAUGE_NOISE
+        built: AsBuilt = exactly_built(n_d) if exact else drawn(navigation, n_d, random)
+        strain = true_strain(structure, flights, built)
+        pressure_error = 0.01 * navigation.navigation_static_pressure_percent * random.standard_normal(k)
+        yield Readings(
+            strain=strain + noise_std * random.standard_normal((CYCLES, k, n_d)),
+            dynamic_pressure=flights.dynamic_pressure * (1.0 + float(built.dynamic_pressure)),
+            dynamic_pressure_std=0.0 if exact else np.nan,
+            mach_number=mach + navigation.navigation_mach_number * random.standard_normal(k),
+            static_pressure=flights.ambient_pressure * (1.0 + pressure_error),
+        )
+
+
+def one_condition(read: Readings) -> Readings:
+    """Return the readings of the first condition alone, for the cost of a step."""
+    return replace(
+        read,
+        strain=read.strain[:, :1],
+        dynamic_pressure=read.dynamic_pressure[:1],
+        mach_number=read.mach_number[:1],
+        static_pressure=read.static_pressure[:1],
+    )

@@ -1,0 +1,125 @@
+"""Scores of estimators on the same readings: errors, coverage, field, air data, cost of a step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from builder.compare.candidate import AIR_DATA, Answer, Candidate
+from builder.compare.field import field_errors
+from builder.compare.flights import Readings
+from builder.truth.strain import TrueFlights
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+SIGMAS = 3.0
+"""Standard deviations that coverage counts within."""
+
+PERCENTILES = tuple(range(0, 101, 5))
+"""Percentiles of the field error in an entry."""
+
+AIR_DATA_KEYS = (
+    "angle_of_attack_deg",
+    "sideslip_deg",
+    "mach_number",
+    "static_pressure_percent",
+    "dynamic_pressure_percent",
+)
+"""Names of the air data of an entry, in the order of :data:`AIR_DATA`."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Tally:
+    """Errors of one estimator, block after block: coefficients, whether inside the band, field, air data."""
+
+    error: list[FloatArray] = field(default_factory=list)
+    covered: list[FloatArray] = field(default_factory=list)
+    of_field: list[FloatArray] = field(default_factory=list)
+    air: list[FloatArray] = field(default_factory=list)
+
+    def add(self, answer: Answer, flights: TrueFlights, true_field: FloatArray) -> None:
+        """Count ``answer`` to ``flights`` of k conditions, whose field is ``true_field`` (k, ..) [Pa]."""
+        error = answer.coefficients - flights.coefficients
+        self.error.append(error)
+        with np.errstate(invalid="ignore"):
+            inside = np.abs(error) <= SIGMAS * answer.std  # false where there is no estimate
+        self.covered.append(inside.astype(np.float64))
+        if answer.field is not None:
+            self.of_field.append(field_errors(answer.field, true_field))
+        if answer.air_data is not None:
+            self.air.append(air_data_errors(answer.air_data, flights))
+
+    def entry(self) -> dict[str, Any]:
+        """Return the scores as numbers; None where the estimator has none."""
+        error, covered = np.concatenate(self.error), np.concatenate(self.covered)
+        rms = np.sqrt(np.nanmean(error * error, axis=0)) if np.isfinite(error).any() else np.full(5, np.nan)
+        of_field = 100.0 * np.concatenate(self.of_field) if self.of_field else None
+        air = np.concatenate(self.air) if self.air else np.full((1, len(AIR_DATA)), np.nan)
+        return {
+            "rms": _named(COEFFICIENT_NAMES, rms),
+            "coverage_percent": _named(COEFFICIENT_NAMES, 100.0 * covered.mean(axis=0)),
+            "field_median_percent": _percentile(of_field, 50),
+            "field_p95_percent": _percentile(of_field, 95),
+            "field_percentiles_percent": None
+            if of_field is None
+            else [_percentile(of_field, one) for one in PERCENTILES],
+            "air_data_p95": _named(AIR_DATA_KEYS, np.quantile(np.abs(air), 0.95, axis=0)),
+            "samples": len(error),
+        }
+
+
+def air_data_errors(found: FloatArray, flights: TrueFlights) -> FloatArray:
+    """Return (k, 5) errors of air data ``found`` (k, 5), in the units of :data:`AIR_DATA_KEYS`."""
+    conditions = flights.conditions
+    angle, slip, mach = (
+        np.array([getattr(one, name) for one in conditions])
+        for name in ("angle_of_attack", "sideslip_angle", "mach_number")
+    )
+    true = np.column_stack([angle, slip, mach, flights.ambient_pressure, flights.dynamic_pressure])
+    error = found - true
+    error[:, :2] = np.degrees(error[:, :2])
+    error[:, 3:] *= 100.0 / true[:, 3:]
+    return error
+
+
+def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float | None]:
+    return {name: rounded(value) for name, value in zip(names, values.tolist(), strict=True)}
+
+
+def _percentile(values: FloatArray | None, percent: float) -> float | None:
+    return None if values is None else rounded(float(np.percentile(values, percent)))
+
+
+def rounded(value: float) -> float | None:
+    """Return ``value`` to five digits, None where it is not finite."""
+    return float(f"{value:.5g}") if np.isfinite(value) else None
+
+
+def scored(
+    candidates: list[tuple[Candidate, str]],
+    read: Iterator[Readings],
+    flights: TrueFlights,
+    true_field: FloatArray,
+) -> Iterator[list[dict[str, Any]]]:
+    """Return the entries of ``candidates``, each with its navigation, after every block of readings.
+
+    The last ones count.
+    """
+    tallies = [Tally() for _ in candidates]
+    costs: list[float] = []
+    for block in read:
+        for (candidate, navigation), tally in zip(candidates, tallies, strict=True):
+            tally.add(candidate.answer(block, navigation), flights, true_field)
+        costs = costs or [one.step_microseconds(block, navigation) for one, navigation in candidates]
+        yield [
+            {
+                "estimator": candidate.name,
+                "navigation": navigation,
+                **tally.entry(),
+                "step_microseconds": rounded(cost),
+            }
+            for (candidate, navigation), tally, cost in zip(candidates, tallies, costs, strict=True)
+        ]

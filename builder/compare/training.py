@@ -1,0 +1,93 @@
+"""Flights that learning estimators are trained on: drawn from the tables and errors of the nonlinear estimator.
+
+So every estimator of a comparison knows the same of flows and errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
+from strainfmu.estimator.manifold.air_data import air_data
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.proportional_errors import PAIRS
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrainingFlights:
+    """Flights and what is read there.
+
+    Attributes
+    ----------
+    strain : (k, n_d) [m/m].
+    dynamic_pressure, mach_number : (k,) as stated, with their errors [Pa, 1].
+    target : (k, 7) coefficients [1], angle of attack and sideslip [rad].
+    """
+
+    strain: FloatArray
+    dynamic_pressure: FloatArray
+    mach_number: FloatArray
+    target: FloatArray
+
+
+def training_flights(
+    manifold: ManifoldMap, altitudes: tuple[float, float], count: int, random: np.random.Generator
+) -> TrainingFlights:
+    """Return ``count`` flights, uniform in Mach number, ln p_inf and the disc of total incidence.
+
+    ``altitudes`` are the lowest and highest [m].
+    """
+    state = np.empty((count, 4))
+    incidence = manifold.incidence_limit * np.sqrt(random.uniform(0.0, 1.0, count))
+    roll = random.uniform(0.0, 2.0 * np.pi, count)
+    state[:, U], state[:, W] = incidence * np.cos(roll), incidence * np.sin(roll)
+    state[:, MACH] = random.uniform(manifold.mach_range[0], manifold.mach_range[1], count)
+    high, low = (np.log(pressure_and_temperature(height)[0]) for height in altitudes)
+    state[:, LOG_PRESSURE] = random.uniform(low, high, count)
+    response, n_d = evaluate(manifold.tables, state).value, manifold.tables.n_gauges
+    pressure = np.exp(state[:, LOG_PRESSURE])
+    strain, loads = with_drawn_errors(manifold, pressure, response[:, :n_d], response[:, n_d:], random)
+    mach = state[:, MACH]
+    dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
+    angles = air_data(state, np.zeros((count, 4, 4)), np.ones(4)).value[:, :2]
+    return TrainingFlights(
+        strain=strain,
+        dynamic_pressure=dynamic * (1.0 + manifold.dynamic_pressure_error * random.standard_normal(count)),
+        mach_number=mach + manifold.mach_number_error * random.standard_normal(count),
+        target=np.hstack([loads / (dynamic[:, None] * manifold.references), angles]),
+    )
+
+
+def with_drawn_errors(
+    manifold: ManifoldMap,
+    pressure: FloatArray,
+    strain: FloatArray,
+    loads: FloatArray,
+    random: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Return ``strain`` (k, n_d) and ``loads`` (k, 5) of the tables at ``pressure`` (k,) with all errors drawn.
+
+    Strain then has the covariance of :func:`~strainfmu.estimator.manifold.error_covariance.strain_covariance`.
+    """
+    k, n_d = strain.shape
+    p = pressure[:, None]
+
+    def normal(n: int) -> FloatArray:
+        return random.standard_normal((k, n))
+
+    off = normal(manifold.error_strain.shape[1])
+    c = np.hstack([np.ones((k, 1)), loads / (p * manifold.references)])
+    first, second = np.array(PAIRS).T
+    of_gauge = np.sqrt(np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0))
+    common = np.einsum("ka,tan,kt->kn", c, manifold.common_error, normal(len(manifold.common_error)))
+    root = np.linalg.cholesky(manifold.gauge_covariance)
+    read = (
+        strain * (1.0 + manifold.gauge_gain_std * normal(n_d) + manifold.common_gain_std * normal(1))
+        + p * (of_gauge * normal(n_d) + common + off @ manifold.error_strain.T)
+        + normal(n_d) @ root.T
+    )
+    return read, loads + p * (off @ manifold.error_load.T)

@@ -1,0 +1,113 @@
+"""Estimators of several kinds on the same readings: ``strainfmu compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
+from strainfmu.cli.commands.number_ranges import within
+
+if TYPE_CHECKING:
+    from builder.compare.run import CompareResult
+
+
+def compare(
+    vehicle: Annotated[
+        Path | None, typer.Argument(help="Vehicle file (TOML). Default: the IC3X surrogate that is shipped.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path("compare"),
+    conditions: Annotated[
+        int, typer.Option(metavar="N", callback=within(1, 10_000), help="Flight conditions inside the envelope.")
+    ] = 300,
+    draws: Annotated[
+        int,
+        typer.Option(metavar="N", callback=within(1, 10_000), help="Vehicles, and noise, at every condition."),
+    ] = 8,
+    training: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            callback=within(1200, 10_000_000),
+            help="Flights that each learning estimator learns from.",
+        ),
+    ] = 12_000,
+    seed: Annotated[int, typer.Option(callback=within(0, 2**31 - 1), help="Seed of all draws.")] = 1,
+    snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
+    structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
+    rebuild: Annotated[bool, REBUILD_OPTION] = False,
+) -> None:
+    """Score estimators of eight kinds on the same readings of an independent, finer model of the vehicle.
+
+    The linear maps of both cases, the nonlinear estimator, a Kalman filter with a random walk and, with
+    strainfmu[rivals], regression tree, random forest, gradient boosting and multi-layer perceptron: rms errors,
+    coverage of 3 sigma, error of the pressure field, air data, cost of a step in Python. With gauge noise alone,
+    and with errors of the hardware drawn at their stated sizes; with navigation, and with q_inf only.
+
+    Writes compare.json, compare.csv and compare.png. Flows are kept as they are solved: an ended run goes on, a
+    second run reuses what is up to date. Snapshots and structure are taken as by `build`.
+
+    Examples:
+
+        strainfmu compare my_vehicle.toml -o compare
+
+        strainfmu compare my_vehicle.toml -o compare --snapshots flows/fine.h5 --conditions 1000
+    """
+    from builder.compare.flights import Effort
+    from builder.compare.run import run_compare
+    from builder.pipeline.pipeline import FilesGiven
+    from builder.vehicle.file import IC3X
+
+    console, start = Console(), perf_counter()
+    result = run_compare(
+        vehicle or IC3X,
+        output,
+        ConsoleReporter(console),
+        effort=Effort(conditions=conditions, draws=draws, seed=seed, training=training),
+        given=FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild),
+    )
+    _show(console, result)
+    written = ", ".join(str(path) for path in result.files)
+    console.print(
+        f"{written}: {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
+    )
+
+
+def _show(console: Console, result: CompareResult) -> None:
+    coefficients = list(result.entries[0]["rms"])
+    for errors in dict.fromkeys(one["errors"] for one in result.entries):
+        title = f"{result.vehicle}, {errors}: rms of {', '.join(coefficients)} [1e-4]; least coverage, field [%]"
+        table = Table(title=escape(title))
+        for heading in ("estimator", "navigation"):
+            table.add_column(heading)
+        for heading in ("rms", "coverage", "field median", "p95", "a, b p95 [deg]", "step [us]"):
+            table.add_column(heading, justify="right")
+        for one in result.entries:
+            if one["errors"] == errors:
+                table.add_row(escape(one["estimator"]), one["navigation"], *_cells(one))
+        console.print(table)
+    for aim in result.aims:
+        console.print(f"aim of the nonlinear estimator {aim.line}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _cells(one: dict[str, Any]) -> list[str]:
+    air = one["air_data_p95"]
+    return [
+        " ".join(_text(None if value is None else 1e4 * value, "{:.1f}") for value in one["rms"].values()),
+        _text(min(one["coverage_percent"].values()), "{:.1f}"),
+        _text(one["field_median_percent"], "{:.2f}"),
+        _text(one["field_p95_percent"], "{:.2f}"),
+        " ".join(_text(air[name], "{:.2f}") for name in ("angle_of_attack_deg", "sideslip_deg")),
+        _text(one["step_microseconds"], "{:.0f}"),
+    ]
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else form.format(value)

@@ -1,0 +1,168 @@
+"""Scores, aims, conditions and the table of a comparison."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+
+from builder.compare.aims import aims
+from builder.compare.candidate import Answer
+from builder.compare.flights import (
+    GAUGE_NOISE,
+    HARDWARE,
+    drawn_angle,
+    drawn_incidence,
+    random_conditions,
+    vehicle_that_flies,
+    with_errors,
+)
+from builder.compare.run import table_csv
+from builder.compare.score import AIR_DATA_KEYS, Tally
+from builder.figures.compare import compare_figure
+from builder.truth.strain import TrueFlights
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.flight_condition import FlightCondition
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Vehicle:
+    return load_vehicle(IC3X)
+
+
+def flights() -> TrueFlights:
+    """Return two flights whose coefficients are 1, without strain."""
+    condition = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.02, altitude=20e3)
+    return TrueFlights(
+        conditions=(condition, condition),
+        strain=np.zeros((5, 3, 2, 1, 1)),
+        unit_strain=np.zeros((5, 3, 1, 1)),
+        coefficients=np.ones((2, 5)),
+        ambient_pressure=np.full(2, condition.ambient_pressure),
+        dynamic_pressure=np.full(2, condition.dynamic_pressure),
+        internal_pressure=np.zeros(2),
+    )
+
+
+def test_errors_coverage_and_air_data_are_counted() -> None:
+    flown, tally = flights(), Tally()
+    one = flown.conditions[0]
+    air = np.tile([0.0, 0.0, 6.1, 1.02 * one.ambient_pressure, np.nan], (2, 1))
+    air[:, 0], air[:, 1] = one.angle_of_attack + np.radians(0.2), one.sideslip_angle
+    coefficients, std = np.ones((2, 5)), np.full((2, 5), 0.1)
+    coefficients[0, 0], coefficients[1, 1] = 1.2, 1.4
+    true = np.ones((2, 3))
+    tally.add(Answer(coefficients=coefficients, std=std, air_data=air, field=1.1 * true), flown, true)
+    found = tally.entry()
+    assert found["rms"]["C_A"] == pytest.approx(0.2 / np.sqrt(2.0), rel=1e-4)
+    assert list(found["coverage_percent"].values()) == [100.0, 50.0, 100.0, 100.0, 100.0]
+    assert found["field_median_percent"] == pytest.approx(10.0)
+    air_data = found["air_data_p95"]
+    assert air_data["angle_of_attack_deg"] == pytest.approx(0.2, rel=1e-4)
+    assert air_data["static_pressure_percent"] == pytest.approx(2.0, rel=1e-4)
+    assert air_data["dynamic_pressure_percent"] is None
+    assert found["samples"] == 2
+
+
+def test_what_an_estimator_has_not_is_none_and_what_it_does_not_answer_is_not_covered() -> None:
+    tally, coefficients = Tally(), np.ones((2, 5))
+    coefficients[1] = np.nan
+    tally.add(Answer(coefficients=coefficients, std=np.ones((2, 5))), flights(), np.ones((2, 3)))
+    found = tally.entry()
+    assert found["rms"] == dict.fromkeys(COEFFICIENT_NAMES, 0.0)
+    assert found["coverage_percent"] == dict.fromkeys(COEFFICIENT_NAMES, 50.0)
+    assert found["field_median_percent"] is found["field_percentiles_percent"] is None
+    assert found["air_data_p95"] == dict.fromkeys(AIR_DATA_KEYS)
+
+
+def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
+    """Return entries of the nonlinear estimator of ``rms`` and ``coverage``, and of linear maps of rms 1e-3."""
+    common: dict[str, Any] = {
+        "coverage_percent": dict.fromkeys(COEFFICIENT_NAMES, coverage),
+        "field_median_percent": 1.0,
+        "field_p95_percent": 5.0,
+        "field_percentiles_percent": [float(one) for one in range(21)],
+        "air_data_p95": dict.fromkeys(AIR_DATA_KEYS, 0.1),
+        "step_microseconds": 1.0,
+        "samples": 10,
+    }
+    return [
+        {
+            "estimator": name,
+            "errors": errors,
+            "navigation": navigation,
+            "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "manifold" else 1e-3),
+            **common,
+        }
+        for errors in (GAUGE_NOISE, HARDWARE)
+        for name in ("manifold", "linear Case 1", "linear Case 2")
+        for navigation in ("given", "q_inf only", "M and p_inf only")
+    ]
+
+
+def test_aims_are_met_or_named() -> None:
+    met = {aim.what: aim.is_met for aim in aims(entries(3e-4), is_shipped=True)}
+    assert [what for what, is_met in met.items() if not is_met] == ["field p95 [%]"]
+    assert len(met) == 5 + 2 + 3 + 6 + 5
+    other = aims(entries(6e-4, coverage=98.0), is_shipped=False)
+    assert len(other) == 6 + 5
+    assert not any(aim.is_met for aim in other)
+    assert other[0].line.startswith(
+        "MISSED: least 3 sigma coverage [%], gauge noise, navigation given: 98, at least"
+    )
+
+
+def test_the_table_has_a_row_per_entry_and_none_is_empty() -> None:
+    given = entries(1e-3)
+    given[0]["field_median_percent"] = None
+    rows = list(csv.DictReader(io.StringIO(table_csv(given))))
+    assert len(rows) == len(given)
+    assert rows[0]["field_median_percent"] == ""
+    assert rows[0]["rms_C_N"] == "0.001"
+    assert rows[1]["p95_sideslip_deg"] == "0.1"
+
+
+def test_the_figure_shows_every_estimator() -> None:
+    pytest.importorskip("matplotlib")
+    given = [one for one in entries(1e-3) if one["navigation"] == "given"]
+    given[0]["field_percentiles_percent"] = None
+    figure = compare_figure(given, "body")
+    assert len(figure.axes) == 6
+    assert len(figure.axes[0].patches) == 15
+    assert len(figure.axes[4].lines) == 2
+
+
+def test_conditions_are_inside_the_envelope_and_the_flows(shipped: Vehicle) -> None:
+    """|a|, |b| up to 8 deg on the shipped vehicle; without a range of sideslip the disc of total incidence."""
+    random = np.random.default_rng(1)
+    found = random_conditions(shipped, 300, random)
+    angles = np.degrees([(one.angle_of_attack, one.sideslip_angle) for one in found])
+    assert 7.8 < np.abs(angles).max() <= 8.0
+    assert max(one.total_incidence for one in found) <= drawn_incidence(shipped)
+    assert min(one.altitude for one in found) >= 15e3
+    assert max(one.altitude for one in found) <= 28e3
+    knots = vehicle_that_flies(shipped).truth
+    assert min(knots.mach_number) == 5.0
+    assert max(knots.mach_number) == 7.0
+    assert np.radians(max(knots.total_incidence_deg)) > drawn_incidence(shipped)
+    conditions = shipped.conditions.model_copy(update={"sideslip_angle_deg": [0.0]})
+    planar = shipped.model_copy(update={"conditions": conditions})
+    assert drawn_angle(planar) is None
+    turned = random_conditions(planar, 200, random)
+    assert 9.0 < np.degrees(max(one.total_incidence for one in turned)) <= 10.0 + 1e-9
+    assert max(abs(one.sideslip_angle) for one in turned) > np.radians(8.0)
+
+
+def test_maps_know_of_the_errors_that_are_drawn(shipped: Vehicle) -> None:
+    exact, whole = (with_errors(shipped, errors, 2) for errors in (GAUGE_NOISE, HARDWARE))
+    assert exact.noise.gauge_gain_percent == exact.noise.dynamic_pressure_percent == 0.0
+    assert whole.noise == shipped.noise
+    assert (exact.map.case, exact.map.estimator, exact.map.keep_field) == (2, "manifold", True)
+    assert exact.map.discrepancy_percent == 0.8
+    assert whole.map.discrepancy_percent == shipped.map.discrepancy_percent
