@@ -10,7 +10,15 @@ STRAIN_UNITS = {
 }
 """Factor to m/m."""
 
-PRESSURE_UNITS = {"Pa": 1.0, "hPa": 1e2, "mbar": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6, "psi": 6894.757293168361}
+PRESSURE_UNITS = {
+    **dict.fromkeys(("Pa",), 1.0),
+    **dict.fromkeys(("hPa", "mbar"), 1e2),
+    **dict.fromkeys(("kPa",), 1e3),
+    **dict.fromkeys(("bar",), 1e5),
+    **dict.fromkeys(("MPa",), 1e6),
+    **dict.fromkeys(("psi",), 6894.757293168361),
+    **dict.fromkeys(("psf", "lbf/ft2", "lbf/ft^2"), 47.88025898033584),
+}
 """Factor to Pa."""
 
 TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s": 1.0}
@@ -18,6 +26,12 @@ TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s":
 
 LENGTH_UNITS = {"m": 1.0, "km": 1e3, "ft": 0.3048}
 """Factor to m."""
+
+RATIO_UNITS = {"V/V": 1.0, "mV/V": 1e-3, **dict.fromkeys(("uV/V", "µV/V", "μV/V"), 1e-6)}
+"""Factor to V/V, bridge output over excitation."""
+
+VOLTAGE_UNITS = {"V": 1.0, "mV": 1e-3, **dict.fromkeys(("uV", "µV", "μV"), 1e-6)}
+"""Factor to V."""
 
 NUMBER_UNITS = {"1": 1.0, "-": 1.0}
 """Units of a quantity without dimension."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite, radians
+from math import radians
 from pathlib import Path
-from typing import Any
 
 from strainfmu.cosim.autopilot import AutopilotSettings
-from strainfmu.errors import InputError
+from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 FEEDBACKS = ("truth", "estimate")
@@ -65,65 +62,6 @@ class Scenario:
     faults: tuple[FaultEvent, ...]
 
 
-@dataclass
-class _Table:
-    """A table of the file that is used up entry by entry, so that what is left over is unknown."""
-
-    path: Path
-    name: str
-    entries: dict[str, Any]
-
-    def fault(self, key: str, text: str) -> InputError:
-        where = f"{self.name}.{key}" if self.name else key
-        return InputError(f"{self.path}: {where}: {text}")
-
-    def number(self, key: str, default: float | None, low: float = -inf, high: float = inf) -> float:
-        """Take a number from ``low`` to ``high``; without a default it must be there."""
-        value = self.entries.pop(key, default)
-        if value is None:
-            raise self.fault(key, "entry is missing")
-        numeric = isinstance(value, int | float) and not isinstance(value, bool)
-        if not numeric or not isfinite(value) or not low <= value <= high:
-            bounds = "" if low == -inf and high == inf else f" from {low:g} to {high:g}"
-            raise self.fault(key, f"expected a number{bounds}, got {value!r}")
-        return float(value)
-
-    def whole(self, key: str, default: int, high: int) -> int:
-        """Take a whole number from 0 to ``high``."""
-        value = self.entries.get(key, default)
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise self.fault(key, f"expected a whole number, got {value!r}")
-        return int(self.number(key, default, 0, high))
-
-    def text(self, key: str, default: str | None = None) -> str:
-        """Take a text that is not empty."""
-        value = self.entries.pop(key, default)
-        if value is None:
-            raise self.fault(key, "entry is missing")
-        if not isinstance(value, str) or not value:
-            raise self.fault(key, f"expected text, got {value!r}")
-        return value
-
-    def table(self, key: str) -> _Table:
-        """Take a table, empty if there is none."""
-        value = self.entries.pop(key, {})
-        if not isinstance(value, dict):
-            raise self.fault(key, f"expected a table, got {value!r}")
-        return _Table(self.path, f"{self.name}.{key}" if self.name else key, dict(value))
-
-    def tables(self, key: str) -> list[_Table]:
-        """Take an array of tables."""
-        value = self.entries.pop(key, [])
-        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-            raise self.fault(key, "expected an array of tables")
-        return [_Table(self.path, f"{key}.{k}", dict(item)) for k, item in enumerate(value, start=1)]
-
-    def finish(self) -> None:
-        """Refuse what was not taken."""
-        for key in self.entries:
-            raise self.fault(key, "unknown entry")
-
-
 def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
     """Read a scenario.
 
@@ -136,7 +74,7 @@ def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
     InputError
         The file is missing or no TOML, or an entry is missing, unknown or out of range.
     """
-    root = _Table(path, "", dict(_read(path)))
+    root = TomlTable(path, "", dict(read_toml(path)))
     base = folder if folder is not None else path.parent
     files, flight, vehicle = root.table("files"), root.table("flight"), root.table("vehicle")
     stop_time = root.number("stop_time_s", None, 1e-3, 1e5)
@@ -158,16 +96,7 @@ def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
     return scenario
 
 
-def _read(path: Path) -> Mapping[str, Any]:
-    try:
-        return tomllib.loads(path.read_text("utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: no TOML file: {error}") from error
-
-
-def _feedback(root: _Table) -> tuple[str, ...]:
+def _feedback(root: TomlTable) -> tuple[str, ...]:
     value = root.entries.pop("feedback", list(FEEDBACKS))
     chosen = tuple(value) if isinstance(value, list) else (value,)
     if not chosen or any(item not in FEEDBACKS for item in chosen) or len(set(chosen)) < len(chosen):
@@ -175,7 +104,7 @@ def _feedback(root: _Table) -> tuple[str, ...]:
     return chosen
 
 
-def _start(flight: _Table, vehicle: _Table) -> FlightStart:
+def _start(flight: TomlTable, vehicle: TomlTable) -> FlightStart:
     default = FlightStart(6.0, 20e3)
     return FlightStart(
         mach_number=flight.number("mach_number", None, 0.0, 100.0),
@@ -188,7 +117,7 @@ def _start(flight: _Table, vehicle: _Table) -> FlightStart:
     )
 
 
-def _autopilot(table: _Table) -> AutopilotSettings:
+def _autopilot(table: TomlTable) -> AutopilotSettings:
     default = AutopilotSettings()
     settings = AutopilotSettings(
         frequency=table.number("frequency_rad_per_s", default.frequency, 1e-3, 1e3),
@@ -203,7 +132,7 @@ def _autopilot(table: _Table) -> AutopilotSettings:
     return settings
 
 
-def _commands(root: _Table, stop_time: float) -> tuple[Command, ...]:
+def _commands(root: TomlTable, stop_time: float) -> tuple[Command, ...]:
     commands = []
     for item in root.tables("command"):
         time = item.number("time_s", None, 0.0, stop_time)
@@ -215,7 +144,7 @@ def _commands(root: _Table, stop_time: float) -> tuple[Command, ...]:
     return tuple(commands)
 
 
-def _fault(item: _Table, stop_time: float) -> FaultEvent:
+def _fault(item: TomlTable, stop_time: float) -> FaultEvent:
     """Read one fault; its value has the unit that its kind has."""
     names = [kind.name.lower() for kind in GaugeFault]
     name = item.text("kind")

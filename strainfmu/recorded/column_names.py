@@ -17,6 +17,9 @@ TIME_NAMES = ("time", "t", "timestamps", "time_s")
 FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 """Quantities beside the strains; all but the first may be missing."""
 
+STATIC_PRESSURE = "static_pressure"
+"""p_inf, which with the Mach number stands in for a dynamic pressure that is missing; no estimator takes it."""
+
 SIGNALS = frozenset(
     {
         *COEFFICIENTS,
@@ -36,6 +39,7 @@ _OTHER_NAMES = {
     **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
     **dict.fromkeys(("q", "qinf", "qbar", "pdyn", "pressure"), "dynamic_pressure"),
     **dict.fromkeys(("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"), "dynamic_pressure_std"),
+    **dict.fromkeys(("p", "pinf", "ps", "pstatic", "ambientpressure"), STATIC_PRESSURE),
     "timestamp": "time",
     **dict.fromkeys(("alt", "h", "height", "geopotentialaltitude"), "altitude"),
 }
@@ -50,7 +54,8 @@ class Wanted:
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
-    flow : the quantities of ``FLOW_NAMES`` that are read.
+    flow : the quantities of ``FLOW_NAMES`` that are read, and ``STATIC_PRESSURE``.
+    computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     """
@@ -60,6 +65,7 @@ class Wanted:
     flow: tuple[str, ...] = FLOW_NAMES
     ignored: tuple[str, ...] = ()
     reference: LevelReference | None = None
+    computes_pressure: bool = False
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:
@@ -105,7 +111,7 @@ def columns_to_read(
     for column, name in enumerate(names):
         if name in wanted.ignored:
             unused.append(name)
-        elif _is_read(name, wanted) if known is None else name in known:
+        elif is_read(name, wanted) if known is None else name in known:
             read.append(column)
         elif _is_signal(name) or any(pattern.fullmatch(name) for pattern in patterns):
             unused.append(name)
@@ -125,7 +131,8 @@ def _pattern(entry: str) -> re.Pattern[str]:
     return re.compile(".*".join(re.escape(part) for part in entry.split("*")))
 
 
-def _is_read(name: str, wanted: Wanted) -> bool:
+def is_read(name: str, wanted: Wanted) -> bool:
+    """Return whether a column of this name is one of time, gauges and flow."""
     if name in wanted.gauge_names or name.lower() in TIME_NAMES or last_part(name) in wanted.flow:
         return True
     number = strain_number(name)

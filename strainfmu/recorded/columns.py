@@ -11,6 +11,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import (
+    FLOW_NAMES,
+    STATIC_PRESSURE,
     TIME_NAMES,
     Wanted,
     columns_to_read,
@@ -19,6 +21,7 @@ from strainfmu.recorded.column_names import (
     split_heading,
     strain_number,
 )
+from strainfmu.recorded.flight_pressure import computed_pressure, pressure_note, pressure_sources
 from strainfmu.recorded.strain_level import LevelReference, level_of, likely_units
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
@@ -30,10 +33,11 @@ _FLOW_UNITS = {
     "dynamic_pressure_std": (PRESSURE_UNITS, "Pa"),
     "mach_number": (NUMBER_UNITS, "1"),
     "altitude": (LENGTH_UNITS, "m"),
+    STATIC_PRESSURE: (PRESSURE_UNITS, "Pa"),
 }
 """Units of a quantity, and the one that is meant without any."""
 
-_NOT_NEGATIVE = ("dynamic_pressure_std", "mach_number")
+_NOT_NEGATIVE = ("dynamic_pressure_std", "mach_number", STATIC_PRESSURE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +66,8 @@ class ColumnPlan:
     ----------
     time : column of the time.
     strain : n_d columns, order of the map's gauges.
-    flow : column and factor of each quantity of ``FLOW_NAMES`` that is read.
-    fixed_pressure : q_inf [Pa] where the file's is not read.
+    flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, and of ``STATIC_PRESSURE``.
+    fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, or where it is computed.
     unused : names of the columns that are not read.
     reference : strains that the map expects, None if they are not known.
     """
@@ -87,7 +91,18 @@ class ColumnPlan:
     @property
     def stated(self) -> tuple[str, ...]:
         """Quantities of ``FLOW_NAMES`` beside q_inf that the file holds."""
-        return tuple(name for name in self.flow if name != "dynamic_pressure")
+        return tuple(name for name in self.flow if name in FLOW_NAMES[1:])
+
+    @property
+    def computed_from(self) -> tuple[str, ...]:
+        """Quantities that q_inf is computed from, nothing where it is read or fixed."""
+        is_given = "dynamic_pressure" in self.flow or np.isfinite(self.fixed_pressure)
+        return () if is_given else pressure_sources(self.flow)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of the columns."""
+        return (f"{self.path}: {pressure_note(self.computed_from)}",) if self.computed_from else ()
 
     def block(self, table: FloatArray, first_row: int = 1) -> StrainBlock:
         """Return the samples of ``table`` (n, k), whose k columns are :attr:`columns`; its rows count from 1.
@@ -112,6 +127,9 @@ class ColumnPlan:
                 f"{self.path}: column '{self.names[self.strain[gauge]]}', row {first_row + row}: "
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
+        if self.computed_from:
+            flow["dynamic_pressure"] = computed_pressure(flow)
+        flow.pop(STATIC_PRESSURE, None)
         pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
         # A strain that no gauge bears is no value.
         return StrainBlock(time, np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan), pressure, flow)
@@ -191,11 +209,13 @@ def plan_columns(
     indices = _gauge_columns(path, names, gauge_names=wanted.gauge_names, read=read)
     factors = [strain_factor(path, headings[i], given[i]) for i in indices]
     flow, passed = {}, []
-    for name in wanted.flow:
-        found = [i for i in read if last_part(names[i]) == name and i not in indices]
-        if name == "dynamic_pressure" and wanted.fixed_pressure is not None:
-            passed = [names[i] for i in found]
-        elif found or name == "dynamic_pressure":
+    by_name = {n: [i for i in read if last_part(names[i]) == n and i not in indices] for n in wanted.flow}
+    held = [name for name, found in by_name.items() if found]
+    is_computed = wanted.computes_pressure and bool(pressure_sources(held))
+    for name, found in by_name.items():
+        if passes_over(name, held, wanted):
+            passed += [names[i] for i in found]
+        elif found or (name == "dynamic_pressure" and not is_computed):
             column = _flow_column(path, found, name=name, names=names)
             flow[name] = (column, flow_factor(path, headings[column], name, given[column]))
     return ColumnPlan(
@@ -210,6 +230,14 @@ def plan_columns(
         unused=(*unused, *passed),
         reference=wanted.reference,
     )
+
+
+def passes_over(name: str, held: Sequence[str], wanted: Wanted) -> bool:
+    """Return whether a quantity of the flow is not read, because q_inf is known without it; ``held`` are all."""
+    is_fixed = wanted.fixed_pressure is not None
+    if name == STATIC_PRESSURE:
+        return is_fixed or "dynamic_pressure" in held or "mach_number" not in held
+    return name == "dynamic_pressure" and is_fixed
 
 
 def strain_factor(path: Path, name: str, unit: str | None) -> float:

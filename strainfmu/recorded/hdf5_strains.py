@@ -12,7 +12,15 @@ import numpy as np
 
 from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import Wanted, columns_to_read
-from strainfmu.recorded.columns import ColumnPlan, StrainBlock, flow_factor, strain_factor, time_factor
+from strainfmu.recorded.columns import (
+    ColumnPlan,
+    StrainBlock,
+    flow_factor,
+    passes_over,
+    strain_factor,
+    time_factor,
+)
+from strainfmu.recorded.flight_pressure import pressure_sources
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
 
 _SLASH = "%2F"
@@ -54,8 +62,10 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     read, unused = columns_to_read(path, list(file), wanted, known=(*_ARRAYS, *wanted.flow))
     names = [list(file)[column] for column in read]
     fixed = wanted.fixed_pressure
-    held = [name for name in wanted.flow if name in names and (fixed is None or name != "dynamic_pressure")]
-    needed = ("strain", "time") if fixed is not None else ("strain", "time", "dynamic_pressure")
+    found = [name for name in wanted.flow if name in names]
+    held = [name for name in found if not passes_over(name, found, wanted)]
+    is_known = fixed is not None or (wanted.computes_pressure and pressure_sources(held))
+    needed = ("strain", "time") if is_known else ("strain", "time", "dynamic_pressure")
     for name in dict.fromkeys((*needed, *held)):
         if name not in names or not isinstance(file[name], h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")

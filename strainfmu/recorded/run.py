@@ -13,7 +13,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, open_block_estimator
-from strainfmu.recorded.column_names import FLOW_NAMES, Wanted
+from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.health_account import HealthAccount
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
@@ -112,6 +112,8 @@ def estimate_file(
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
             fixed_pressure=dynamic_pressure,
+            flow=(*FLOW_NAMES, STATIC_PRESSURE),
+            computes_pressure=True,
             ignored=tuple(ignore_columns),
             reference=estimator.reference,
         )

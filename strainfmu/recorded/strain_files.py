@@ -42,7 +42,8 @@ def open_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     with reader(path, wanted) as opened:
-        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, opened.notes)
+        notes = (*opened.notes, *opened.plan.notes)
+        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, notes)
 
 
 def _not_empty(path: Path, blocks: Iterator[tuple[StrainBlock, int]]) -> Iterator[tuple[StrainBlock, int]]:
