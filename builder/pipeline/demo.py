@@ -19,7 +19,9 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.canvas import save
+from builder.figures.estimators import estimator_errors
 from builder.pipeline.flight_score import FlightScore, score_flight
+from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.pipeline.map_files import FLOWS, make_independent_flows, make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
@@ -64,6 +66,8 @@ class DemoResult:
     reused : files that were up to date.
     score : accuracy of the flown FMU.
     errors_in_sigma : names of the errors that the stated sigmas hold.
+    estimators : of a map with tables over the flight state, the accuracy of each estimator on the flown strains,
+        by name, as in ``summary.json``; empty for others.
     """
 
     vehicle: str
@@ -72,6 +76,7 @@ class DemoResult:
     reused: tuple[str, ...]
     score: FlightScore
     errors_in_sigma: tuple[str, ...]
+    estimators: dict[str, Any]
 
 
 def run_demo(
@@ -111,7 +116,8 @@ def run_demo(
     recording = _flight(pipeline)
     score = score_flight(recording)
     _figures(pipeline, recording)
-    _summary(pipeline, score)
+    estimators = _estimators(pipeline, recording)
+    _summary(pipeline, score, estimators)
     return DemoResult(
         vehicle=vehicle.name,
         folder=folder,
@@ -119,6 +125,7 @@ def run_demo(
         reused=tuple(pipeline.reused),
         score=score,
         errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
+        estimators=estimators,
     )
 
 
@@ -259,6 +266,34 @@ def _figures(pipeline: Pipeline, recording: Recording) -> None:
             progress(done, len(drawings))
 
 
+def _estimators(pipeline: Pipeline, recording: Recording) -> dict[str, Any]:
+    """Fly both estimators of a map with tables on the same strains; return their accuracy, empty for others."""
+    inverse_map = load_inverse_map(pipeline.path(MAP))
+    if inverse_map.manifold is None:
+        return {}
+
+    def make(path: Path) -> None:
+        with pipeline.reporter.stage("Linear and nonlinear estimator on the same strains"):
+            flown = flown_estimators(inverse_map, recording)
+        entries = {name: estimator_entry(one) for name, one in flown.items()}
+        write_bytes_atomically(path, json.dumps(_without_nan(entries), indent=1, allow_nan=False).encode())
+        save(_errors_figure(recording, flown, pipeline.vehicle.name), path.with_suffix(".png"))
+
+    inputs = {"map": pipeline.made_from(MAP), "flight": pipeline.made_from("flight.h5")}
+    holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"
+    pipeline.make("estimators.json", holds, inputs, make)
+    entries: dict[str, Any] = json.loads(pipeline.path("estimators.json").read_text(encoding="utf-8"))
+    return entries
+
+
+def _errors_figure(recording: Recording, flown: dict[str, FlownEstimates], title: str) -> figures.Figure:
+    errors = {
+        name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
+    }
+    error, std = flown["manifold"].air_data_errors()
+    return estimator_errors(recording.time, errors, (error[:, :2], std[:, :2]), title)
+
+
 def _save(draw: Callable[[], figures.Figure], path: Path) -> None:
     save(draw(), path)
 
@@ -270,7 +305,7 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and np.isnan(value) else value
 
 
-def _summary(pipeline: Pipeline, score: FlightScore) -> None:
+def _summary(pipeline: Pipeline, score: FlightScore, estimators: dict[str, Any]) -> None:
     def make(path: Path) -> None:
         values = {
             key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True))
@@ -278,7 +313,9 @@ def _summary(pipeline: Pipeline, score: FlightScore) -> None:
             else value
             for key, value in asdict(score).items()
         }
+        if estimators:
+            values["estimators"] = estimators
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
-    inputs = {"flight": pipeline.made_from("flight.h5")}
+    inputs = {"flight": pipeline.made_from("flight.h5"), "estimators": estimators}
     pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

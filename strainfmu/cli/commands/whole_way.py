@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from math import degrees
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -105,6 +106,27 @@ def _fly_over_bus(console: Console, folder: Path, duration: float, is_authentica
     console.print(flown.bridge, highlight=False, markup=False, soft_wrap=True)
 
 
+def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
+    """Show the accuracy of each estimator on the same strains."""
+    table = Table(title="Linear and nonlinear estimator on the same strains")
+    table.add_column("")
+    for name in estimators:
+        table.add_column(f"{name}: rms error", justify="right")
+        table.add_column("truth within 3 sigma", justify="right")
+    for coefficient in COEFFICIENT_NAMES:
+        cells = [
+            text
+            for one in estimators.values()
+            for text in (f"{one['rms'][coefficient]:.2e}", f"{one['coverage_percent'][coefficient]:.2f} %")
+        ]
+        table.add_row(f"{coefficient} [1]", *cells)
+    air = estimators["manifold"]["air_data"]
+    for name in ("angle_of_attack", "sideslip_angle"):
+        cells = [f"{degrees(air['rms'][name]):.3f}", f"{air['coverage_percent'][name]:.2f} %"]
+        table.add_row(escape(f"{name.replace('_', ' ')} [deg]"), "-", "-", *cells)
+    console.print(table)
+
+
 def _show_result(console: Console, result: DemoResult) -> None:
     score = result.score
     table = Table(title=escape(f"{result.vehicle}: the FMU's estimate against truth, independent finer model"))
@@ -128,6 +150,8 @@ def _show_result(console: Console, result: DemoResult) -> None:
         highlight=False,
         soft_wrap=True,
     )
+    if result.estimators:
+        _show_estimators(console, result.estimators)
     files = Table(title=escape(f"Files in {result.folder}"), show_header=False, box=None)
     for name, holds in result.files.items():
         files.add_row(name, holds, "reused" if name in result.reused else "new")

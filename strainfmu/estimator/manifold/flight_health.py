@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -54,8 +55,7 @@ def flight_health(
     """Return the health of ``found``: (k, n_d) gauges and (k, 3) quantities of navigation ``used``."""
     k, n = used.shape
     freedom = used.sum(axis=1) + navigation_used.sum(axis=1)
-    limits = np.array([chi_square_limit(max(one, 1)) for one in range(n + len(NAVIGATION) + 1)])
-    limit = alarm_scale * manifold.chi_square_scale * limits[freedom]
+    limit = alarm_scale * manifold.chi_square_scale * np.array(_limits(n + len(NAVIGATION)))[freedom]
     threshold = gauge_threshold(manifold, alarm_scale)
     size = np.abs(found.standardised_residual)
     worst = np.argmax(size, axis=1)
@@ -77,6 +77,12 @@ def flight_health(
         suspect=suspect,
         range_score=score,
     )
+
+
+@cache
+def _limits(largest: int) -> tuple[float, ...]:
+    """Return the alarm levels of chi-square for 0 (as for 1) to ``largest`` degrees of freedom."""
+    return tuple(chi_square_limit(max(one, 1)) for one in range(largest + 1))
 
 
 def gauge_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:

@@ -126,13 +126,11 @@ def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) ->
     cube = incidence**3
     d_cosine = (incidence * incidence - u * u) / cube, -u * w / cube
     d_sine = -u * w / cube, (incidence * incidence - w * w) / cube
-    one, zero = np.ones_like(u), np.zeros_like(u)
-    value, by_u, by_w = [(one, zero)], [(zero, zero)], [(zero, zero)]
+    value, by_u, by_w = (np.zeros((len(u), n_m, 2), dtype=incidence.dtype) for _ in range(3))
+    value[:, 0, 0] = 1.0
     for m in range(1, n_m):
-        c, s = value[-1]
+        c, s = value[:, m - 1, 0], value[:, m - 1, 1]
         for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
-            by.append((m * (c * dc - s * ds), m * (s * dc + c * ds)))
-        value.append((c * cosine - s * sine, s * cosine + c * sine))
-    return _Harmonics(
-        *(np.stack([np.stack(pair, axis=1) for pair in rows], axis=1) for rows in (value, by_u, by_w))
-    )
+            by[:, m, 0], by[:, m, 1] = m * (c * dc - s * ds), m * (s * dc + c * ds)
+        value[:, m, 0], value[:, m, 1] = c * cosine - s * sine, s * cosine + c * sine
+    return _Harmonics(value, by_u, by_w)

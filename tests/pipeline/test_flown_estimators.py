@@ -1,0 +1,62 @@
+"""Both estimators on the strains of one flight, on a vehicle whose flow is known in closed form."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_maps import AREA, LENGTH, ROWS, STATIONS, exact_response, flight_map
+from scaled_maps import scaled_map
+
+from builder.figures.canvas import save
+from builder.figures.estimators import estimator_errors
+from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
+from strainfmu.cosim.recording import Recording
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.flight_condition import FlightCondition
+from strainfmu.interface.fmi_variables import strain_names
+
+pytestmark = pytest.mark.fast
+N_D, K = STATIONS * ROWS, 15
+
+
+def flight() -> Recording:
+    """Return a flight through zero incidence."""
+    rows, random = [], np.random.default_rng(1)
+    for i in range(K):
+        one = FlightCondition(6.0, np.radians(1.0 * (i - 7)), np.radians(0.5), 20e3)
+        u, w = (one.total_incidence * f(one.leeward_roll_angle) for f in (np.cos, np.sin))
+        response = exact_response(one.mach_number, u, w, one.ambient_pressure)
+        scale = one.dynamic_pressure * AREA * np.array([1.0, 1.0, 1.0, LENGTH, LENGTH])
+        strain = response[:N_D] + 2e-7 * random.standard_normal(N_D)
+        rows.append([*(response[N_D:] / scale), *strain, *one.as_tuple(), one.dynamic_pressure])
+    names = (*COEFFICIENT_NAMES, *strain_names(N_D), "mach_number", "angle_of_attack", "sideslip_angle")
+    names = (*names, "altitude", "dynamic_pressure")
+    return Recording(
+        time=0.01 * np.arange(K),
+        names=tuple(f"plant.{name}" for name in names),
+        units=("1",) * len(names),
+        values=np.array(rows),
+    )
+
+
+def test_the_nonlinear_estimator_is_beside_the_linear_one(tmp_path: Path) -> None:
+    whole = replace(scaled_map(2, 1, N_D), manifold=flight_map(discrepancy=1e-3))
+    flown = flown_estimators(whole, flight())
+    assert list(flown) == ["linear", "manifold"]
+    entry = estimator_entry(flown["manifold"])
+    assert min(entry["coverage_percent"].values()) >= 90.0
+    assert entry["healthy_percent"] > 90.0
+    assert set(entry["air_data"]["rms"]) == set(COMPARED_AIR_DATA)
+    assert entry["air_data"]["rms"]["angle_of_attack"] < np.radians(0.2)
+    assert "air_data" not in estimator_entry(flown["linear"])
+    errors = {
+        name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
+    }
+    error, std = flown["manifold"].air_data_errors()
+    save(estimator_errors(flight().time, errors, (error[:, :2], std[:, :2]), "test"), tmp_path / "errors.png")
+    assert (tmp_path / "errors.png").stat().st_size > 10_000
+
+
+def test_a_map_without_tables_has_the_linear_one_alone() -> None:
+    assert list(flown_estimators(scaled_map(2, 1, N_D), flight())) == ["linear"]
