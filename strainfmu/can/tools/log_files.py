@@ -158,14 +158,14 @@ class _BlfFile(LogFile):
         flags = (_REMOTE if frame.is_remote else 0) | (0 if is_received else _SENT)
         if frame.is_error:
             head = _object_head(_ERROR, _ERROR_KIND, time)
-            values = (_CHANNEL, 0, 0, 0, 0, _length_code(length), 0, word, 0, data)
-            written = _ERROR.pack(*head, *values)
+            of_error = (_CHANNEL, 0, 0, 0, 0, _length_code(length), 0, word, 0, data)
+            written = _ERROR.pack(*head, *of_error)
         elif frame.is_fd:
             head = _object_head(_MESSAGE_FD, _MESSAGE_FD_KIND, time)
             fd = _FD | _BITRATE_SWITCH if frame.bitrate_switch else _FD
             code = _length_code(length)
-            values = (_CHANNEL, flags, code, word, 0, 0, fd, length, data)
-            written = _MESSAGE_FD.pack(*head, *values)
+            of_message = (_CHANNEL, flags, code, word, 0, 0, fd, length, data)
+            written = _MESSAGE_FD.pack(*head, *of_message)
         else:
             head = _object_head(_MESSAGE, _MESSAGE_KIND, time)
             written = _MESSAGE.pack(*head, _CHANNEL, flags, length, word, data)
