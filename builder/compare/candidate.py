@@ -73,18 +73,25 @@ class LinearCandidate:
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return the estimates; without navigation a vented body has no field."""
         q = read.dynamic_pressure
-        found = self.estimator.estimate(read.last, q, None, read.dynamic_pressure_std)
+        found = self.estimator.estimate(read.last, q, dynamic_pressure_std=read.dynamic_pressure_std)
         assert isinstance(found, LoadEstimates)
         field = None
         if self.inverse_map.field_modes is not None and (navigation == GIVEN or not is_vented(self.inverse_map)):
-            field = linear_field(self.inverse_map, read.last, q, read.static_pressure)
+            field = linear_field(
+                inverse_map=self.inverse_map,
+                strain=read.last,
+                dynamic_pressure=q,
+                static_pressure=read.static_pressure,
+            )
         return Answer(coefficients=found.coefficients, std=found.coefficients_std, field=field)
 
     def step_microseconds(self, read: Readings, navigation: str) -> float:
         """Return the median time of a step."""
         one = one_condition(read)
         strain, q = one.last[0], float(one.dynamic_pressure[0])
-        return median_microseconds(lambda: self.estimator.step(strain, q, None, read.dynamic_pressure_std))
+        return median_microseconds(
+            lambda: self.estimator.step(strain, q, dynamic_pressure_std=read.dynamic_pressure_std)
+        )
 
 
 class ManifoldCandidate:
@@ -103,8 +110,7 @@ class ManifoldCandidate:
         found = self.estimator.estimate(
             read.last,
             np.nan if navigation == NO_DYNAMIC_PRESSURE else read.dynamic_pressure,
-            None,
-            read.dynamic_pressure_std,
+            dynamic_pressure_std=read.dynamic_pressure_std,
             mach_number=read.mach_number if known else np.nan,
             static_pressure=read.static_pressure if known else np.nan,
         )
@@ -126,8 +132,7 @@ class ManifoldCandidate:
             return tracker.step(
                 one.last[0],
                 q,
-                None,
-                read.dynamic_pressure_std,
+                dynamic_pressure_std=read.dynamic_pressure_std,
                 mach_number=float(one.mach_number[0]) if known else np.nan,
                 static_pressure=float(one.static_pressure[0]) if known else np.nan,
             )

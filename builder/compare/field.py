@@ -129,7 +129,9 @@ class TableField:
         ratio = (amplitude @ _cosines(n_m, self.grid, roll)).reshape(len(state), -1)
         pressure = np.exp(state[:, LOG_PRESSURE])
         response, n_d = evaluate(manifold.tables, state).value, strain.shape[1]
-        covariance = strain_covariance(manifold, pressure, response[:, :n_d], response[:, n_d:])
+        covariance = strain_covariance(
+            manifold=manifold, pressure=pressure, strain=response[:, :n_d], loads=response[:, n_d:]
+        )
         weighted = np.linalg.solve(covariance, (strain - response[:, :n_d])[:, :, None])[:, :, 0]
         correction = pressure[:, None] ** 2 * (weighted @ self.field_strain_covariance.T)
         return np.asarray(pressure[:, None] * ratio + correction)
@@ -145,7 +147,11 @@ def table_field(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure,
     zero = values[:, 0] if len(inclined) < len(flows.incidence) else None
     incidence = flows.incidence[inclined]
     knots, coefficients = spline_coefficients(
-        flows.mach, incidence, values[:, inclined], spline_rows(incidence), zero
+        mach=flows.mach,
+        incidence=incidence,
+        values=values[:, inclined],
+        rows=spline_rows(incidence),
+        at_zero=zero,
     )
     return TableField(
         mach_knots=flows.mach,
@@ -160,7 +166,10 @@ def _field_strain_covariance(vehicle: Vehicle, problem: Problem, grid: SurfaceGr
     """Return (n_p, n_d) of the pressures off the tables that the section [map] states, with their strain."""
     entry, z_p = vehicle.map, problem.strain_operator
     along, around = gaussian_process_shapes(
-        grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
+        grid=grid,
+        length=float(grid.x[-1]),
+        axial_length=entry.discrepancy_length,
+        roll_angle=float(np.deg2rad(entry.discrepancy_roll_deg)),
     )
     strain = response_of_shapes(z_p, along, around).reshape(len(z_p), along.shape[1], around.shape[1])
     process = np.einsum("xa,rb,nab->xrn", along, around, strain, optimize=True).reshape(-1, len(z_p))

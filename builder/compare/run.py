@@ -199,12 +199,18 @@ def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
         raise InputError("compare: expected a body of revolution with rings of nodes, got a free surface")
     random = np.random.default_rng(effort.seed)
     conditions = random_conditions(vehicle, effort.conditions, random)
-    flights = without_faint_harmonics(true_flights(vehicle, trial.truth, trial.table, conditions))
-    field = true_field(trial.table, trial.truth.surface, grid, flights.conditions)
+    flights = without_faint_harmonics(
+        true_flights(vehicle=vehicle, structure=trial.truth, table=trial.table, conditions=conditions)
+    )
+    field = true_field(table=trial.table, of_table=trial.truth.surface, grid=grid, conditions=flights.conditions)
     entries: list[dict[str, Any]] = []
     for number, errors in enumerate(ERRORS):
         found = _entries_with(
-            trial, errors, (flights, field), np.random.default_rng([effort.seed, number]), reporter
+            trial=trial,
+            errors=errors,
+            flown=(flights, field),
+            random=np.random.default_rng([effort.seed, number]),
+            reporter=reporter,
         )
         entries += [{"estimator": one["estimator"], "errors": errors, **one} for one in found]
     return entries
@@ -219,7 +225,7 @@ def _entries_with(
 ) -> list[dict[str, Any]]:
     flights, field = flown
     with reporter.stage(f"Estimators, {errors}: maps and training") as progress:
-        candidates = candidates_of(trial, errors, random, progress)
+        candidates = candidates_of(trial=trial, errors=errors, random=random, progress=progress)
     read = readings(
         trial.vehicle,
         trial.truth,
@@ -231,7 +237,9 @@ def _entries_with(
     )
     entries: list[dict[str, Any]] = []
     with reporter.stage(f"Estimators, {errors}: flights") as progress:
-        for done, found in enumerate(scored(candidates, read, flights, field), start=1):
+        for done, found in enumerate(
+            scored(candidates=candidates, read=read, flights=flights, true_field=field), start=1
+        ):
             entries = found
             progress(done, trial.effort.draws)
     return entries
@@ -251,9 +259,11 @@ def candidates_of(
     of_case = {case: with_errors(trial.vehicle, errors, case) for case in (1, 2)}
     maps = {case: build_inverse_map(one, trial.snapshots, trial.structure) for case, one in of_case.items()}
     progress(2, of)
-    full = with_manifold(maps[1], of_case[1], trial.snapshots, trial.structure)
+    full = with_manifold(
+        inverse_map=maps[1], vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure
+    )
     problem = inverse_problem(of_case[1], trial.snapshots, trial.structure)
-    field = table_field(of_case[1], trial.snapshots, trial.structure, problem)
+    field = table_field(vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure, problem=problem)
     manifold = ManifoldCandidate(full, field)
     known: list[Candidate] = [
         LinearCandidate("linear Case 1", maps[1]),
@@ -267,12 +277,19 @@ def candidates_of(
     assert full.manifold is not None
     count = trial.effort.training
     training, calibration = (
-        training_flights(full.manifold, altitudes(trial.vehicle), n, random) for n in (count, count // 3)
+        training_flights(manifold=full.manifold, altitudes=altitudes(trial.vehicle), count=n, random=random)
+        for n in (count, count // 3)
     )
     for done, (name, navigation) in enumerate(
         ((name, navigation) for name in rivals for navigation in NAVIGATION), start=5
     ):
-        rival = RivalCandidate(name, training, calibration, navigation, trial.effort.seed)
+        rival = RivalCandidate(
+            name=name,
+            training=training,
+            calibration=calibration,
+            navigation=navigation,
+            seed=trial.effort.seed,
+        )
         found.append((rival, navigation))
         progress(done, of)
     return found

@@ -50,7 +50,13 @@ def training_flights(
     state[:, LOG_PRESSURE] = random.uniform(low, high, count)
     response, n_d = evaluate(manifold.tables, state).value, manifold.tables.n_gauges
     pressure = np.exp(state[:, LOG_PRESSURE])
-    strain, loads = with_drawn_errors(manifold, pressure, response[:, :n_d], response[:, n_d:], random)
+    strain, loads = with_drawn_errors(
+        manifold=manifold,
+        pressure=pressure,
+        strain=response[:, :n_d],
+        loads=response[:, n_d:],
+        random=random,
+    )
     mach = state[:, MACH]
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
     angles = air_data(state, np.zeros((count, 4, 4)), np.ones(4)).value[:, :2]

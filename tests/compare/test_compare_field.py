@@ -49,7 +49,12 @@ def test_a_linear_map_returns_its_own_field(gaussian: InverseMap, snapshots: Sna
     seen = map_.strain_gain @ map_.state_operator
     ratio, p_inf = np.array([0.5, 1.0, 2.0]), np.array([1e3, 2e3, 4e3])
     strain = ratio[:, None] * (map_.mean_strain + state @ map_.state_operator.T)
-    found = linear_field(map_, strain, ratio * map_.nominal_dynamic_pressure, p_inf)
+    found = linear_field(
+        inverse_map=map_,
+        strain=strain,
+        dynamic_pressure=ratio * map_.nominal_dynamic_pressure,
+        static_pressure=p_inf,
+    )
     expected = ratio[:, None] * (map_.field_mean + (state @ seen.T) @ map_.field_modes.T) + p_inf[:, None]
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
@@ -58,8 +63,8 @@ def test_tables_give_the_snapshots_and_correct_what_is_off_them(
     noise_only: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     problem = inverse_problem(noise_only, snapshots, structure)
-    manifold = manifold_map(noise_only, snapshots, structure, problem)
-    field = table_field(noise_only, snapshots, structure, problem)
+    manifold = manifold_map(vehicle=noise_only, snapshots=snapshots, structure=structure, problem=problem)
+    field = table_field(vehicle=noise_only, snapshots=snapshots, structure=structure, problem=problem)
     conditions = snapshots.conditions()
     rows = [number for number, one in enumerate(conditions) if one.sideslip_angle > 0.0][::9]
     pressure = snapshots.pressure[rows]
@@ -91,5 +96,7 @@ def test_the_true_field_is_that_of_the_snapshots(
         if 5.25 <= one.mach_number <= 6.75 and 0.03 < one.total_incidence <= table.incidence_knots[-1]
     ]
     conditions: list[FlightCondition] = [snapshots.conditions()[row] for row in chosen]
-    found = true_field(table, true_model.surface, structure.surface, tuple(conditions))
+    found = true_field(
+        table=table, of_table=true_model.surface, grid=structure.surface, conditions=tuple(conditions)
+    )
     assert field_errors(found, snapshots.pressure[chosen]).max() < 0.03

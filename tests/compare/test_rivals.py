@@ -36,8 +36,10 @@ def test_drawn_errors_have_the_covariance_of_the_estimator() -> None:
     at = evaluate(manifold.tables, np.array([[6.0, 0.08, 0.03, np.log(5e3)]])).value
     n_d = manifold.tables.n_gauges
     strain, loads = np.repeat(at[:, :n_d], k, axis=0), np.repeat(at[:, n_d:], k, axis=0)
-    read, drawn = with_drawn_errors(manifold, pressure, strain, loads, np.random.default_rng(3))
-    expected = strain_covariance(manifold, pressure[:1], strain[:1], loads[:1])[0]
+    read, drawn = with_drawn_errors(
+        manifold=manifold, pressure=pressure, strain=strain, loads=loads, random=np.random.default_rng(3)
+    )
+    expected = strain_covariance(manifold=manifold, pressure=pressure[:1], strain=strain[:1], loads=loads[:1])[0]
     found = np.cov(read.T)
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((found - expected) / size).max() < 0.06
@@ -61,9 +63,11 @@ def read_of(flights: TrainingFlights) -> Readings:
 def test_a_rival_learns_loads_and_angles(name: str) -> None:
     pytest.importorskip("sklearn")
     manifold, random = flight_map(), np.random.default_rng(4)
-    training, calibration, flown = (training_flights(manifold, ALTITUDES, n, random) for n in (1500, 600, 400))
+    training, calibration, flown = (
+        training_flights(manifold=manifold, altitudes=ALTITUDES, count=n, random=random) for n in (1500, 600, 400)
+    )
     navigation = PRESSURE_ALONE if name == "regression tree" else GIVEN
-    rival = RivalCandidate(name, training, calibration, navigation, seed=1)
+    rival = RivalCandidate(name=name, training=training, calibration=calibration, navigation=navigation, seed=1)
     answer = rival.answer(read_of(flown), navigation)
     error = answer.coefficients - flown.target[:, :5]
     assert np.all(error.std(axis=0) < 0.5 * flown.target[:, :5].std(axis=0))

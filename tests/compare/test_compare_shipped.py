@@ -1,0 +1,29 @@
+"""The shipped vehicle under comparison: every aim of the nonlinear estimator, and what the others miss."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from builder.compare.flights import Effort
+from builder.compare.rivals import RIVALS
+from builder.compare.run import run_compare
+from builder.reporting import Silent
+from builder.vehicle.file import IC3X
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+def test_aims_on_the_shipped_vehicle(tmp_path: Path) -> None:
+    pytest.importorskip("sklearn")
+    effort = Effort(conditions=150, draws=4, training=6000)
+    result = run_compare(IC3X, tmp_path / "compare", Silent(), effort=effort)
+    assert [aim.line for aim in result.aims if not aim.is_met] == []
+    of = {(one["estimator"], one["errors"]): one for one in result.entries if one["navigation"] == "given"}
+    for errors in ("gauge noise", "hardware"):
+        nonlinear = of["manifold", errors]["rms"]
+        for rival in RIVALS:
+            assert all(nonlinear[name] < of[rival, errors]["rms"][name] for name in nonlinear)
+    # A filter that takes lasting errors for noise is too sure of itself.
+    assert min(of["Kalman filter, random walk", "hardware"]["coverage_percent"].values()) < 95.0
