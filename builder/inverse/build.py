@@ -186,7 +186,7 @@ def inverse_map_of(
         mach_number_range=ranges.mach_number,
         altitude_range=ranges.altitude,
         **(_scaled_parts(problem, solution, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
-        **(_field(solution, _mesh(structure.surface)) if problem.entry.keep_field else {}),
+        **(_field(problem, solution, _mesh(structure.surface)) if problem.entry.keep_field else {}),
     )
 
 
@@ -266,9 +266,13 @@ def _incidence_range(ensemble: Ensemble) -> list[float]:
     return [min(incidence), max(incidence)]
 
 
-def _field(solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
+def _field(problem: Problem, solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
     """Return the fields of the map that give pressure on the surface, in single precision."""
+    scaled, none = problem.entry.form == "dynamic_pressure", np.zeros(len(solution.mean))
+    variance = none if solution.unresolved is None else solution.unresolved
     return {
+        "field_std": np.sqrt(variance).astype(np.float32),
+        "field_is_net": scaled and problem.ensemble.fixed_pressure == 0.0,
         "field_mean": solution.mean.astype(np.float32),
         "field_modes": solution.field_modes.astype(np.float32),
         "point": mesh.point.astype(np.float32),

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from builder.inverse.case_2 import whitened_spectrum
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import InverseMap
 
 
@@ -22,7 +24,8 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     n_gauges, n_states = inverse_map.state_operator.shape
     if n_states <= n_gauges:
         return inverse_map
-    observable = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right[:, :n_gauges]
+    right = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right
+    observable = right[:, :n_gauges]
     field = inverse_map.field_modes
     gain = observable.T @ inverse_map.strain_gain
     return replace(
@@ -32,5 +35,19 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
         # From the gain itself: of a state that no gauge observes both are round-off, and must agree even so.
         state_offset=-gain @ inverse_map.mean_strain,
         load_per_state=inverse_map.load_per_state @ observable,
+        field_std=_with_hidden(inverse_map, observable),
         field_modes=None if field is None else field @ observable.astype(np.float32),
     )
+
+
+def _with_hidden(inverse_map: InverseMap, observable: FloatArray) -> NDArray[np.float32] | None:
+    """Return (n_p,) standard deviation [Pa] of the field that no state holds, the states left out included.
+
+    All states are standard normal: a node has the variance of all of them less that of the observable ones.
+    """
+    field, std = inverse_map.field_modes, inverse_map.field_std
+    if field is None or std is None:
+        return None
+    kept = field @ observable.astype(np.float32)
+    hidden = np.einsum("pq,pq->p", field, field) - np.einsum("pq,pq->p", kept, kept)
+    return np.sqrt(std**2 + np.maximum(hidden, 0.0)).astype(np.float32)

@@ -67,6 +67,7 @@ class Solution:
     mean : (n_p,) [Pa].
     field_modes : (n_p, n_q) V_r [1] or F [Pa].
     facts : numbers for the map's provenance.
+    unresolved : (n_p,) variance of the pressure that no state holds [Pa^2]; None where nothing or not wanted.
     """
 
     solved: StateMap
@@ -74,6 +75,7 @@ class Solution:
     mean: FloatArray
     field_modes: FloatArray
     facts: dict[str, Any]
+    unresolved: FloatArray | None = None
 
 
 def solve(problem: Problem) -> Solution:
@@ -106,18 +108,26 @@ def _solve_case_1(problem: Problem) -> Solution:
         "relative_condition_number": relative.value,
         "relative_condition_scaling": relative.scaling,
     }
-    return Solution(solved=solved, noise=noise, mean=modes.mean, field_modes=modes.modes[:, :kept], facts=facts)
+    return Solution(
+        solved=solved,
+        noise=noise,
+        mean=modes.mean,
+        field_modes=modes.modes[:, :kept],
+        facts=facts,
+        unresolved=_unresolved(problem, modes, kept),
+    )
 
 
 def _solve_case_2(problem: Problem) -> Solution:
     entry = problem.entry
     if entry.prior_modes is None:
-        prior, noise, energy = _whole_prior(problem), NoiseModel(problem.noise), 1.0
+        prior, noise, energy, unresolved = _whole_prior(problem), NoiseModel(problem.noise), 1.0, None
     else:
         modes = pressure_modes(problem)
         prior = prior_of_modes(modes, entry.prior_modes)
         noise = _with_truncated(problem, modes, entry.prior_modes, problem.strain_operator @ modes.modes)
         energy = float(modes.energy[entry.prior_modes - 1])
+        unresolved = _unresolved(problem, modes, entry.prior_modes)
     state_operator = problem.strain_operator @ prior.factor
     spectrum = whitened_spectrum(state_operator, noise.covariance)
     gamma = entry.gamma
@@ -133,7 +143,14 @@ def _solve_case_2(problem: Problem) -> Solution:
         "recoverable_modes": solved.n_recoverable,
         "hessian_eigenvalues": spectrum.eigenvalues.tolist(),
     }
-    return Solution(solved=solved, noise=noise, mean=prior.mean, field_modes=prior.factor, facts=facts)
+    return Solution(
+        solved=solved,
+        noise=noise,
+        mean=prior.mean,
+        field_modes=prior.factor,
+        facts=facts,
+        unresolved=unresolved,
+    )
 
 
 def pressure_modes(problem: Problem) -> PressureModes:
@@ -213,6 +230,14 @@ def _with_truncated(problem: Problem, modes: PressureModes, kept: int, strain_of
         return NoiseModel(problem.noise)
     load_of_modes = problem.load_operator @ modes.modes
     return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept)))
+
+
+def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray | None:
+    """Return (n_p,) variance of the pressure of the modes beyond ``kept``, where the map is to hold the field."""
+    if not problem.entry.keep_field:
+        return None
+    variance = modes.coefficient_std()[kept:] ** 2
+    return np.asarray(np.einsum("pm,pm,m->p", modes.modes[:, kept:], modes.modes[:, kept:], variance))
 
 
 def _mean_strain(problem: Problem, mean: FloatArray) -> FloatArray:

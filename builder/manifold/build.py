@@ -12,6 +12,7 @@ from builder.inverse.ensemble import rolled_modes
 from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes, response_of_shapes
+from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
 from builder.manifold.interpolation import interpolation_errors
 from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
@@ -49,7 +50,8 @@ def manifold_map(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure
         raise InputError(
             "map.estimator: 'manifold' needs a body of revolution with rings of nodes, got a free surface"
         )
-    flows = flow_amplitudes(on_structure(snapshots, structure))
+    snapshots = on_structure(snapshots, structure)
+    flows = flow_amplitudes(snapshots)
     _check_flows(flows)
     operator = np.vstack([problem.strain_operator, problem.load_operator])
     fixed = np.zeros(len(operator))
@@ -85,6 +87,7 @@ def manifold_map(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
+        pressure_field=flight_field(vehicle, snapshots, problem, grid) if vehicle.map.keep_field else None,
     )
 
 

@@ -37,8 +37,8 @@ class FlowAmplitudes:
         return replace(self, amplitude=amplitude)
 
 
-def flow_amplitudes(snapshots: Snapshots) -> FlowAmplitudes:
-    """Return the amplitudes of every distinct flow of ``snapshots``, which lie on a body of revolution.
+def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> FlowAmplitudes:
+    """Return the amplitudes, up to ``max_harmonic``, of every distinct flow of ``snapshots``.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def flow_amplitudes(snapshots: Snapshots) -> FlowAmplitudes:
     for row, condition in enumerate(conditions):
         first.setdefault(tuple(np.round(flow_key(condition), 6)), row)
     mach, incidence = (np.array(sorted({key[axis] for key in first})) for axis in (0, 1))
-    n_m = min(MAX_HARMONIC, (grid.n_roll - 1) // 2) + 1
+    n_m = min(max_harmonic, (grid.n_roll - 1) // 2) + 1
     amplitude = np.empty((len(mach), len(incidence), len(grid.x), n_m))
     for i, one_mach in enumerate(mach):
         for j, one_incidence in enumerate(incidence):

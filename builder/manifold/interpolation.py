@@ -25,35 +25,44 @@ def interpolation_errors(flows: FlowAmplitudes, response: FloatArray) -> FloatAr
 
     Every incidence but the largest, and every inner Mach number, is left out in turn and predicted.
     """
-    values = response_values(flows, response)
-    inclined = np.flatnonzero(flows.incidence > 1e-9)
-    incidence, of_flows = flows.incidence[inclined], values[:, inclined]
-    zero = values[:, 0] if len(inclined) < len(flows.incidence) else None
+    errors = left_out_errors(flows.mach, flows.incidence, response_values(flows, response))
+    if not len(errors):
+        return np.zeros((0, len(response)))
+    rolled = _rolled(errors)
+    return rolled / np.sqrt(len(rolled))
+
+
+def left_out_errors(mach: FloatArray, all_incidence: FloatArray, values: FloatArray) -> FloatArray:
+    """Return (q, n, n_m, s) errors of the splines at what is left out in turn, see :func:`interpolation_errors`.
+
+    Parameters
+    ----------
+    mach, all_incidence : (n_M,) [1], (n_a,) [rad].
+    values : (n_M, n_a, n, n_m, s).
+    """
+    inclined = np.flatnonzero(all_incidence > 1e-9)
+    incidence, of_flows = all_incidence[inclined], values[:, inclined]
+    zero = values[:, 0] if len(inclined) < len(all_incidence) else None
     errors: list[FloatArray] = []
-    at_mach = basis(flows.mach, flows.mach).value
+    at_mach = basis(mach, mach).value
     for left in range(len(incidence) - 1):
         kept = np.delete(np.arange(len(incidence)), left)
         knots, table = spline_coefficients(
-            flows.mach, incidence[kept], of_flows[:, kept], spline_rows(incidence[kept]), zero
+            mach, incidence[kept], of_flows[:, kept], spline_rows(incidence[kept]), zero
         )
         found = _table(at_mach, basis(knots, incidence[left : left + 1]).value, table)
         errors += list(of_flows[:, left] - found[:, 0])
     rows = spline_rows(incidence)
-    for left in range(1, len(flows.mach) - 1):
-        kept = np.delete(np.arange(len(flows.mach)), left)
+    for left in range(1, len(mach) - 1):
+        kept = np.delete(np.arange(len(mach)), left)
         if len(kept) < 2:
             break
         knots, table = spline_coefficients(
-            flows.mach[kept], incidence, of_flows[kept], rows, None if zero is None else zero[kept]
+            mach[kept], incidence, of_flows[kept], rows, None if zero is None else zero[kept]
         )
-        found = _table(
-            basis(flows.mach[kept], flows.mach[left : left + 1]).value, basis(knots, incidence).value, table
-        )
+        found = _table(basis(mach[kept], mach[left : left + 1]).value, basis(knots, incidence).value, table)
         errors += list(MACH_FRACTION * (of_flows[left] - found[0]))
-    if not errors:
-        return np.zeros((0, values.shape[2]))
-    rolled = _rolled(np.array(errors))
-    return rolled / np.sqrt(len(rolled))
+    return np.array(errors).reshape(-1, *values.shape[2:])
 
 
 def _table(of_mach: FloatArray, of_incidence: FloatArray, coefficients: FloatArray) -> FloatArray:

@@ -87,6 +87,8 @@ class InverseMap:
     strain_load_covariance : (n_d, 5) covariance of e with the load that no state holds, as of truncated modes
         [m/m (N, N m)]; None where there is none.
     field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q, or None.
+    field_std : (n_p,) standard deviation of the pressure that no state holds, as of truncated modes [Pa], or None.
+    field_is_net : whether that field is p - p_inf; None without a field.
     point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
     form : one of :data:`FORMS`.
     gauge_covariance : (n_d, n_d) Gamma_g [1], None in form "absolute".
@@ -132,6 +134,8 @@ class InverseMap:
     strain_load_covariance: FloatArray | None = None
     field_mean: NDArray[np.float32] | None = None
     field_modes: NDArray[np.float32] | None = None
+    field_std: NDArray[np.float32] | None = None
+    field_is_net: bool | None = None
     point: NDArray[np.float32] | None = None
     triangle: NDArray[np.int32] | None = None
     form: str = "absolute"
@@ -301,6 +305,12 @@ def _check_field(inverse_map: InverseMap) -> None:
             raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
         if not np.all(np.isfinite(value)):
             raise InputError(f"inverse map: {name} holds values that are not finite")
+    held = inverse_map.field_std
+    if held is not None and not (held.shape == (n_p,) and np.all(np.isfinite(held)) and np.all(held >= 0.0)):
+        raise InputError(f"inverse map: field_std must be {n_p} finite values of at least 0")
+    of_flight = None if inverse_map.manifold is None else inverse_map.manifold.pressure_field
+    if of_flight is not None and of_flight.n_nodes != n_p:
+        raise InputError(f"inverse map: pressure_field has {of_flight.n_nodes} nodes, must have {n_p}")
     if n_t and not (parts["triangle"].min() >= 0 and parts["triangle"].max() < n_p):
         raise InputError(f"inverse map: triangle names nodes outside 0 .. {n_p - 1}")
 
@@ -422,6 +432,7 @@ def _units(case: int) -> dict[str, str]:
         "altitude_range": "m",
         "field_mean": "Pa",
         "field_modes": f"Pa/{state}",
+        "field_std": "Pa",
         "point": "m",
     }
 

@@ -10,6 +10,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.pressure_field import FieldInputs, PressureField
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -102,6 +103,7 @@ class LoadEstimate(NamedLoads):
         they cannot be distinguished.
     envelope_score : standard deviations by which the coefficients leave the half-spaces of the map's envelope; 0
         inside, NaN where they are not known.
+    field_inputs : what :meth:`pressure` needs; None where the map holds no pressure field.
     """
 
     loads: FloatArray
@@ -117,6 +119,19 @@ class LoadEstimate(NamedLoads):
     standardised_residual: FloatArray
     suspects: tuple[int, ...]
     envelope_score: float
+    field_inputs: FieldInputs | None = None
+
+    def pressure(self) -> PressureField:
+        """Return pressure and standard deviation at every node of the map's surface, off the deadline.
+
+        Raises
+        ------
+        InputError
+            The map holds no pressure field.
+        """
+        from strainfmu.estimator.linear_field import linear_pressure
+
+        return linear_pressure(self.field_inputs, self.valid)
 
     @property
     def sigma(self) -> Sigma:
@@ -148,6 +163,7 @@ class LoadEstimates(NamedLoads):
     standardised_residual : (k, n_d).
     suspects : (k,) of tuples.
     envelope_score : (k,).
+    field_inputs : as of one sample, for all of them.
     """
 
     loads: FloatArray
@@ -163,6 +179,7 @@ class LoadEstimates(NamedLoads):
     standardised_residual: FloatArray
     suspects: np.ndarray[tuple[int], np.dtype[np.object_]]
     envelope_score: FloatArray
+    field_inputs: FieldInputs | None = None
 
     @property
     def sigma(self) -> Sigma:
@@ -188,6 +205,7 @@ class LoadEstimates(NamedLoads):
             standardised_residual=self.standardised_residual[sample],
             suspects=self.suspects[sample],
             envelope_score=float(self.envelope_score[sample]),
+            field_inputs=None if self.field_inputs is None else self.field_inputs.of_sample(sample),
         )
 
     def to_dataframe(self) -> DataFrame:
@@ -201,8 +219,8 @@ class LoadEstimates(NamedLoads):
         return estimates_html(self)
 
 
-def empty_estimates(k: int, n_gauges: int) -> LoadEstimates:
-    """Return estimates of ``k`` samples whose arrays are to be filled."""
+def empty_estimates(k: int, n_gauges: int, field_inputs: FieldInputs | None = None) -> LoadEstimates:
+    """Return estimates of ``k`` samples whose arrays are to be filled; ``field_inputs`` of all of them."""
     return LoadEstimates(
         loads=np.empty((k, 5)),
         loads_std=np.empty((k, 5)),
@@ -217,6 +235,7 @@ def empty_estimates(k: int, n_gauges: int) -> LoadEstimates:
         standardised_residual=np.empty((k, n_gauges)),
         suspects=np.empty(k, dtype=object),
         envelope_score=np.empty(k),
+        field_inputs=field_inputs,
     )
 
 

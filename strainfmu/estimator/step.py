@@ -26,6 +26,7 @@ from strainfmu.estimator.load_estimate import (
 from strainfmu.estimator.loads_from_strain import LoadsFromStrain, ScaledLoads, absolute_loads, map_references
 from strainfmu.estimator.map_parts import map_parts
 from strainfmu.estimator.masked_map import MaskedMap, complete_map, masked_map
+from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 
 MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
@@ -155,7 +156,7 @@ class Estimator:
 
     def _series(self, d: FloatArray, valid: BoolArray | None, flow: _Flow) -> LoadEstimates:
         """Return the estimates of k samples: d and valid are (k, n_d)."""
-        series = empty_estimates(*d.shape)
+        series = empty_estimates(len(d), d.shape[1], field_inputs=self._field_inputs(d, flow))
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
@@ -174,6 +175,20 @@ class Estimator:
                 else:
                     self._fill(series, of_mask, masked, d, flow)
         return series
+
+    def _field_inputs(self, d: FloatArray, flow: _Flow) -> FieldInputs | None:
+        if self.inverse_map.field_modes is None:
+            return None
+        known, std = self._known_pressure(flow)
+        unknown = np.full(len(d), np.nan)
+        return FieldInputs(
+            inverse_map=self.inverse_map,
+            strain=d.copy(),  # the caller may fill its array with the next sample
+            dynamic_pressure=np.where(known, flow.dynamic_pressure, np.nan),
+            dynamic_pressure_std=std,
+            static_pressure=unknown,
+            static_pressure_std=unknown,
+        )
 
     def _fill(
         self,

@@ -27,6 +27,7 @@ from strainfmu.estimator.manifold.navigation import (
 )
 from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold
 from strainfmu.estimator.manifold.starts import search_table
+from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator, moment_transfer
 
@@ -214,7 +215,7 @@ class ManifoldEstimator:
             navigation_used=known,
             alarm_scale=self.settings.alarm_scale,
         )
-        out = self._loads(found, used)
+        out = self._loads(found, used, self._field_inputs(inputs))
         out.chi_square[:], out.standardised_residual[:] = found.chi_square, found.standardised_residual
         out.degrees_of_freedom[:], out.chi_square_limit[:] = judged.degrees_of_freedom, judged.chi_square_limit
         out.envelope_score[:], out.health[:] = judged.range_score, judged.health
@@ -235,9 +236,22 @@ class ManifoldEstimator:
             is_linear=is_linear,
         )
 
-    def _loads(self, found: FlightSolution, used: BoolArray) -> LoadEstimates:
+    def _field_inputs(self, inputs: EstimatorInputs) -> FieldInputs | None:
+        if self.manifold.pressure_field is None:
+            return None
+        value, std = inputs.navigation.value, inputs.navigation.std
+        return FieldInputs(
+            inverse_map=self.inverse_map,
+            strain=inputs.strain.copy(),  # the caller may fill its array with the next sample
+            dynamic_pressure=value[:, 2],
+            dynamic_pressure_std=std[:, 2],
+            static_pressure=value[:, 1],
+            static_pressure_std=std[:, 1],
+        )
+
+    def _loads(self, found: FlightSolution, used: BoolArray, field_inputs: FieldInputs | None) -> LoadEstimates:
         """Return estimates with loads and coefficients of ``found`` at the references of the settings."""
-        out = empty_estimates(*used.shape)
+        out = empty_estimates(len(used), used.shape[1], field_inputs=field_inputs)
         turn = self._transfer * self.manifold.references / self._reference[:, None]
         of_load = self._transfer @ found.load_covariance @ self._transfer.T
         of_coefficient = turn @ found.coefficient_covariance @ turn.T

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.manifold.air_data import AirData
+from strainfmu.estimator.pressure_field import FieldInputs, PressureField
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,6 +32,21 @@ class FlightEstimate(LoadEstimate):
     navigation_residual: FloatArray
     navigation_used: BoolArray
     is_linear: bool
+
+    def pressure(self) -> PressureField:
+        """Return absolute pressure and standard deviation at every node of the map's surface, off the deadline.
+
+        Of strain that does not fit the tables it is the linear map's, over p_inf of navigation, or of the flight
+        state where navigation has none.
+
+        Raises
+        ------
+        InputError
+            The map holds no pressure field.
+        """
+        from strainfmu.estimator.manifold.field_estimate import pressure_of
+
+        return pressure_of(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +81,9 @@ def joined(blocks: list[FlightEstimates]) -> FlightEstimates:
     parts: dict[str, Any] = {}
     for entry in fields(FlightEstimates):
         values = [getattr(block, entry.name) for block in blocks]
-        if entry.name == "air_data":
+        if entry.name == "field_inputs":
+            parts[entry.name] = _joined_inputs(values)
+        elif entry.name == "air_data":
             parts[entry.name] = AirData(
                 **{
                     one.name: np.concatenate([getattr(value, one.name) for value in values])
@@ -75,3 +93,15 @@ def joined(blocks: list[FlightEstimates]) -> FlightEstimates:
         else:
             parts[entry.name] = np.concatenate(values)
     return FlightEstimates(**parts)
+
+
+def _joined_inputs(blocks: list[FieldInputs | None]) -> FieldInputs | None:
+    held = [block for block in blocks if block is not None]
+    if not held:
+        return None
+    arrays: dict[str, Any] = {
+        entry.name: np.concatenate([getattr(one, entry.name) for one in held])
+        for entry in fields(FieldInputs)
+        if entry.name != "inverse_map"
+    }
+    return replace(held[0], **arrays)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.manifold.flight_field import UNITS as FIELD_UNITS
+from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.flight_tables import FlightTables
+from strainfmu.records import inner_record
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,6 +38,7 @@ class ManifoldMap:
     mach_number_error : standard deviation of a stated Mach number without its own [1].
     static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
     chi_square_scale, outlier_scale : factors on the alarm levels, from data of an independent model [1].
+    pressure_field : pressure on the surface over the flight state; None where the map does not hold it.
     """
 
     mach_knots: FloatArray
@@ -58,6 +62,7 @@ class ManifoldMap:
     dynamic_pressure_error: float
     chi_square_scale: float = 1.0
     outlier_scale: float = 1.0
+    pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
 
     def __post_init__(self) -> None:
         n_d, k = self.tables.n_gauges, self.error_strain.shape[1]
@@ -74,6 +79,19 @@ class ManifoldMap:
             value = getattr(self, name)
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise InputError(f"{name}: expected finite values of shape {shape}, got {value.shape}")
+        self._check_field()
+
+    def _check_field(self) -> None:
+        held = self.pressure_field
+        if held is None:
+            return
+        knots = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
+        found = held.amplitude.shape[:2], held.strain_covariance.shape[3]
+        if found != (knots, self.tables.n_gauges):
+            raise InputError(
+                f"pressure_field: expected tables of {knots} for {self.tables.n_gauges} gauges, "
+                f"got {found[0]} for {found[1]}"
+            )
 
     @cached_property
     def tables(self) -> FlightTables:

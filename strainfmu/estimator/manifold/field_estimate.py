@@ -1,0 +1,156 @@
+"""The pressure on the surface at an estimated flight state, corrected by the residual of strain.
+
+With C the covariance of pressure off the tables with strain: p = p(x) + C S^-1 r. The variance of a node with the
+derivative J_p by the state is (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C', as that of the loads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.linear_field import linear_pressure, no_field
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.flight_field import FlightField
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate
+from strainfmu.estimator.manifold.gauss_newton import strain_factor
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.solve import lognormal_std
+from strainfmu.estimator.manifold.spline import local_basis
+from strainfmu.estimator.pressure_field import PressureField, unknown_field
+
+MIN_LEFT = 0.05
+"""Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
+
+
+def pressure_of(estimate: FlightEstimate) -> PressureField:
+    """Return the absolute pressure of ``estimate``; errors as :meth:`FlightEstimate.pressure`."""
+    inputs = estimate.field_inputs
+    manifold = None if inputs is None else inputs.inverse_map.manifold
+    if inputs is None or manifold is None or manifold.pressure_field is None:
+        raise no_field()
+    field = manifold.pressure_field
+    if not np.any(estimate.valid):
+        return unknown_field(field.n_nodes, is_net=False)
+    if not estimate.is_linear:
+        return flight_pressure(
+            manifold,
+            field,
+            state=estimate.state,
+            state_covariance=estimate.state_covariance,
+            strain=inputs.strain,
+            used=estimate.valid,
+        )
+    found = linear_pressure(inputs, estimate.valid)
+    if not found.is_net:
+        return found
+    ambient, std = float(inputs.static_pressure), float(inputs.static_pressure_std)
+    if not (estimate.navigation_used[1] and np.isfinite(ambient)):
+        ambient = float(np.exp(estimate.state[LOG_PRESSURE]))
+        std = ambient * float(np.sqrt(estimate.state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
+    return PressureField(pressure=found.pressure + ambient, std=np.hypot(found.std, std), is_net=False)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TablePressure:
+    """Pressure of the tables at one state.
+
+    Attributes
+    ----------
+    value : (n_p,) [Pa].
+    jacobian : (n_p, 4) by M, u, w and ln p_inf.
+    """
+
+    value: FloatArray
+    jacobian: FloatArray
+
+
+def table_pressure(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> TablePressure:
+    """Return the pressure of the tables at ``state`` (4,)."""
+    u, w = float(state[U]), float(state[W])
+    incidence = float(np.sqrt(u * u + w * w + MIN_INCIDENCE**2))
+    of_mach = local_basis(manifold.mach_knots, state[MACH : MACH + 1])
+    of_incidence = local_basis(manifold.incidence_knots, np.array([incidence]))
+    i, j = int(of_mach.cell[0]), int(of_incidence.cell[0])
+    local = field.amplitude[i : i + 4, j : j + 4].astype(float)
+    pairs = (
+        (of_mach.value[0], of_incidence.value[0]),
+        (of_mach.derivative[0], of_incidence.value[0]),
+        (of_mach.value[0], of_incidence.derivative[0]),
+    )
+    amplitude, by_mach, by_incidence = (np.einsum("a,b,abxm->xm", a, b, local, optimize=True) for a, b in pairs)
+    m = np.arange(local.shape[3])
+    angle = np.outer(m, field.roll_angle - np.arctan2(w, u))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    value = (amplitude @ cosine).ravel()
+    along = (by_incidence @ cosine).ravel()
+    turned = ((m * amplitude) @ sine).ravel() / incidence  # by phi_T, times its derivative 1/a_T
+    jacobian = np.stack(
+        [
+            (by_mach @ cosine).ravel(),
+            (u * along - w * turned) / incidence,
+            (w * along + u * turned) / incidence,
+            value,
+        ],
+        axis=1,
+    )
+    pressure = float(np.exp(state[LOG_PRESSURE]))
+    return TablePressure(value=pressure * value, jacobian=pressure * jacobian)
+
+
+def flight_pressure(
+    manifold: ManifoldMap,
+    field: FlightField,
+    *,
+    state: FloatArray,
+    state_covariance: FloatArray,
+    strain: FloatArray,
+    used: BoolArray,
+) -> PressureField:
+    """Return the pressure at an estimated flight state.
+
+    Parameters
+    ----------
+    state, state_covariance : (4,), (4, 4) of the estimate.
+    strain, used : (n_d,) strain [m/m], and the gauges that the state follows from.
+    """
+    n_d = manifold.tables.n_gauges
+    table = table_pressure(manifold, field, state)
+    response = evaluate(manifold.tables, state[None])
+    factor = strain_factor(manifold, state[None], used[None])[0]
+    residual = np.where(used, strain - response.value[0, :n_d], 0.0)
+    jacobian = np.where(used[:, None], response.jacobian[0, :n_d], 0.0)
+    whitened = np.linalg.solve(factor, np.column_stack([residual, jacobian]))
+    pressure = float(np.exp(state[LOG_PRESSURE]))
+    gain = pressure * pressure * _turned(field, factor, used)
+    by_state = table.jacobian - gain @ whitened[:, 1:]
+    relative = field.error_std[:, None] ** 2 + _at_wind(field, state).astype(float) ** 2
+    prior = pressure * pressure * relative.ravel()
+    left = np.maximum(prior - np.einsum("pn,pn->p", gain, gain), MIN_LEFT * prior)
+    # Errors of ln p_inf are normal, those of p_inf reach further.
+    of_log = float(np.sqrt(state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
+    wider = (float(lognormal_std(np.array(of_log))) / of_log) ** 2
+    variance = wider * np.einsum("px,xy,py->p", by_state, state_covariance, by_state) + left
+    return PressureField(pressure=table.value + gain @ whitened[:, 0], std=np.sqrt(variance), is_net=False)
+
+
+def _turned(field: FlightField, factor: FloatArray, used: BoolArray) -> FloatArray:
+    """Return (n_p, n_d) C L'^-1 per p_inf^2, L (n_d, n_d) the Cholesky factor of S."""
+    n_x, n_h, _, n_d = field.strain_covariance.shape
+    known = np.where(used, field.strain_covariance, 0.0).reshape(-1, n_d)
+    whitened = np.linalg.solve(factor, known.T).T.reshape(n_x, 2 * n_h, n_d)
+    angle = np.outer(field.roll_angle, np.arange(n_h))
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(-1, 2 * n_h)
+    return np.asarray((around @ whitened).reshape(-1, n_d))
+
+
+def _at_wind(field: FlightField, state: FloatArray) -> FloatArray:
+    """Return (n_x, n_roll) the error of the tables at the nodes, with the leeward meridian where ``state`` has
+    it."""
+    n_roll = len(field.roll_angle)
+    place = ((field.roll_angle - np.arctan2(state[W], state[U])) * n_roll / (2.0 * np.pi)) % n_roll
+    below = np.floor(place).astype(np.int64) % n_roll
+    other = (below + 1) % n_roll
+    return np.maximum(field.table_error_std[:, below], field.table_error_std[:, other])
