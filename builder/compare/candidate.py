@@ -50,9 +50,10 @@ class Answer:
 
 
 class Candidate(Protocol):
-    """An estimator under comparison."""
+    """An estimator under comparison; ``has_field`` states whether it gives the pressure field."""
 
     name: str
+    has_field: bool
 
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return the estimates of ``read`` with ``navigation``, as in :data:`NAVIGATION`."""
@@ -65,6 +66,8 @@ class Candidate(Protocol):
 
 class LinearCandidate:
     """A linear map. Navigation decides on its health alone, but p_inf is part of the field of a vented body."""
+
+    has_field = True
 
     def __init__(self, name: str, inverse_map: InverseMap) -> None:
         self.name, self.inverse_map = name, inverse_map
@@ -98,6 +101,7 @@ class ManifoldCandidate:
     """The nonlinear estimator, each reading on its own."""
 
     name = "manifold"
+    has_field = True
 
     def __init__(self, inverse_map: InverseMap, field: TableField) -> None:
         found = estimator_of(inverse_map)

@@ -30,6 +30,9 @@ ANGLES = 0.8
 ALTITUDES_KM = (15.0, 28.0)
 """Altitudes that are drawn [km], where the map holds at them."""
 
+EXAMPLE_DRAWS, EXAMPLE_ALTITUDE = 100, 20e3
+"""Draws of noise, and altitude [m], of the example."""
+
 CYCLES = 20
 """Readings of each flight, one after another at the same condition. Filters take all, the others the last one."""
 
@@ -120,6 +123,22 @@ def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator)
             FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=beta, altitude=altitude)
         )
     return found
+
+
+def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
+    """Return :data:`EXAMPLE_DRAWS` times one condition that linear maps find hard: M5, a6, b6 of the source.
+
+    On other vehicles it is the least Mach number, and three quarters of the largest angles that are drawn.
+    """
+    angle, (bottom, top) = drawn_angle(vehicle), altitudes(vehicle)
+    half = 0.75 * (largest_incidence(vehicle) / np.sqrt(2.0) if angle is None else angle)
+    one = FlightCondition(
+        mach_number=min(vehicle.conditions.mach_number),
+        angle_of_attack=float(half),
+        sideslip_angle=float(half),
+        altitude=float(np.clip(EXAMPLE_ALTITUDE, bottom, top)),
+    )
+    return [one] * EXAMPLE_DRAWS
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

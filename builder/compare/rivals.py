@@ -79,6 +79,8 @@ def conformal_half_width(residual: FloatArray) -> FloatArray:
 class RivalCandidate:
     """A regression on strain over q_inf, ln q_inf and, where navigation is given, Mach number."""
 
+    has_field = False
+
     def __init__(
         self, name: str, training: TrainingFlights, calibration: TrainingFlights, navigation: str, seed: int
     ) -> None:

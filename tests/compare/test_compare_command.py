@@ -50,6 +50,8 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
         # The body is not vented: its field is known without p_inf.
         has_field = one["estimator"] in PRODUCT[:3]
         assert (one["field_median_percent"] is not None) == has_field
+        has_example = has_field and one["errors"] == "gauge noise"
+        assert (one["example_field_p95_percent"] is not None) == has_example
     of = {(one["estimator"], one["errors"], one["navigation"]): one for one in entries}
     nonlinear, linear = of["manifold", "gauge noise", "given"], of["linear Case 1", "gauge noise", "given"]
     assert all(nonlinear["rms"][name] < linear["rms"][name] for name in nonlinear["rms"])

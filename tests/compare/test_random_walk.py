@@ -45,6 +45,7 @@ def test_more_readings_are_better_and_inside_the_band(gaussian: InverseMap) -> N
     first, last = (filter_.answer(read, "given") for read in (one, many))
     assert np.all(last.std < first.std)
     assert np.all(np.abs(last.coefficients - coefficients) <= 4.0 * last.std)
+    assert filter_.answer(many, "q_inf only") is last
     assert last.field is None
     assert last.air_data is None
     assert 0.0 < filter_.step_microseconds(many, "given") < 1e6

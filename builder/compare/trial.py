@@ -1,0 +1,209 @@
+"""Every estimator of a comparison, made from the same parts and scored on the same flights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.compare.candidate import (
+    NAVIGATION,
+    NO_DYNAMIC_PRESSURE,
+    Candidate,
+    LinearCandidate,
+    ManifoldCandidate,
+)
+from builder.compare.field import table_field, true_field
+from builder.compare.flights import (
+    ERRORS,
+    GAUGE_NOISE,
+    Effort,
+    altitudes,
+    example_conditions,
+    random_conditions,
+    readings,
+    with_errors,
+)
+from builder.compare.random_walk import RandomWalkCandidate
+from builder.compare.rivals import RIVALS, RivalCandidate
+from builder.compare.score import scored
+from builder.compare.training import training_flights
+from builder.inverse.build import AnyStructure, build_inverse_map, inverse_problem
+from builder.manifold.build import with_manifold
+from builder.reporting import Progress, Reporter
+from builder.truth.flow_table import FlowTable
+from builder.truth.strain import TrueFlights, TrueStructure, true_flights, without_faint_harmonics
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trial:
+    """What every estimator of a comparison is made from and scored on.
+
+    Attributes
+    ----------
+    snapshots, structure : of the maps.
+    truth, table : structure and flows of the independent model.
+    has_rivals : whether scikit-learn is there.
+    """
+
+    vehicle: Vehicle
+    snapshots: Snapshots
+    structure: AnyStructure
+    truth: TrueStructure
+    table: FlowTable
+    effort: Effort
+    has_rivals: bool
+
+
+def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
+    """Return the entries of every estimator under both kinds of error; no rivals without scikit-learn.
+
+    Raises
+    ------
+    InputError
+        The body is no body of revolution, or its flows do not suffice for tables.
+    """
+    vehicle, effort, grid = trial.vehicle, trial.effort, trial.structure.surface
+    if not isinstance(grid, SurfaceGrid):
+        raise InputError("compare: expected a body of revolution with rings of nodes, got a free surface")
+    random = np.random.default_rng(effort.seed)
+    flown = _flown(trial, grid, random_conditions(vehicle, effort.conditions, random))
+    entries: list[dict[str, Any]] = []
+    for number, errors in enumerate(ERRORS):
+        random = np.random.default_rng([effort.seed, number])
+        with reporter.stage(f"Estimators, {errors}: maps and training") as progress:
+            candidates = candidates_of(trial=trial, errors=errors, random=random, progress=progress)
+        found: list[dict[str, Any]] = []
+        with reporter.stage(f"Estimators, {errors}: flights") as progress:
+            scores = _scores_of(
+                trial=trial,
+                errors=errors,
+                candidates=candidates,
+                flown=flown,
+                draws=effort.draws,
+                random=random,
+            )
+            for done, after_draw in enumerate(scores, start=1):
+                found = after_draw
+                progress(done, effort.draws)
+        example = _example_fields(trial, errors, candidates, grid)
+        for one in found:
+            of_example = example.get((one["estimator"], one["navigation"]))
+            entries.append(
+                {
+                    "estimator": one["estimator"],
+                    "errors": errors,
+                    **one,
+                    "example_field_p95_percent": of_example,
+                }
+            )
+    return entries
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flown:
+    """Flights of the independent model, and their pressure (k, n_x, n_roll) at the nodes of the map [Pa]."""
+
+    flights: TrueFlights
+    field: FloatArray
+
+
+def _flown(trial: Trial, grid: SurfaceGrid, conditions: list[FlightCondition]) -> Flown:
+    flights = without_faint_harmonics(
+        true_flights(vehicle=trial.vehicle, structure=trial.truth, table=trial.table, conditions=conditions)
+    )
+    field = true_field(table=trial.table, of_table=trial.truth.surface, grid=grid, conditions=flights.conditions)
+    return Flown(flights=flights, field=field)
+
+
+def _scores_of(
+    *,
+    trial: Trial,
+    errors: str,
+    candidates: list[tuple[Candidate, str]],
+    flown: Flown,
+    draws: int,
+    random: np.random.Generator,
+) -> Iterator[list[dict[str, Any]]]:
+    """Return the entries of ``candidates`` after every draw."""
+    first = candidates[0][0]
+    assert isinstance(first, LinearCandidate)
+    read = readings(
+        vehicle=trial.vehicle,
+        structure=trial.truth,
+        flights=flown.flights,
+        errors=errors,
+        noise_std=first.inverse_map.noise_std,
+        draws=draws,
+        random=random,
+    )
+    return scored(candidates=candidates, read=read, flights=flown.flights, true_field=flown.field)
+
+
+def _example_fields(
+    trial: Trial, errors: str, candidates: list[tuple[Candidate, str]], grid: SurfaceGrid
+) -> dict[tuple[str, str], float]:
+    """Return the 95th percentile of the field error [%] at the example, of every estimator with a field."""
+    if errors != GAUGE_NOISE:
+        return {}
+    found = _scores_of(
+        trial=trial,
+        errors=errors,
+        candidates=[(one, navigation) for one, navigation in candidates if one.has_field],
+        flown=_flown(trial, grid, example_conditions(trial.vehicle)),
+        draws=1,
+        random=np.random.default_rng([trial.effort.seed, len(ERRORS)]),
+    )
+    return {(one["estimator"], one["navigation"]): one["field_p95_percent"] for one in next(found)}
+
+
+def candidates_of(
+    trial: Trial, errors: str, random: np.random.Generator, progress: Progress
+) -> list[tuple[Candidate, str]]:
+    """Return every estimator with each navigation, linear maps first, all of them knowing of ``errors``."""
+    of, rivals = 4 + len(NAVIGATION) * len(RIVALS) * trial.has_rivals, RIVALS if trial.has_rivals else {}
+    of_case = {case: with_errors(trial.vehicle, errors, case) for case in (1, 2)}
+    maps = {case: build_inverse_map(one, trial.snapshots, trial.structure) for case, one in of_case.items()}
+    progress(2, of)
+    full = with_manifold(
+        inverse_map=maps[1], vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure
+    )
+    problem = inverse_problem(of_case[1], trial.snapshots, trial.structure)
+    field = table_field(vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure, problem=problem)
+    manifold = ManifoldCandidate(full, field)
+    known: list[Candidate] = [
+        LinearCandidate("linear Case 1", maps[1]),
+        LinearCandidate("linear Case 2", maps[2]),
+        manifold,
+        RandomWalkCandidate(maps[2]),
+    ]
+    found = [(one, navigation) for one in known for navigation in NAVIGATION]
+    found.append((manifold, NO_DYNAMIC_PRESSURE))
+    progress(4, of)
+    assert full.manifold is not None
+    count = trial.effort.training
+    training, calibration = (
+        training_flights(manifold=full.manifold, altitudes=altitudes(trial.vehicle), count=n, random=random)
+        for n in (count, count // 3)
+    )
+    for done, (name, navigation) in enumerate(
+        ((name, navigation) for name in rivals for navigation in NAVIGATION), start=5
+    ):
+        rival = RivalCandidate(
+            name=name,
+            training=training,
+            calibration=calibration,
+            navigation=navigation,
+            seed=trial.effort.seed,
+        )
+        found.append((rival, navigation))
+        progress(done, of)
+    return found
