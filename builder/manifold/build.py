@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem, on_structure
-from builder.inverse.ensemble import rolled_modes
+from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes, response_of_shapes
@@ -40,11 +41,21 @@ def with_manifold(
         The body is no body of revolution, or the flows do not suffice for tables.
     """
     problem = inverse_problem(vehicle, snapshots, structure)
-    return replace(inverse_map, manifold=manifold_map(vehicle, snapshots, structure, problem))
+    manifold, terms = manifold_map(vehicle, snapshots, structure, problem)
+    provenance = {**inverse_map.provenance, "table_error_terms": terms}
+    return replace(inverse_map, manifold=manifold, provenance=provenance)
 
 
-def manifold_map(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem) -> ManifoldMap:
-    """Return the tables and errors of ``problem``; errors as :func:`with_manifold`."""
+def manifold_map(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem
+) -> tuple[ManifoldMap, list[dict[str, Any]]]:
+    """Return the tables and errors of ``problem``, and what pressure off the tables strains, term by term.
+
+    Raises
+    ------
+    InputError
+        As :func:`with_manifold`.
+    """
     grid = structure.surface
     if not isinstance(grid, SurfaceGrid) or problem.ensemble.grid is None:
         raise InputError(
@@ -62,12 +73,12 @@ def manifold_map(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure
         fixed = -float(inside) * operator.sum(axis=1)
     response = ring_response(operator, grid, flows.amplitude.shape[-1])
     knots, coefficients = _tables(flows, response)
-    error = np.hstack(_scaled_errors(vehicle, problem, flows, grid, response))
-    n_d = len(problem.strain_operator)
+    terms, n_d = _scaled_errors(vehicle, problem, flows, grid, response), len(problem.strain_operator)
+    error = _compressed(np.hstack(list(terms.values())))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     products, common = _followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
-    return ManifoldMap(
+    found = ManifoldMap(
         mach_knots=flows.mach,
         incidence_knots=knots,
         response=coefficients,
@@ -89,6 +100,16 @@ def manifold_map(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
         pressure_field=flight_field(vehicle, snapshots, problem, grid) if vehicle.map.keep_field else None,
     )
+    return found, _terms_of(terms, problem.ensemble, n_d)
+
+
+def _terms_of(terms: dict[str, FloatArray], ensemble: Ensemble, n_gauges: int) -> list[dict[str, Any]]:
+    """Return name and rms strain over the gauges [m/m] of each of ``terms``, at the mean p_inf of the flows."""
+    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    return [
+        {"name": name, "rms_strain": pressure * float(np.sqrt(np.sum(columns[:n_gauges] ** 2) / n_gauges))}
+        for name, columns in terms.items()
+    ]
 
 
 def _check_flows(flows: FlowAmplitudes) -> None:
@@ -116,26 +137,27 @@ def _fixed_covariance(problem: Problem) -> FloatArray:
 
 def _scaled_errors(
     vehicle: Vehicle, problem: Problem, flows: FlowAmplitudes, grid: SurfaceGrid, response: FloatArray
-) -> list[FloatArray]:
-    """Return columns (n_d + 5, k) per p_inf of pressure off the tables and of the internal pressure."""
+) -> dict[str, FloatArray]:
+    """Return columns (n_d + 5, k) per p_inf of pressure off the tables and of the internal pressure, by name."""
     entry, noise = vehicle.map, vehicle.noise
     operator = np.vstack([problem.strain_operator, problem.load_operator])
-    n_d, found = len(problem.strain_operator), [interpolation_errors(flows, response).T]
+    found = {"interpolation": interpolation_errors(flows, response).T}
     if entry.discrepancy_percent > 0.0:
         along, around = gaussian_process_shapes(
             grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
         )
-        found.append(0.01 * entry.discrepancy_percent * response_of_shapes(operator, along, around))
+        columns = response_of_shapes(operator, along, around)
+        found["pressure off the tables"] = 0.01 * entry.discrepancy_percent * columns
     if entry.discrepancy_of_prior_percent > 0.0:
         modes, ensemble = rolled_modes(problem.ensemble, None), problem.ensemble
         pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
         spread = operator @ (modes.modes * modes.coefficient_std())
-        found.append(0.01 * entry.discrepancy_of_prior_percent / pressure * spread)
+        found["fraction of the snapshots"] = 0.01 * entry.discrepancy_of_prior_percent / pressure * spread
     if noise.internal_pressure_percent > 0.0:
         column = 0.01 * noise.internal_pressure_percent * operator.sum(axis=1)
-        column[n_d:] = 0.0  # loads are those of the stated internal pressure
-        found.append(column[:, None])
-    return [_compressed(np.hstack(found))]
+        column[len(problem.strain_operator) :] = 0.0  # loads are those of the stated internal pressure
+        found["internal pressure"] = column[:, None]
+    return found
 
 
 def _compressed(columns: FloatArray) -> FloatArray:

@@ -24,6 +24,7 @@ from strainfmu.estimator.inverse_map import (
     InverseMap,
     load_inverse_map,
 )
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.validity import valid_ranges
 from strainfmu.files import content_hash_of
@@ -41,7 +42,15 @@ OF_CONDITIONS = (
     "altitude_m",
     "dynamic_pressure_Pa",
 )
-SHOWN_APART = (*OF_CONDITIONS, "noise_terms", "hessian_eigenvalues", "gamma", "gamma_rule", "recoverable_modes")
+SHOWN_APART = (
+    *OF_CONDITIONS,
+    "noise_terms",
+    "table_error_terms",
+    "hessian_eigenvalues",
+    "gamma",
+    "gamma_rule",
+    "recoverable_modes",
+)
 """Entries of the provenance that have tables or rows of their own."""
 
 
@@ -60,6 +69,8 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
     console.print(_summary(loaded, f"{path}: {loaded.vehicle}", content_hash))
     console.print(_validity(loaded))
     console.print(_noise(loaded))
+    if loaded.manifold is not None:
+        console.print(_tables(loaded, loaded.manifold))
     if loaded.case == 2:
         console.print(_eigenvalues(loaded))
     console.print(_coefficients(loaded))
@@ -135,6 +146,24 @@ def _noise(loaded: InverseMap) -> Table:
     for term in known:
         share = f"{100.0 * term['share']:.1f}" if "share" in term else "-"
         table.add_row(escape(str(term["name"])), share, f"{MICRO * term['rms_strain']:.3g}")
+    return table
+
+
+def _tables(loaded: InverseMap, manifold: ManifoldMap) -> Table:
+    """Return what the tables of the nonlinear estimator hold, and what pressure off them strains."""
+    table = _table("Nonlinear estimator: tables over the flight state", ("quantity", "value"))
+    incidence = np.degrees(manifold.incidence_knots)
+    table.add_row("Mach numbers of the flows", ", ".join(f"{one:g}" for one in manifold.mach_knots))
+    table.add_row(escape("total incidences [deg]"), ", ".join(f"{one:.3g}" for one in incidence))
+    table.add_row("circumferential harmonics", f"0 to {manifold.response.shape[3] - 1}")
+    table.add_row(
+        "navigation, one standard deviation",
+        f"M {manifold.mach_number_error:g}, p_inf "
+        f"{100.0 * manifold.static_pressure_error:g} %, q_inf {100.0 * manifold.dynamic_pressure_error:g} %",
+    )
+    for term in loaded.provenance.get("table_error_terms", []):
+        name = term["name"]
+        table.add_row(escape(f"strain of {name}, rms [um/m]"), f"{MICRO * term['rms_strain']:.3g}")
     return table
 
 
