@@ -10,13 +10,20 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.filter.consistency import Consistency, noted
-from strainfmu.estimator.filter.flight_model import FlightModel, SampleRows, flight_model, transition
-from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample
+from strainfmu.estimator.filter.flight_model import (
+    FlightModel,
+    SampleRows,
+    error_columns,
+    flight_model,
+    transition,
+)
+from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample, flight_solution
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator, without_navigation
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
+from strainfmu.estimator.manifold.flight_tables import N_STATES
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.navigation import inconsistent_navigation, state_measurement
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
@@ -129,16 +136,42 @@ class FlightFilter:
             measured=state_measurement(self.estimator.manifold, inputs.navigation),
         )
         if not inputs.used.any():
-            return self._coasted(inputs, samples, law, step)
+            return self._coasted(inputs, samples, law=law, step=step)
         if law is not None and track.state is not None:
-            found, sample = self._solved(law, samples, track.state, WARM_ITERATIONS)
+            found, sample = self._solved(law, samples, start=track.state)
             estimate = self.estimator.concluded(inputs, sample, found.solution)
             if _fits(estimate):
-                return self._kept(inputs, sample, (law, found.law), step, estimate=estimate, continues=True)
-        return self._begun(inputs, samples, law, step)
+                return self._kept(
+                    inputs, sample, laws=(law, found.law), step=step, estimate=estimate, continues=True
+                )
+        return self._begun(inputs, samples, law=law, step=step)
+
+    def smoothed(self, step: FilteredStep, law: Law) -> FlightEstimates:
+        """Return the estimate of ``step`` by the smoothed ``law`` of its states.
+
+        Health, chi-square and residuals stay those of the filter, and so does a step whose loads are not the
+        filter's.
+        """
+        estimate = step.estimate
+        if step.after is step.before or estimate.is_linear[0] or np.isnan(estimate.loads[0]).any():
+            return estimate
+        solution = flight_solution(
+            self.model,
+            law,
+            _rows(step.sample),
+            columns=error_columns(self.model, law.mean[:N_STATES]),
+            quality=(
+                float(estimate.chi_square[0]),
+                estimate.standardised_residual[0],
+                estimate.navigation_residual[0],
+            ),
+        )
+        found = self.estimator.concluded(step.inputs, step.sample, solution, predicted=True)
+        kept = {name: getattr(estimate, name) for name in ("health", "suspects", "envelope_score")}
+        return replace(found, **kept)
 
     def _solved(
-        self, law: Law, samples: Samples, start: FloatArray, iterations: int
+        self, law: Law, samples: Samples, *, start: FloatArray, iterations: int = WARM_ITERATIONS
     ) -> tuple[FilteredSample, Samples]:
         """Return the sample from ``law``, a second time without navigation that is inconsistent."""
         found = filtered_sample(self.model, law, _rows(samples), start=start, iterations=iterations)
@@ -158,10 +191,10 @@ class FlightFilter:
         if searched or start is None:
             start, iterations = self.estimator.search(samples).state[0], 0
         own = stationary_law(transition(self.model, 1.0, 1.0), len(samples.strain[0]))
-        found, sample = self._solved(own, samples, start, iterations)
+        found, sample = self._solved(own, samples, start=start, iterations=iterations)
         estimate = self.estimator.concluded(inputs, sample, found.solution)
         if _fits(estimate):
-            return self._kept(inputs, sample, (own, found.law), step, estimate=estimate, continues=False)
+            return self._kept(inputs, sample, laws=(own, found.law), step=step, estimate=estimate, continues=False)
         since = 0 if searched else track.since_search + 1
         after = own if law is None else law
         self.track = replace(
@@ -186,9 +219,9 @@ class FlightFilter:
         self,
         inputs: EstimatorInputs,
         sample: Samples,
+        *,
         laws: tuple[Law, Law],
         step: Transition,
-        *,
         estimate: FlightEstimates,
         continues: bool,
     ) -> FilteredStep:
@@ -213,15 +246,17 @@ class FlightFilter:
         )
 
     def _coasted(
-        self, inputs: EstimatorInputs, samples: Samples, law: Law | None, step: Transition
+        self, inputs: EstimatorInputs, samples: Samples, *, law: Law | None, step: Transition
     ) -> FilteredStep:
         """Return the prediction of a sample without gauges, and with the navigation that it has."""
         own = stationary_law(step, len(samples.strain[0])) if law is None else law
         start = own.mean[:4] if self.track.state is None else self.track.state
-        found, sample = self._solved(own, samples, start, WARM_ITERATIONS)
+        found, sample = self._solved(own, samples, start=start)
         estimate = self.estimator.concluded(inputs, sample, found.solution, predicted=law is not None)
         if law is not None:
-            self.track = replace(self.track, law=found.law, state=estimate.state[0])
+            # A state that is no longer known is no start: the next sample searches the tables.
+            lost = estimate.health[0] == HealthState.INVALID
+            self.track = replace(self.track, law=found.law, state=None if lost else estimate.state[0])
         return FilteredStep(
             estimate=estimate,
             inputs=inputs,

@@ -58,7 +58,7 @@ def filtered_sample(
     standardised = update.weighted / np.sqrt(update.precision)
     residual[used], of_navigation[known] = np.split(standardised, [int(used.sum())])
     solution = flight_solution(
-        model, found, sample, columns, quality=(update.chi_square + distance, residual, of_navigation)
+        model, found, sample, columns=columns, quality=(update.chi_square + distance, residual, of_navigation)
     )
     return FilteredSample(law=found, solution=solution)
 
@@ -75,8 +75,8 @@ def flight_solution(
     model: FlightModel,
     law: Law,
     sample: SampleRows,
-    columns: ErrorColumns,
     *,
+    columns: ErrorColumns,
     quality: tuple[float, FloatArray, FloatArray],
 ) -> FlightSolution:
     """Return the estimates at ``law``, arrays with one row.

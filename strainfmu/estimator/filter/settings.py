@@ -26,7 +26,7 @@ class FilterSettings:
     ----------
     time_constant : T of the errors of pressure off the map [s]. Towards zero the filter gives the static estimate.
     mach_number_rate : standard deviation of dM/dt [1/s]. 0.2 is 60 m/s^2 at 20 km.
-    angle_rate : the same of u and w, components of the total incidence [rad/s]. 0.2 is 11 deg/s.
+    angle_rate : the same of u and w, components of the total incidence [rad/s]. 0.1 is 6 deg/s.
     log_pressure_rate : the same of ln p_inf [1/s]. 0.1 is a climb of 640 m/s.
     white_navigation : part of the variance of navigation that is independent from sample to sample, up to 1; the
         rest lasts as hardware errors do. Navigation that is filtered itself has nearly none.
@@ -34,7 +34,7 @@ class FilterSettings:
 
     time_constant: float
     mach_number_rate: float = 0.2
-    angle_rate: float = 0.2
+    angle_rate: float = 0.1
     log_pressure_rate: float = 0.1
     white_navigation: float = 0.2
 

@@ -10,9 +10,11 @@ from scaled_maps import scaled_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
 
 pytestmark = pytest.mark.fast
@@ -101,7 +103,7 @@ def test_a_lost_second_is_predicted_with_growing_deviation(estimator: ManifoldEs
     std = np.array([one.loads_std for one in lost])
     assert np.all(np.diff(std, axis=0) > 0.0)
     assert np.all(np.abs(lost[-1].loads - exact(STATE)[N_D:]) < 3.0 * lost[-1].loads_std)
-    later = flight.step(1.0, np.full(N_D, np.nan))
+    later = flight.step(10.0, np.full(N_D, np.nan))
     assert later.health is HealthState.INVALID
     assert np.all(np.isnan(later.loads))
     back = flight.step(DT, exact(STATE)[:N_D] + noise(rng))
@@ -184,6 +186,28 @@ def test_strain_off_the_tables_gets_the_linear_map_and_returns_later(estimator: 
     seen = [flight.step(DT, exact(STATE)[:N_D] + noise(rng), dynamic_pressure=130e3) for _ in range(RETURN_AFTER)]
     assert [one.is_linear for one in seen] == [True] * (RETURN_AFTER - 1) + [False]
     assert np.all(np.abs(seen[-1].loads - exact(STATE)[N_D:]) < 4.0 * seen[-1].loads_std)
+
+
+def test_smoothing_is_not_worse_than_filtering(estimator: ManifoldEstimator) -> None:
+    flight = FlightFilter(estimator, FilterSettings(time_constant=1.0))
+    rng = np.random.default_rng(2)
+    steps, states = [], []
+    for i in range(60):
+        state = STATE + np.array([0.0, 0.02 * np.sin(3.0 * DT * i), 0.01 * DT * i, 0.0])
+        strain = exact(state)[:N_D] + noise(rng)
+        flow = dict.fromkeys((*NAVIGATION, *(f"{one}_std" for one in NAVIGATION), "altitude"), np.nan)
+        steps.append(flight.stepped(DT, estimator.checked_inputs(strain, None, flow)))
+        states.append(state)
+    true = np.array([exact(state)[N_D:] for state in states])
+    filtered = [step.estimate[0] for step in steps]
+    found = [flight.smoothed(step, law)[0] for step, law in zip(steps, smoothed(steps), strict=True)]
+    error = {name: np.array([one.loads for one in of]) - true for name, of in (("f", filtered), ("s", found))}
+    std = {name: np.array([one.loads_std for one in of]) for name, of in (("f", filtered), ("s", found))}
+    scale = std["f"].mean(axis=0)
+    assert np.mean((error["s"] / scale) ** 2) < np.mean((error["f"] / scale) ** 2)
+    assert np.all(std["s"] < 1.01 * std["f"])
+    assert np.mean(np.abs(error["s"]) < 3.0 * std["s"]) > 0.98
+    assert found[-1].loads == pytest.approx(filtered[-1].loads, rel=1e-6)
 
 
 @pytest.mark.parametrize("value", [0.0, -0.01, np.nan])

@@ -1,0 +1,189 @@
+"""A linear map over time: pressure states and errors that last, from step to step.
+
+The filter changes the static estimate by the difference that memory makes: the loads of the filtered law less
+those of the law of the sample alone, and their covariances likewise. What the static estimate holds beside, as
+errors at the current strain and that of q_inf, stays in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.filter.kalman import Law, Transition, measured, predicted, stationary_law
+from strainfmu.estimator.filter.linear_model import (
+    LinearModel,
+    linear_loads,
+    linear_measurement,
+    linear_model,
+    linear_transition,
+)
+from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
+from strainfmu.estimator.health import HealthState, chi_square_limit
+from strainfmu.estimator.load_estimate import LoadEstimate
+from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.step import Estimator, moment_transfer
+
+_NOT_FILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
+"""States in which nothing was measured."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearStep:
+    """A step of the filter, as much of it as smoothing needs.
+
+    Attributes
+    ----------
+    estimate, static : of the step, and of its sample alone.
+    strain : (n_d,).
+    dynamic_pressure : q_inf [Pa].
+    alone : law of the states after the sample alone, None where nothing was measured.
+    before, after, transition, continues : as of :class:`~strainfmu.estimator.filter.flight_filter.FilteredStep`.
+    """
+
+    estimate: LoadEstimate
+    static: LoadEstimate
+    strain: FloatArray
+    dynamic_pressure: float
+    alone: Law | None
+    before: Law
+    after: Law
+    transition: Transition
+    continues: bool
+
+
+class LinearFilter:
+    """An :class:`Estimator` fed with one sample after another, with memory.
+
+    A sample that does not fit what the filter has predicted is estimated on its own, and the filter begins again
+    from it if it fits the map so. A sample without gauges or without q_inf is estimated as by the map alone; what
+    is known of the states decays with time.
+    """
+
+    def __init__(self, estimator: Estimator, settings: FilterSettings, law: Law | None = None) -> None:
+        """Begin with ``law`` of the states; None is the prior of the map.
+
+        Raises
+        ------
+        InputError
+            The map is in form "absolute", which does not say what lasts.
+        """
+        form = estimator.inverse_map.form
+        if form != "dynamic_pressure":
+            raise InputError(f"inverse map: form '{form}' found, a filter needs form 'dynamic_pressure'")
+        self.estimator, self.settings, self.law = estimator, settings, law
+        self.model: LinearModel = linear_model(estimator.inverse_map, settings)
+        shift = estimator.settings.moment_station - default_settings(estimator.inverse_map).moment_station
+        self._transfer = moment_transfer(shift)
+        area, length = estimator.settings.reference_area, estimator.settings.reference_length
+        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
+
+    def step(
+        self,
+        time_step: float,
+        strain: ArrayLike,
+        dynamic_pressure: float,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: float = np.nan,
+        *,
+        mach_number: float = np.nan,
+        altitude: float = np.nan,
+    ) -> LoadEstimate:
+        """Estimate the loads of one sample, ``time_step`` [s] after the last one.
+
+        Other arguments as :meth:`Estimator.estimate`.
+
+        Raises
+        ------
+        InputError
+            ``time_step`` is not positive, or an argument has the wrong shape.
+        """
+        seconds = checked_time_step(time_step)
+        static = self.estimator.step(
+            strain,
+            dynamic_pressure=dynamic_pressure,
+            valid=valid,
+            dynamic_pressure_std=dynamic_pressure_std,
+            mach_number=mach_number,
+            altitude=altitude,
+        )
+        return self.stepped(seconds, static, np.asarray(strain, dtype=float), float(dynamic_pressure)).estimate
+
+    def stepped(
+        self, time_step: float, static: LoadEstimate, strain: FloatArray, dynamic_pressure: float
+    ) -> LinearStep:
+        """Return the step of a sample whose estimate on its own is ``static``, and keep what it leaves."""
+        step = linear_transition(self.model, time_step)
+        first = self.law is None
+        prior = stationary_law(step, self.model.n_gauges)
+        before = prior if self.law is None else predicted(self.law, step)
+        known = LinearStep(
+            estimate=static,
+            static=static,
+            strain=np.where(static.valid, strain, 0.0),
+            dynamic_pressure=dynamic_pressure,
+            alone=None,
+            before=before,
+            after=before,
+            transition=step,
+            continues=not first,
+        )
+        if static.health in _NOT_FILTERED or not static.chi_square <= static.chi_square_limit:
+            self.law = None if first else before
+            return known
+        ratio = dynamic_pressure / self.estimator.inverse_map.nominal_dynamic_pressure
+        rows = [
+            linear_measurement(self.model, known.strain, static.valid, ratio=ratio, law=law)
+            for law in (prior, before)
+        ]
+        alone, update = measured(prior, rows[0]), measured(before, rows[1])
+        known = replace(known, alone=alone.law)
+        if not first and update.chi_square <= _limit(static):
+            self.law = update.law
+            return replace(known, estimate=self.with_law(known, update.law), after=update.law)
+        self.law = alone.law
+        return replace(known, before=prior, after=alone.law, continues=False)
+
+    def with_law(self, step: LinearStep, law: Law) -> LoadEstimate:
+        """Return the estimate of ``step`` by the filtered or smoothed ``law`` of its states."""
+        static = step.static
+        if step.alone is None:
+            return static
+        ratio = step.dynamic_pressure / self.estimator.inverse_map.nominal_dynamic_pressure
+        known, alone = (
+            linear_loads(self.model, step.strain, static.valid, ratio=ratio, law=one) for one in (law, step.alone)
+        )
+        apart = self._transfer @ (known[0] - alone[0])
+        by = self._transfer @ (known[1] - alone[1]) @ self._transfer.T
+        covariance = static.load_covariance + by
+        scale = 1.0 / (step.dynamic_pressure * self._reference)
+        variance = static.coefficients_std**2 + scale**2 * np.diagonal(by)
+        if not (_is_positive(covariance) and np.all(variance > 0.0)):
+            # Errors at a weak current strain are smaller than those that the laws hold.
+            covariance, variance = static.load_covariance, static.coefficients_std**2
+        return replace(
+            static,
+            loads=static.loads + apart,
+            load_covariance=covariance,
+            loads_std=np.sqrt(np.diagonal(covariance)),
+            coefficients=static.coefficients + scale * apart,
+            coefficients_std=np.sqrt(variance),
+        )
+
+
+def _limit(static: LoadEstimate) -> float:
+    """Return the alarm level of the normalised innovation, whose degrees of freedom are all gauges used."""
+    used: BoolArray = static.valid
+    if static.degrees_of_freedom <= 0:
+        return chi_square_limit(int(used.sum()))
+    scale = static.chi_square_limit / chi_square_limit(static.degrees_of_freedom)
+    return scale * chi_square_limit(int(used.sum()))
+
+
+def _is_positive(covariance: FloatArray) -> bool:
+    size = 1.0 / np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
+    return bool(np.linalg.eigvalsh(covariance * size[:, None] * size)[0] > 0.0)

@@ -1,0 +1,142 @@
+"""States of the filter of a linear map, and what strain reads of them.
+
+The states are s = (q, c, e): pressure states of the map, errors that scale with q_inf in the directions that
+gauges see, and errors that gauges have in common and that do not. Their stationary law is the prior of the map.
+The states of Case 1 have none: each takes the amplitude at which it alone reaches the largest strains of the
+snapshots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.filter.kalman import Law, Measurement, Transition
+from strainfmu.estimator.filter.motion import decaying
+from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, white_and_lasting
+from strainfmu.estimator.filter.settings import SLOW, FilterSettings
+from strainfmu.estimator.inverse_map import InverseMap
+
+_ROUND_OFF = 1e-12
+"""Part of the noise's variance that keeps the factor of the considered errors regular."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearModel:
+    """States and errors of a linear map; what scales with q_inf is at its nominal value.
+
+    Attributes
+    ----------
+    settings : of the filter.
+    std : (n,) of the stationary law of the states.
+    slow : (n,) which states last as hardware errors do.
+    fixed : (n_d + 5,) strain and loads that do not follow q_inf.
+    mean : (n_d + 5,) those of the mean pressure that do.
+    scaled : (n_d + 5, n) of the states that scale with q_inf; zero for the others.
+    common : (n_d, n) of those that do not.
+    seen : errors that scale.
+    noise, lasting : (n_d,), (n_d, n_d) noise, and covariance of the errors that last.
+    """
+
+    settings: FilterSettings
+    std: FloatArray
+    slow: BoolArray
+    fixed: FloatArray
+    mean: FloatArray
+    scaled: FloatArray
+    common: FloatArray
+    seen: SeenErrors
+    noise: FloatArray
+    lasting: FloatArray
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return len(self.noise)
+
+
+def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearModel:
+    """Return the model of ``inverse_map``.
+
+    Raises
+    ------
+    InputError
+        The map is in form "absolute".
+    """
+    own, errors, load_of_errors = inverse_map.scaled_parts
+    noise, common, lasting = white_and_lasting(own, inverse_map.noise_std)
+    seen = seen_errors(errors, load_of_errors, 1.0, np.sqrt(noise + np.diagonal(lasting)))
+    of_states, n_d = inverse_map.state_operator, inverse_map.n_gauges
+    n_q, r, n_c = of_states.shape[1], seen.strain.shape[1], common.shape[1]
+    std = np.ones(n_q + r + n_c)
+    if inverse_map.case == 1:
+        std[:n_q] = 1.0 / np.max(np.abs(of_states) / inverse_map.strain_range[:, None], axis=0)
+    scaled = np.zeros((n_d + 5, n_q + r + n_c))
+    scaled[:n_d, :n_q], scaled[n_d:, :n_q] = of_states, inverse_map.load_per_state
+    scaled[:n_d, n_q : n_q + r], scaled[n_d:, n_q : n_q + r] = seen.strain, seen.load
+    of_common = np.zeros((n_d, n_q + r + n_c))
+    of_common[:, n_q + r :] = common
+    zero = np.zeros(n_d), np.zeros(5)
+    fixed = [
+        none if value is None else value
+        for value, none in zip((inverse_map.fixed_strain, inverse_map.fixed_load), zero, strict=True)
+    ]
+    of_fixed = np.concatenate(fixed)
+    return LinearModel(
+        settings=settings,
+        std=std,
+        slow=np.arange(len(std)) >= n_q + r,
+        fixed=of_fixed,
+        mean=np.concatenate([inverse_map.mean_strain, inverse_map.load_of_mean]) - of_fixed,
+        scaled=scaled,
+        common=of_common,
+        seen=seen,
+        noise=noise,
+        lasting=lasting,
+    )
+
+
+def linear_transition(model: LinearModel, time_step: float) -> Transition:
+    """Return the step over ``time_step`` [s]."""
+    slow = SLOW * model.settings.time_constant
+    time_constant = np.where(model.slow, slow, model.settings.time_constant)
+    return Transition(
+        matrix=np.diag(decaying(time_constant, time_step)),
+        mean=np.zeros(len(model.std)),
+        covariance=np.diag(model.std**2),
+        considered=float(np.exp(-time_step / slow)),
+    )
+
+
+def linear_measurement(
+    model: LinearModel, strain: FloatArray, used: BoolArray, *, ratio: float, law: Law
+) -> Measurement:
+    """Return the rows of the gauges ``used`` (n_d,) of ``strain`` (n_d,), at ``ratio`` of q_inf to nominal."""
+    n_d = model.n_gauges
+    jacobian = ratio * model.scaled[:n_d] + model.common
+    apart = strain - model.fixed[:n_d] - ratio * model.mean[:n_d] - jacobian @ law.mean
+    small = _ROUND_OFF * model.noise
+    rest = model.lasting + ratio**2 * model.seen.rest_strain + np.diag(small)
+    return Measurement(
+        innovation=apart[used],
+        jacobian=jacobian[used],
+        considered=np.asarray(np.linalg.cholesky(rest), dtype=np.float64)[used],
+        noise=(model.noise - small)[used],
+    )
+
+
+def linear_loads(
+    model: LinearModel, strain: FloatArray, used: BoolArray, *, ratio: float, law: Law
+) -> tuple[FloatArray, FloatArray]:
+    """Return loads (5,) and covariance (5, 5) at ``law``, about the moment point of the map."""
+    n_d = model.n_gauges
+    rows = linear_measurement(model, strain, used, ratio=ratio, law=law)
+    cross = ratio**2 * model.seen.rest_cross[:, used]
+    turned = np.linalg.solve(rows.considered @ rows.considered.T + np.diag(rows.noise), cross.T).T
+    by_state = ratio * model.scaled[n_d:]
+    loads = model.fixed[n_d:] + ratio * model.mean[n_d:] + by_state @ law.mean + turned @ rows.innovation
+    of_loads = by_state - turned @ rows.jacobian
+    remaining = ratio**2 * model.seen.rest_load - turned @ cross.T
+    return loads, of_loads @ law.covariance @ of_loads.T + remaining

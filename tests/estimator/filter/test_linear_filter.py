@@ -1,0 +1,128 @@
+"""Linear maps over time: static limit, a closed form, masks, lost samples, jumps, smoothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scaled_maps import NOMINAL, scaled_map
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.filter.linear_filter import LinearFilter
+from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.filter.smoothing import smoothed
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.step import Estimator
+
+pytestmark = pytest.mark.fast
+DT = 0.01
+
+
+def series(inverse_map: InverseMap, k: int, seed: int, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return strains (k, n_d) and loads (k, 5) of the map's own model at its nominal dynamic pressure."""
+    rng = np.random.default_rng(seed)
+    own, errors, load_of_errors = inverse_map.scaled_parts
+    strain = np.hstack([inverse_map.state_operator, errors])
+    load = np.hstack([inverse_map.load_per_state, load_of_errors])
+    decay = np.exp(-DT / time_constant)
+    states = rng.standard_normal((k, strain.shape[1]))
+    for i in range(1, k):
+        states[i] = decay * states[i - 1] + np.sqrt(1.0 - decay**2) * states[i]
+    noise = rng.standard_normal((k, len(own))) @ np.linalg.cholesky(own).T
+    return inverse_map.mean_strain + states @ strain.T + noise, inverse_map.load_of_mean + states @ load.T
+
+
+def fitted(case: int, seed: int) -> InverseMap:
+    """Return a map whose noise is that of its gauges."""
+    found = scaled_map(case, seed)
+    own = found.scaled_parts[0]
+    return replace(found, noise_std=np.sqrt(np.diagonal(own)))
+
+
+@pytest.mark.parametrize("case", [1, 2])
+@pytest.mark.parametrize("lost", [0, 3])
+def test_without_memory_it_is_the_static_estimator(case: int, lost: int) -> None:
+    estimator = Estimator(fitted(case, 1))
+    flight = LinearFilter(estimator, FilterSettings(time_constant=1e-9))
+    strain, _ = series(estimator.inverse_map, 5, 2, 1.0)
+    strain[:, :lost] = np.nan
+    for row in strain:
+        found = flight.step(DT, row, 0.9 * NOMINAL)
+        static = estimator.step(row, 0.9 * NOMINAL)
+        assert np.max(np.abs(found.loads - static.loads)) < 1e-9 * np.max(np.abs(static.loads))
+        assert found.loads_std == pytest.approx(static.loads_std, rel=1e-9)
+        assert found.coefficients_std == pytest.approx(static.coefficients_std, rel=1e-9)
+        assert found.health == static.health
+
+
+def test_a_series_agrees_with_the_recursion_of_the_whole_model() -> None:
+    inverse_map = fitted(2, 3)
+    flight = LinearFilter(Estimator(inverse_map), FilterSettings(time_constant=0.5))
+    model = flight.model
+    strain, _ = series(inverse_map, 30, 4, 0.5)
+    h = np.hstack([model.scaled[:18] + model.common])
+    n = h.shape[1]
+    mean, cov = np.zeros(n), np.diag(model.std**2)
+    noise = np.diag(model.noise) + model.lasting + model.seen.rest_strain
+    for i, row in enumerate(strain):
+        decay = np.where(model.slow, np.exp(-DT / 50.0), np.exp(-DT / 0.5)) if i else np.ones(n)
+        mean, cov = decay * mean, decay[:, None] * cov * decay + np.diag((1.0 - decay**2) * model.std**2)
+        gain = cov @ h.T @ np.linalg.inv(h @ cov @ h.T + noise)
+        mean, cov = mean + gain @ (row - inverse_map.mean_strain - h @ mean), cov - gain @ h @ cov
+        flight.step(DT, row, NOMINAL)
+    assert flight.law is not None
+    # Errors that last are considered, not white: a little less is known.
+    assert np.all(np.diagonal(flight.law.covariance) > 0.99 * np.diagonal(cov))
+    apart = (flight.law.mean - mean) / np.sqrt(np.diagonal(flight.law.covariance))
+    assert np.max(np.abs(apart)) < 1.0
+
+
+def test_a_series_is_estimated_better_than_its_samples_and_smoothed_better_still() -> None:
+    estimator = Estimator(fitted(2, 5))
+    flight = LinearFilter(estimator, FilterSettings(time_constant=1.0))
+    strain, loads = series(estimator.inverse_map, 150, 6, 1.0)
+    steps = []
+    for row in strain:
+        static = estimator.step(row, NOMINAL, dynamic_pressure_std=0.0)
+        steps.append(flight.stepped(DT, static, row, NOMINAL))
+    by = {
+        "static": [step.static for step in steps],
+        "filter": [step.estimate for step in steps],
+        "smooth": [flight.with_law(step, law) for step, law in zip(steps, smoothed(steps), strict=True)],
+    }
+    error = {name: np.array([one.loads for one in found]) - loads for name, found in by.items()}
+    std = {name: np.array([one.loads_std for one in found]) for name, found in by.items()}
+    size = {name: float(np.sqrt(np.mean((value / std["static"]) ** 2))) for name, value in error.items()}
+    assert size["filter"] < size["static"]
+    assert size["smooth"] < size["filter"]
+    assert np.all(std["filter"] <= std["static"] * (1.0 + 1e-9))
+    assert np.all(std["smooth"] <= std["filter"] * (1.0 + 1e-9))
+    for name in ("filter", "smooth"):
+        assert np.mean(np.abs(error[name]) < 3.0 * std[name]) > 0.98
+
+
+def test_lost_samples_and_jumps() -> None:
+    estimator = Estimator(fitted(2, 1))
+    flight = LinearFilter(estimator, FilterSettings(time_constant=1.0))
+    strain, _ = series(estimator.inverse_map, 30, 2, 1.0)
+    for row in strain:
+        flight.step(DT, row, NOMINAL)
+    assert flight.law is not None
+    other, _ = series(estimator.inverse_map, 1, 99, 1.0)
+    jumped, static = flight.step(DT, other[0], NOMINAL), estimator.step(other[0], NOMINAL)
+    assert jumped.loads == pytest.approx(static.loads, rel=1e-9)
+    known = np.trace(flight.law.covariance)
+    for lost, health in ((other[0], HealthState.NO_COEFFICIENTS), (np.full(18, np.nan), HealthState.INVALID)):
+        found = flight.step(1.0, lost, np.nan if health is HealthState.NO_COEFFICIENTS else NOMINAL)
+        assert found.health is health
+    assert np.trace(flight.law.covariance) > known
+
+
+def test_an_absolute_map_and_wrong_time_steps_are_refused() -> None:
+    flight = LinearFilter(Estimator(fitted(2, 1)), FilterSettings(time_constant=1.0))
+    with pytest.raises(InputError, match=r"time_step: 0.0 found, must be positive"):
+        flight.step(0.0, np.zeros(18), NOMINAL)
+    absolute = dict.fromkeys(("gauge_covariance", "error_strain", "error_load"))
+    estimator = Estimator(replace(fitted(2, 1), form="absolute", **absolute))
+    with pytest.raises(InputError, match="form 'absolute' found, a filter needs form 'dynamic_pressure'"):
+        LinearFilter(estimator, FilterSettings(time_constant=1.0))
