@@ -47,7 +47,7 @@ def compare(
     """Score estimators of eight kinds on the same readings of an independent, finer model of the vehicle.
 
     The linear maps of both cases, the nonlinear estimator, a Kalman filter with a random walk and, with
-    strainfmu[rivals], regression tree, random forest, gradient boosting and multi-layer perceptron: rms errors,
+    strainfmu\\[rivals], regression tree, random forest, gradient boosting and multi-layer perceptron: rms errors,
     coverage of 3 sigma, error of the pressure field, air data, cost of a step in Python. With gauge noise alone,
     and with errors of the hardware drawn at their stated sizes; with navigation, and with q_inf only.
 
