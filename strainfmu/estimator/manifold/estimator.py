@@ -34,7 +34,7 @@ from strainfmu.estimator.step import Estimator, moment_transfer
 BLOCK = 256
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
 
-_OF_STATE = [AIR_DATA_NAMES.index(name) for name in ("total_incidence", "mach_number", "static_pressure")]
+_INCIDENCE = AIR_DATA_NAMES.index("total_incidence")
 
 _OF_LOADS = ("loads", "loads_std", "coefficients", "coefficients_std", "load_covariance")
 
@@ -223,8 +223,7 @@ class ManifoldEstimator:
             out.suspects[row] = () if suspect < 0 else (suspect,)
         some = np.asarray(used.any(axis=1))
         air = self._air_data(found, used, predicted)
-        of_state = air.is_identified[:, _OF_STATE].all(axis=1)
-        set_unknown(out, np.flatnonzero(~some & ~of_state))
+        set_unknown(out, np.flatnonzero(~some & ~air.is_identified[:, _INCIDENCE]))
         is_linear = self._fall_back(out, inputs, np.asarray(~judged.fits & some))
         return FlightEstimates(
             **{entry.name: getattr(out, entry.name) for entry in fields(out)},
