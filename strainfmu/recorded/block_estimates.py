@@ -15,7 +15,7 @@ from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.step import StepRefused
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
@@ -48,6 +48,7 @@ class BlockEstimates:
     envelope_score : (n,) standard deviations by which the coefficients leave the envelope of the map, 0 inside.
     residual : (n, n_d) z of each gauge [1], None of an FMU.
     residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
+    estimates : n estimates by a map, for their pressure; None of an FMU.
     further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
     """
 
@@ -65,6 +66,7 @@ class BlockEstimates:
     residual: FloatArray | None
     residual_limit: FloatArray
     further: FloatArray | None = None
+    estimates: Sequence[LoadEstimate] | LoadEstimates | None = None
 
 
 class BlockEstimator(Protocol):
@@ -77,6 +79,7 @@ class BlockEstimator(Protocol):
     has_residuals : whether it gives the z of each gauge.
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
     further_columns : names and units of further columns of the output.
+    inverse_map : the map, None of an FMU.
     """
 
     gauge_names: tuple[str, ...]
@@ -85,6 +88,7 @@ class BlockEstimator(Protocol):
     reference: LevelReference
     has_residuals: bool
     envelope_score_limit: float
+    inverse_map: InverseMap | None
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
@@ -121,6 +125,7 @@ class _MapBlocks:
     def __init__(self, estimator: Estimator) -> None:
         inverse_map = estimator.inverse_map
         self._estimator = estimator
+        self.inverse_map: InverseMap | None = inverse_map
         self.gauge_names = tuple(inverse_map.gauge_names)
         self.envelope_score_limit = inverse_map.envelope_score_limit
         self.reference = _level_reference(inverse_map)
@@ -143,6 +148,7 @@ class _MapBlocks:
             envelope_score=found.envelope_score,
             residual=found.standardised_residual,
             residual_limit=self._residual_limit(found),
+            estimates=found,
         )
 
     def _residual_limit(self, found: LoadEstimates) -> FloatArray:
@@ -176,6 +182,7 @@ class _FlightBlocks:
 
     def __init__(self, estimator: ManifoldEstimator) -> None:
         self._tracker = FlightTracker(estimator)
+        self.inverse_map: InverseMap | None = estimator.inverse_map
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
         self.gauge_names = tuple(estimator.inverse_map.gauge_names)
         self.reference = _level_reference(estimator.inverse_map)
@@ -198,6 +205,7 @@ class _FlightBlocks:
             residual=np.array([one.standardised_residual for one in found]),
             residual_limit=np.full(k, self._threshold),
             further=np.array([_further(one) for one in found]),
+            estimates=found,
         )
 
     def _step(self, block: StrainBlock, row: int) -> FlightEstimate:
@@ -227,6 +235,7 @@ class _FmuBlocks:
     has_residuals = False
     further_columns: tuple[tuple[str, str], ...] = ()
     envelope_score_limit = float("nan")
+    inverse_map: InverseMap | None = None
 
     def __init__(self, step: FmuStep) -> None:
         self._step = step

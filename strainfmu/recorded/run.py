@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -12,9 +13,11 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, open_block_estimator
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
+from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_output, field_series_writer
 from strainfmu.recorded.health_account import HealthAccount
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains
@@ -46,6 +49,7 @@ class EstimationSummary:
     missing_strains : number of strains without a value, by gauge.
     missing_pressure : number of samples without a dynamic pressure.
     refused : number of steps that the FMU refused; their outputs are NaN.
+    fields : number of pressure fields written.
     account : number of samples by state, and the gauges to blame.
     unused : columns of the data that were not read.
     notes : what else is to be known of the data.
@@ -57,6 +61,7 @@ class EstimationSummary:
     missing_strains: Counter[str] = field(default_factory=Counter)
     missing_pressure: int = 0
     refused: int = 0
+    fields: int = 0
     account: HealthAccount = field(default_factory=HealthAccount)
     unused: tuple[str, ...] = ()
     notes: list[str] = field(default_factory=list)
@@ -82,6 +87,8 @@ def estimate_file(
     residuals: bool = False,
     ignore_columns: Sequence[str] = (),
     check_level: bool = True,
+    field_output: str | PathLike[str] | None = None,
+    field_every: int = 1,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -94,6 +101,7 @@ def estimate_file(
     residuals : whether to write the standardised residual of every gauge, and its alarm level. Needs a map.
     ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
     check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
+    field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
 
     Raises
     ------
@@ -109,6 +117,10 @@ def estimate_file(
     with open_block_estimator(source) as estimator:
         if residuals and not estimator.has_residuals:
             raise InputError(f"{source}: --residuals: expected an inverse map, got an FMU")
+        if field_every < 1:
+            raise InputError(f"--field-every: expected at least 1, got {field_every}")
+        if field_output is not None:
+            check_field_output(Path(field_output), estimator.inverse_map, source)
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
             fixed_pressure=dynamic_pressure,
@@ -124,18 +136,32 @@ def estimate_file(
                 unused=plan.unused, notes=[*opened.notes, *_unused_inputs(source, estimator, plan)]
             )
             names = _columns(plan, estimator.further_columns, estimator.gauge_names if residuals else ())
-            with estimate_writer(output, names, (SUSPECTS_COLUMN,)) as writer:
+            with (
+                estimate_writer(output, names, (SUSPECTS_COLUMN,)) as writer,
+                _field_series(field_output, estimator.inverse_map, field_every) as series,
+            ):
                 last = float("nan")
                 for block, done in opened.blocks:
                     level.add(block.strain, block.dynamic_pressure)
                     found = estimator.estimate(block, last)
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
+                    if series is not None and found.estimates is not None:
+                        series.write_block(block.time, found.estimates)
+                        summary.fields = series.steps
                     last = float(block.time[-1])
                     if progress is not None:
                         progress(done, opened.length)
                 summary.notes += level.notes()
     return summary
+
+
+def _field_series(
+    path: str | PathLike[str] | None, inverse_map: InverseMap | None, every: int
+) -> AbstractContextManager[FieldSeriesWriter | None]:
+    if path is None or inverse_map is None:
+        return nullcontext()
+    return field_series_writer(Path(path), inverse_map, every)
 
 
 def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) -> list[str]:

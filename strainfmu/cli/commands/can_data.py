@@ -87,12 +87,18 @@ def estimate(
     accept_strain_level: Annotated[
         bool, typer.Option("--accept-strain-level", help="Estimate although strains are far from the map's.")
     ] = False,
+    field: Annotated[
+        Path | None, typer.Option(metavar="X.vtkhdf", help="Write the pressure on the surface, for ParaView.")
+    ] = None,
+    field_every: Annotated[
+        int | None, typer.Option(metavar="N", callback=within(1, 1_000_000), help="--field: of every N-th sample.")
+    ] = None,
 ) -> None:
     """Estimate loads from recorded strains.
 
     Columns are named by the gauges or strain[1] .., the unit in brackets: 'strain[1] \\[um/m]'; without one they
     are in m/m, Pa, m and s. Also read: dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain
-    (n, n_d), time, dynamic_pressure .. with the attribute unit.
+    (n, n_d), time, dynamic_pressure .. with the attribute unit. --field needs a map built with keep_field = true.
 
     Examples:
 
@@ -103,15 +109,20 @@ def estimate(
         strainfmu estimate map.h5 flight.csv -o loads.csv --residuals --ignore-columns 'temperature*,operator'
 
         strainfmu estimate estimator.fmu run.blf -o loads.h5
+
+        strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
     """
     from strainfmu.can.tools.log_frames import is_bus_log
     from strainfmu.recorded.run import estimate_file
 
     console = Console()
+    if field_every is not None and field is None:
+        raise InputError("--field-every: expected with --field alone")
     if is_bus_log(data):
-        if residuals or ignore_columns or accept_strain_level:
+        if residuals or ignore_columns or accept_strain_level or field is not None:
             raise InputError(
-                f"{data}: --residuals, --ignore-columns and --accept-strain-level: expected none with a CAN log"
+                f"{data}: --residuals, --ignore-columns, --accept-strain-level and --field: "
+                "expected none with a CAN log"
             )
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
         _replay(console, data, source, output, given)
@@ -126,10 +137,14 @@ def estimate(
             residuals=residuals,
             ignore_columns=[name.strip() for name in (ignore_columns or "").split(",") if name.strip()],
             check_level=not accept_strain_level,
+            field_output=field,
+            field_every=field_every or 1,
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
+    if field is not None:
+        console.print(f"{field}: written, {summary.fields} fields", highlight=False, markup=False, soft_wrap=True)
 
 
 def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
