@@ -61,7 +61,7 @@ def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffne
     InputError
         An element is turned inside out, which a wall too thick for the meridian's curvature does.
     """
-    constant, linear, weight = _strain_displacement(mesh)
+    constant, linear, weight = strain_displacement(mesh)
     stress_constant = np.einsum("ij,eqjb,eq->eqib", material.stiffness, constant, weight)
     stress_linear = np.einsum("ij,eqjb,eq->eqib", material.stiffness, linear, weight)
     mixed = _virtual_work(constant, stress_linear)
@@ -87,7 +87,7 @@ def _virtual_work(strain: FloatArray, stress: FloatArray) -> FloatArray:
     return strain.reshape(n_e, -1, 27).transpose(0, 2, 1) @ stress.reshape(n_e, -1, 27)
 
 
-def _strain_displacement(mesh: MeridianMesh) -> tuple[FloatArray, FloatArray, FloatArray]:
+def strain_displacement(mesh: MeridianMesh) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return strain per displacement amplitude, B_m = constant + m linear, and quadrature weights.
 
     Returns
@@ -96,7 +96,7 @@ def _strain_displacement(mesh: MeridianMesh) -> tuple[FloatArray, FloatArray, Fl
         ~ cos(m phi), the last two ~ sin(m phi).
     weight : (n_e, n_q) r dA [m^3] per radian.
     """
-    shape, by_xi, by_eta, reference_weight = _reference_points()
+    shape, by_xi, by_eta, reference_weight = reference_points()
     position = mesh.node[mesh.element]
     tangent_xi = np.einsum("qa,eac->eqc", by_xi, position)
     tangent_eta = np.einsum("qa,eac->eqc", by_eta, position)
@@ -121,7 +121,7 @@ def _strain_displacement(mesh: MeridianMesh) -> tuple[FloatArray, FloatArray, Fl
     return constant.reshape(flat), linear.reshape(flat), reference_weight * area * r
 
 
-def _reference_points() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def reference_points() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return shape functions and their derivatives by xi and eta, (n_q, 9) each, and weights (n_q,)."""
     xi, along_weight = np.polynomial.legendre.leggauss(POINTS_ALONG)
     eta, through_weight = np.polynomial.legendre.leggauss(POINTS_THROUGH)
@@ -144,17 +144,18 @@ def _refuse_folded(area: FloatArray, position: FloatArray) -> None:
         )
 
 
-def free_motions(mesh: MeridianMesh, harmonic: int) -> csc_array:
+def free_motions(mesh: MeridianMesh, harmonic: int, twist: bool = False) -> csc_array:
     """Return the motions that supports and the axis leave free, (n_dof, n_free), unit entries.
 
     On the axis displacement and strain are bounded: u_r = u_phi = 0 for m = 0; u_x = 0 and
     u_r + u_phi = 0 (a lateral translation) for m = 1; no displacement for m >= 2. Pressure does not twist,
-    so for m = 0 u_phi = 0 everywhere, which also removes the free rotation in roll.
+    so for m = 0 u_phi = 0 everywhere, which also removes the free rotation in roll; unless ``twist``, for loads
+    that do.
     """
     free = np.ones((len(mesh.node), 3), dtype=bool)
     axis = mesh.axis_node
     free[axis] = {0: [True, False, False], 1: [False, True, False]}.get(harmonic, [False, False, False])
-    if harmonic == 0:
+    if harmonic == 0 and not twist:
         free[:, 2] = False
     free[mesh.guided_node, 0] = False
     free[mesh.clamped_node] = False
@@ -192,15 +193,17 @@ class HarmonicSolver:
         return np.asarray(self.free @ self.factor.solve(np.asarray(self.free.T @ load)))
 
 
-def factor_harmonic(mesh: MeridianMesh, stiffness: FourierStiffness, harmonic: int) -> HarmonicSolver:
-    """Hold the supports and factor the stiffness of one harmonic.
+def factor_harmonic(
+    mesh: MeridianMesh, stiffness: FourierStiffness, harmonic: int, twist: bool = False
+) -> HarmonicSolver:
+    """Hold the supports and factor the stiffness of one harmonic; ``twist`` as in :func:`free_motions`.
 
     Raises
     ------
     InputError
         The supports leave a rigid motion free.
     """
-    free = free_motions(mesh, harmonic)
+    free = free_motions(mesh, harmonic, twist)
     _refuse_rigid_motion(mesh, free, harmonic)
     held = csc_array(free.T @ stiffness.matrix(harmonic) @ free)
     factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
@@ -221,6 +224,10 @@ def rigid_motions(mesh: MeridianMesh, harmonic: int) -> FloatArray:
 def _refuse_rigid_motion(mesh: MeridianMesh, free: csc_array, harmonic: int) -> None:
     # The factorisation would not notice: rounding makes the vanishing pivot a small number.
     rigid = rigid_motions(mesh, harmonic)
+    if harmonic == 0:
+        roll = np.zeros((len(mesh.node), 3))
+        roll[:, 2] = mesh.node[:, 1]
+        rigid = np.column_stack([rigid, roll.ravel()])
     held = np.bincount(free.indices, minlength=mesh.n_dof) == 0
     if np.linalg.matrix_rank(rigid[held]) < rigid.shape[1]:
         raise InputError(f"the supports leave a rigid motion of harmonic {harmonic} free")

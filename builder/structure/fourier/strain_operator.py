@@ -121,7 +121,7 @@ def harmonic_response(
     """
     if max_harmonic < 0:
         raise InputError(f"max_harmonic {max_harmonic} must be at least 0")
-    distinct = _distinct(gauge_x)
+    distinct = distinct_stations(gauge_x)
     stiffness = assemble_stiffness(mesh, material)
     load = pressure_load(mesh, station_x)
     strain = np.empty((3, len(distinct), max_harmonic + 1, len(station_x)))
@@ -136,7 +136,7 @@ def harmonic_response(
     return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
 
 
-def _distinct(x: FloatArray) -> FloatArray:
+def distinct_stations(x: FloatArray) -> FloatArray:
     """Return the distinct values of ``x`` in increasing order, those within a nanometre taken as one."""
     ordered = np.sort(np.asarray(x, dtype=float))
     return ordered[np.diff(ordered, prepend=-np.inf) > SAME_STATION]
@@ -170,7 +170,7 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
         raise InputError(f"max_harmonic {top} needs at least {2 * top} roll angles, the grid has {n_roll}")
     if response.hoop.shape[2] != len(grid.x):
         raise InputError(f"the response has {response.hoop.shape[2]} surface stations, the grid {len(grid.x)}")
-    station = _station_of(response.gauge_x, gauges.x)
+    station = station_index(response.gauge_x, gauges.x)
     c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
     even = c**2 * response.meridional[station] + s**2 * response.hoop[station]
     odd = 2.0 * c * s * response.shear[station]
@@ -182,7 +182,7 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
     return np.asarray(z.reshape(len(gauges.x), grid.n_nodes))
 
 
-def _station_of(station_x: FloatArray, x: FloatArray) -> NDArray[np.intp]:
+def station_index(station_x: FloatArray, x: FloatArray) -> NDArray[np.intp]:
     """Return the index of the station nearest to each ``x`` [m], refusing those that have none."""
     index = np.abs(x[:, None] - station_x).argmin(axis=1)
     for i in np.flatnonzero(np.abs(x - station_x[index]) > 2.0 * SAME_STATION):

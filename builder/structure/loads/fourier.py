@@ -1,0 +1,408 @@
+"""Known loads on the semi-analytic model of a body of revolution.
+
+A load is split into two families of harmonics. In the first, axial and radial forces go as cos(m phi), tangential
+ones as sin(m phi); the second is the first rolled by a quarter period, so they go as sin(m phi) and -cos(m phi).
+The second family of m = 0 is torsion. Stiffness is the same for both.
+
+Per harmonic the strains at every gauge station are solved for once (adjoint, as in
+:mod:`~builder.structure.fourier.strain_operator`), so that a load costs a product. Nodal forces are arrays
+(2 families, n_m, n_nodes, 3) [N per roll integral], components x, r, phi.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import splu
+
+from builder.reporting import Progress
+from builder.structure.fourier.fourier_elasticity import (
+    HarmonicSolver,
+    assemble_stiffness,
+    factor_harmonic,
+    free_motions,
+    reference_points,
+    roll_integral,
+    strain_displacement,
+)
+from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes, locate_on_edge, quadratic_shape
+from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
+from builder.structure.loads.loaded_structure import INNER, OUTER, LoadProperties, SurfacePoints, check_stations
+from builder.structure.loads.temperature import TemperatureField, wall_depth
+from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+
+EDGE_POINTS = 4  # per element along a surface
+FEWEST_ROLL_POINTS = 128
+MAX_HARMONIC = 24
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FourierStructure:
+    """A :class:`~builder.structure.loads.loaded_structure.LoadedStructure` of revolution.
+
+    Attributes
+    ----------
+    mesh, material : wall and supports; without a clamped or guided node the body is free.
+    properties : density, expansion, compensation of the gauges, point masses.
+    gauges : on the inner surface.
+    station : (n_d,) index of each gauge's station in ``adjoint``.
+    adjoint : (n_m, n_stations, 3, n_dof) meridional, hoop and shear strain per nodal force [1/N], the roll
+        integral left out.
+    """
+
+    mesh: MeridianMesh
+    material: Material
+    properties: LoadProperties
+    gauges: PlacedGauges
+    station: IntArray
+    adjoint: FloatArray
+
+    @property
+    def max_harmonic(self) -> int:
+        """Highest harmonic in roll angle."""
+        return len(self.adjoint) - 1
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing holds the body."""
+        return is_free(self.mesh)
+
+    @property
+    def gauge_location(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Stations [m], roll angles [rad] and depths in the wall of the gauges, (n_d,) each."""
+        return self.gauges.x, self.gauges.roll_angle, np.zeros(len(self.gauges.x))
+
+    @property
+    def outer_span(self) -> tuple[float, float]:
+        """First and last station of the outer surface [m]."""
+        front, aft = self.mesh.node[self.mesh.outer_edge[[0, -1], [0, 2]], 0]
+        return float(front), float(aft)
+
+    def surface_points(self, surface: str) -> SurfacePoints:
+        """Return the quadrature points of ``"outer"`` or ``"inner"``: edge point * n_roll + roll index."""
+        meridian = self._meridian(surface)
+        n, roll = len(meridian.x), self._roll
+        sine, cosine = np.tile(np.sin(roll), n), np.tile(np.cos(roll), n)
+        x, r, n_x, n_r, width = (
+            np.repeat(a, len(roll)) for a in (meridian.x, meridian.r, *meridian.normal.T, meridian.width)
+        )
+        return SurfacePoints(
+            position=np.column_stack([x, r * sine, r * cosine]),
+            normal=np.column_stack([n_x, n_r * sine, n_r * cosine]),
+            area=width * r * 2.0 * np.pi / len(roll),
+        )
+
+    def spread_force(self, surface: str, force: FloatArray) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface."""
+        meridian = self._meridian(surface)
+        n_roll = len(self._roll)
+        local = _cylindrical(force.reshape(-1, n_roll, 3), self._roll)
+        m_phi = np.arange(self.max_harmonic + 1)[:, None] * self._roll
+        cosine, sine = np.cos(m_phi), np.sin(m_phi)
+        along, around = local[..., :2], local[..., 2]
+        family = np.empty((2, len(m_phi), len(local), 3))
+        family[0, ..., :2] = np.einsum("mp,qpc->mqc", cosine, along, optimize=True)
+        family[0, ..., 2] = np.einsum("mp,qp->mq", sine, around, optimize=True)
+        family[1, ..., :2] = np.einsum("mp,qpc->mqc", sine, along, optimize=True)
+        family[1, ..., 2] = -np.einsum("mp,qp->mq", cosine, around, optimize=True)
+        return self._scattered(family, meridian.shape)
+
+    def point_force(self, station: FloatArray, roll_angle: FloatArray, force: FloatArray) -> FloatArray:
+        """Return nodal forces of forces (k, 3) [N] at points of the outer surface."""
+        shape = self._shape_at(station)
+        local = _cylindrical(force[:, None], roll_angle[:, None])[:, 0]
+        m_phi = np.arange(self.max_harmonic + 1)[:, None] * roll_angle
+        cosine, sine = np.cos(m_phi)[..., None], np.sin(m_phi)[..., None]
+        family = np.stack(
+            [
+                np.concatenate([cosine * local[:, :2], sine * local[:, 2:]], axis=-1),
+                np.concatenate([sine * local[:, :2], -cosine * local[:, 2:]], axis=-1),
+            ]
+        )
+        return self._scattered(family, shape)
+
+    def outer_radius(self, station: float) -> float:
+        """Return the radius of the outer surface at a station [m]."""
+        return float((self._shape_at(np.array([station])) @ self.mesh.node[:, 1])[0])
+
+    def inertia_force(self, acceleration: FloatArray) -> FloatArray:
+        """Return nodal forces of mass times the acceleration (6,) of a rigid body about the origin."""
+        density = self.properties.needed_density()
+        motion = np.tensordot(acceleration, _rigid_families(self.mesh), axes=1)
+        force = np.zeros((2, self.max_harmonic + 1, len(self.mesh.node), 3))
+        for family in (0, 1):
+            for m in range(min(2, self.max_harmonic + 1)):
+                force[family, m] = density * (self._volume_matrix @ motion[family, m])
+        return force
+
+    def thermal_force(self, temperature: TemperatureField) -> FloatArray:
+        """Return the nodal forces that hinder thermal expansion; harmonics above ``max_harmonic`` are left out."""
+        young, nu = self.material.youngs_modulus, self.material.poisson_ratio
+        stress = self.properties.needed_expansion() * young / (1.0 - 2.0 * nu)
+        outer = self.mesh.node[line_nodes(self.mesh.outer_edge)]
+        inner = self.mesh.node[line_nodes(self.mesh.inner_edge)]
+        x, r = self.mesh.node.T
+        parts = temperature.amplitudes(x, wall_depth(x, r, inner, outer))
+        force = np.zeros((2, self.max_harmonic + 1, self.mesh.n_dof))
+        constant, linear = self._thermal_matrices
+        for m in range(min(self.max_harmonic, temperature.max_harmonic) + 1):
+            for family, part in enumerate(parts):
+                if part[:, m].any():
+                    force[family, m] = stress * (constant @ part[:, m] + m * (linear @ part[:, m]))
+        return force.reshape(2, self.max_harmonic + 1, -1, 3)
+
+    def resultant(self, force: FloatArray) -> FloatArray:
+        """Return force [N] and moment about the origin [N m] of nodal forces, (6,)."""
+        rigid = _rigid_families(self.mesh)
+        n_m = min(2, self.max_harmonic + 1)
+        integral = np.array([roll_integral(m) for m in range(n_m)])
+        work = np.einsum("kfmnc,fmnc,m->k", rigid[:, :, :n_m], force[:, :n_m], integral)
+        return np.asarray(work)
+
+    def strain(self, force: FloatArray) -> FloatArray:
+        """Return the strain of gauges (n_d,) under nodal forces, which of a free body must be balanced."""
+        flat = force.reshape(2, len(self.adjoint), -1)
+        of_family = np.stack([np.einsum("mskd,md->msk", self.adjoint, one, optimize=True) for one in flat])
+        at_gauge = of_family[:, :, self.station]  # family, harmonic, gauge, strain
+        phase = np.arange(len(self.adjoint))[:, None] * self.gauges.roll_angle
+        cosine, sine = np.cos(phase)[..., None], np.sin(phase)[..., None]
+        normal = (at_gauge[0, ..., :2] * cosine + at_gauge[1, ..., :2] * sine).sum(axis=0)
+        shear = (at_gauge[0, ..., 2:] * sine - at_gauge[1, ..., 2:] * cosine).sum(axis=0)[:, 0]
+        c, s = self.gauges.meridional, self.gauges.circumferential
+        return np.asarray(c**2 * normal[:, 0] + s**2 * normal[:, 1] + 2.0 * c * s * shear)
+
+    @cached_property
+    def _roll(self) -> FloatArray:
+        n = max(FEWEST_ROLL_POINTS, 8 * self.max_harmonic)
+        return 2.0 * np.pi * np.arange(n) / n
+
+    def _meridian(self, surface: str) -> _Meridian:
+        if surface == OUTER:
+            return self._outer
+        if surface == INNER:
+            return self._inner
+        raise InputError(f"surface '{surface}' found, a body of revolution has '{OUTER}' and '{INNER}'")
+
+    @cached_property
+    def _outer(self) -> _Meridian:
+        return _meridian_points(self.mesh, self.mesh.outer_edge, 1.0)
+
+    @cached_property
+    def _inner(self) -> _Meridian:
+        if not len(self.mesh.inner_edge):
+            raise InputError("the body is solid: it has no inner surface")
+        edge = np.concatenate([_tip_face(self.mesh), self.mesh.inner_edge])
+        return _meridian_points(self.mesh, edge, -1.0)
+
+    @cached_property
+    def _volume_matrix(self) -> csr_array:
+        return _volume_matrix(self.mesh)
+
+    @cached_property
+    def _thermal_matrices(self) -> tuple[csr_array, csr_array]:
+        return _thermal_matrices(self.mesh)
+
+    def _shape_at(self, station: FloatArray) -> csr_array:
+        """Return (k, n_nodes) weights of the nodes at points of the outer surface."""
+        check_stations(self.outer_span, station)
+        index, xi = locate_on_edge(self.mesh, self.mesh.outer_edge, station)
+        shape, _ = quadratic_shape(xi)
+        return _shape_matrix(self.mesh, self.mesh.outer_edge[index], shape)
+
+    def _scattered(self, family: FloatArray, shape: csr_array) -> FloatArray:
+        """Return nodal forces of amplitudes (2, n_m, n, 3) at points whose node weights are (n, n_nodes)."""
+        n_m, n = family.shape[1:3]
+        nodal = shape.T @ family.transpose(2, 0, 1, 3).reshape(n, -1)
+        integral = np.array([roll_integral(m) for m in range(n_m)])[:, None, None]
+        return np.asarray(nodal.reshape(-1, 2, n_m, 3).transpose(1, 2, 0, 3) / integral)
+
+
+def fourier_structure(
+    mesh: MeridianMesh,
+    material: Material,
+    gauges: PlacedGauges,
+    properties: LoadProperties | None = None,
+    max_harmonic: int = MAX_HARMONIC,
+    progress: Progress | None = None,
+) -> FourierStructure:
+    """Solve a body of revolution for the strains at its gauges.
+
+    Parameters
+    ----------
+    mesh : the wall with its supports; without any the body is free, and its inertia balances the load.
+    material : of the wall.
+    gauges : on the inner surface.
+    properties : what loads need beside stiffness.
+    max_harmonic : highest harmonic in roll angle. A pad of half angle w needs about 2 pi / w of them; under a
+        point force strain is smoothed within about 2 radii over ``max_harmonic``.
+    progress : called with (harmonics done, harmonics in all).
+
+    Raises
+    ------
+    InputError
+        ``max_harmonic`` is less than 1, or supports leave a motion free.
+    """
+    if max_harmonic < 1:
+        raise InputError(f"max_harmonic {max_harmonic} must be at least 1")
+    stations = distinct_stations(gauges.x)
+    stiffness = assemble_stiffness(mesh, material)
+    free = is_free(mesh)
+    adjoint = np.empty((max_harmonic + 1, len(stations), 3, mesh.n_dof))
+    for m in range(max_harmonic + 1):
+        if m < 2 and free:
+            solver = _held_at_points(mesh, stiffness.matrix(m), m)
+        else:
+            solver = factor_harmonic(mesh, stiffness, m, twist=True)
+        rows = strain_rows(mesh, stations, m)
+        adjoint[m] = solver.solve(rows.reshape(-1, mesh.n_dof).T).T.reshape(rows.shape)
+        if progress is not None:
+            progress(m + 1, max_harmonic + 1)
+    return FourierStructure(
+        mesh=mesh,
+        material=material,
+        properties=properties or LoadProperties(),
+        gauges=gauges,
+        station=station_index(stations, gauges.x),
+        adjoint=adjoint,
+    )
+
+
+def is_free(mesh: MeridianMesh) -> bool:
+    """Return whether nothing holds a body."""
+    return not (len(mesh.clamped_node) or len(mesh.guided_node))
+
+
+def _held_at_points(mesh: MeridianMesh, stiffness: csc_array, harmonic: int) -> HarmonicSolver:
+    """Hold the two rigid motions of harmonic 0 or 1 at nodes of the outer surface and nothing else."""
+    line = line_nodes(mesh.outer_edge)
+    front, aft = line[len(line) // 2], line[-1]
+    dof = [3 * aft, 3 * aft + 2] if harmonic == 0 else [3 * front + 2, 3 * aft + 2]
+    free = free_motions(mesh, harmonic, twist=True)
+    loose = np.setdiff1d(np.arange(free.shape[1]), free.tocsr()[dof].indices)
+    free = csc_array(free[:, loose])
+    held = csc_array(free.T @ stiffness @ free)
+    factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return HarmonicSolver(free, factor)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Meridian:
+    """Quadrature points of a surface's meridian.
+
+    Attributes
+    ----------
+    x, r : (n,) [m].
+    normal : (n, 2) components x, r, out of the material.
+    width : (n,) length along the meridian [m].
+    shape : (n, n_nodes) weights of the nodes.
+    """
+
+    x: FloatArray
+    r: FloatArray
+    normal: FloatArray
+    width: FloatArray
+    shape: csr_array
+
+
+def _meridian_points(mesh: MeridianMesh, edge: IntArray, side: float) -> _Meridian:
+    """Return the points of edges; the normal is to the left of the way along them (outward) times ``side``."""
+    xi, weight = np.polynomial.legendre.leggauss(EDGE_POINTS)
+    shape, by_xi = quadratic_shape(xi)
+    position = mesh.node[edge]
+    x, r = np.einsum("qa,ead->deq", shape, position).reshape(2, -1)
+    d_x, d_r = np.einsum("qa,ead->deq", by_xi, position).reshape(2, -1)
+    length = np.hypot(d_x, d_r)
+    return _Meridian(
+        x=x,
+        r=r,
+        normal=side * np.column_stack([-d_r, d_x]) / length[:, None],
+        width=length * np.tile(weight, len(edge)),
+        shape=_shape_matrix(mesh, np.repeat(edge, EDGE_POINTS, axis=0), np.tile(shape, (len(edge), 1))),
+    )
+
+
+def _shape_matrix(mesh: MeridianMesh, node: IntArray, weight: FloatArray) -> csr_array:
+    """Return (n, n_nodes) of weights (n, k) of nodes (n, k)."""
+    row = np.repeat(np.arange(len(node)), node.shape[1])
+    return csr_array((weight.ravel(), (row, node.ravel())), shape=(len(node), len(mesh.node)))
+
+
+def _tip_face(mesh: MeridianMesh) -> IntArray:
+    """Return the edges (n, 3), from the axis outwards, of the flat face that ends the hollow part, if any."""
+    x, r = mesh.node[mesh.inner_edge[0, 0]]
+    sides = mesh.element[:, [[0, 1, 2], [6, 7, 8]]].reshape(-1, 3)
+    on_face = (np.abs(mesh.node[sides, 0] - x) < 1e-9).all(axis=1) & (mesh.node[sides, 1] <= r * (1.0 + 1e-9)).all(
+        axis=1
+    )
+    found: IntArray = sides[on_face]
+    return found[np.argsort(mesh.node[found[:, 1], 1])]
+
+
+def _cylindrical(force: FloatArray, roll: FloatArray) -> FloatArray:
+    """Turn vectors (..., 3) along body axes at roll angles (...,) into components x, r, phi."""
+    sine, cosine = np.sin(roll), np.cos(roll)
+    radial = force[..., 1] * sine + force[..., 2] * cosine
+    around = force[..., 1] * cosine - force[..., 2] * sine
+    return np.stack([force[..., 0], radial, around], axis=-1)
+
+
+def _rigid_families(mesh: MeridianMesh) -> FloatArray:
+    """Return amplitudes (6, 2, 2, n_nodes, 3) of translations along and rotations about body axes.
+
+    Axes: motion, family, harmonic 0 or 1, node, component.
+    """
+    x, r = mesh.node.T
+    one = np.ones_like(x)
+    motion = np.zeros((6, 2, 2, len(x), 3))
+    motion[0, 0, 0, :, 0] = one
+    motion[1, 1, 1, :, 1], motion[1, 1, 1, :, 2] = one, -one
+    motion[2, 0, 1, :, 1], motion[2, 0, 1, :, 2] = one, -one
+    motion[3, 1, 0, :, 2] = r
+    motion[4, 0, 1] = np.column_stack([r, -x, x])
+    motion[5, 1, 1] = np.column_stack([-r, x, -x])
+    return motion
+
+
+def _volume_matrix(mesh: MeridianMesh) -> csr_array:
+    """Return (n_nodes, n_nodes) the integral of N_a N_b r dA [m3] per radian."""
+    point, point_weight = np.polynomial.legendre.leggauss(3)
+    value, slope = quadratic_shape(point)
+    product = [
+        np.einsum("pi,qj->pqij", a, b).reshape(9, 9) for a, b in ((value, value), (slope, value), (value, slope))
+    ]
+    shape, by_xi, by_eta = product
+    position = mesh.node[mesh.element]
+    along = np.einsum("qa,eac->eqc", by_xi, position)
+    across = np.einsum("qa,eac->eqc", by_eta, position)
+    area = along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0]
+    volume = area * np.einsum("qa,ea->eq", shape, position[..., 1]) * np.outer(point_weight, point_weight).ravel()
+    block = np.einsum("eq,qa,qb->eab", volume, shape, shape, optimize=True)
+    row = np.broadcast_to(mesh.element[:, :, None], block.shape)
+    column = np.broadcast_to(mesh.element[:, None, :], block.shape)
+    n = len(mesh.node)
+    return csr_array((block.ravel(), (row.ravel(), column.ravel())), shape=(n, n))
+
+
+def _thermal_matrices(mesh: MeridianMesh) -> tuple[csr_array, csr_array]:
+    """Return the integral of each displacement's dilatation times temperature, (n_dof, n_nodes) [m2] per radian.
+
+    Of harmonic m: the first plus m times the second. It is taken at the points of the stiffness, so that a
+    temperature whose free expansion the elements can follow leaves no stress.
+    """
+    constant, linear, weight = strain_displacement(mesh)
+    shape = reference_points()[0]
+    dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(len(mesh.element), 27)
+    matrices = []
+    for part in (constant, linear):
+        block = np.einsum("eqb,eq,qa->eba", part[:, :, :3].sum(axis=2), weight, shape, optimize=True)
+        row = np.broadcast_to(dof[:, :, None], block.shape)
+        column = np.broadcast_to(mesh.element[:, None, :], block.shape)
+        size = (mesh.n_dof, len(mesh.node))
+        matrices.append(csr_array((block.ravel(), (row.ravel(), column.ravel())), shape=size))
+    return matrices[0], matrices[1]

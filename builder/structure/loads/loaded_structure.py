@@ -1,0 +1,165 @@
+"""What known loads need of a structure, whichever way it is discretised."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from builder.structure.loads.temperature import TemperatureField
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+OUTER, INNER = "outer", "inner"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointMass:
+    """A mass on the wall, which it loads by its weight and inertia at the outer surface.
+
+    Its own moment of inertia is left out, and so is the moment of its offset from the surface.
+
+    Attributes
+    ----------
+    station : [m].
+    roll_angle : [rad].
+    mass : [kg], positive.
+    """
+
+    station: float
+    roll_angle: float
+    mass: float
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.station, self.roll_angle]).all():
+            raise InputError("point mass: station and roll_angle must be finite")
+        if not (np.isfinite(self.mass) and self.mass > 0.0):
+            raise InputError(f"point mass: mass {self.mass:g} kg must be greater than 0")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadProperties:
+    """What loads need beside stiffness.
+
+    Attributes
+    ----------
+    density : of the material [kg/m3]; None where no load needs it.
+    expansion : coefficient of linear expansion of the material [1/K]; None where no load needs it.
+    compensation : (n_d,) or one for all: expansion [1/K] that the gauges' own temperature response cancels. A
+        gauge reads strain less this times its temperature; with 0 it reads the whole strain.
+    masses : point masses.
+
+    Raises
+    ------
+    InputError
+        The density is not positive, or a value is not finite.
+    """
+
+    density: float | None = None
+    expansion: float | None = None
+    compensation: float | FloatArray = 0.0
+    masses: tuple[PointMass, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.density is not None and not (np.isfinite(self.density) and self.density > 0.0):
+            raise InputError(f"density {self.density:g} kg/m3 must be greater than 0")
+        if self.expansion is not None and not np.isfinite(self.expansion):
+            raise InputError(f"expansion {self.expansion:g} 1/K must be finite")
+        if not np.isfinite(self.compensation).all():
+            raise InputError("compensation must be finite")
+
+    def needed_density(self) -> float:
+        """Return the density; refuse a load that needs one where there is none."""
+        if self.density is None:
+            raise InputError("weight and inertia need a density, none found: material.density_kg_per_m3")
+        return self.density
+
+    def needed_expansion(self) -> float:
+        """Return the expansion; refuse a load that needs one where there is none."""
+        if self.expansion is None:
+            raise InputError("a temperature field needs the material's coefficient of expansion, none found")
+        return self.expansion
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfacePoints:
+    """Quadrature points of a surface.
+
+    Attributes
+    ----------
+    position : (n, 3) [m], body axes.
+    normal : (n, 3) unit normals out of the material.
+    area : (n,) [m2].
+    """
+
+    position: FloatArray
+    normal: FloatArray
+    area: FloatArray
+
+
+class LoadedStructure(Protocol):
+    """A structure solved for its gauges.
+
+    Nodal forces are arrays of the structure's own shape; they add and scale. None of the methods solves anything.
+    """
+
+    @property
+    def properties(self) -> LoadProperties: ...
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing holds the body, so that its inertia balances the load."""
+        ...
+
+    @property
+    def gauge_location(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Stations [m], roll angles [rad], depths in the wall (0 inner, 1 outer face) of gauges, (n_d,) each."""
+        ...
+
+    @property
+    def outer_span(self) -> tuple[float, float]:
+        """First and last station of the outer surface [m]."""
+        ...
+
+    def surface_points(self, surface: str) -> SurfacePoints:
+        """Return the quadrature points of a surface; refuse one that does not exist."""
+        ...
+
+    def spread_force(self, surface: str, force: FloatArray) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface, in their order."""
+        ...
+
+    def point_force(self, station: FloatArray, roll_angle: FloatArray, force: FloatArray) -> FloatArray:
+        """Return nodal forces of forces (k, 3) [N] at points of the outer surface; refuse stations beyond it."""
+        ...
+
+    def outer_radius(self, station: float) -> float:
+        """Return the radius of the outer surface at a station [m]; refuse one beyond it."""
+        ...
+
+    def inertia_force(self, acceleration: FloatArray) -> FloatArray:
+        """Return nodal forces of mass times acceleration.
+
+        ``acceleration`` (6,) is that of the origin [m/s2] and the angular one [rad/s2]; point masses are left out.
+        """
+        ...
+
+    def thermal_force(self, temperature: TemperatureField) -> FloatArray:
+        """Return the nodal forces that hinder thermal expansion."""
+        ...
+
+    def resultant(self, force: FloatArray) -> FloatArray:
+        """Return force [N] and moment about the origin [N m] of nodal forces, (6,)."""
+        ...
+
+    def strain(self, force: FloatArray) -> FloatArray:
+        """Return the strain of gauges (n_d,) [m/m] under nodal forces, which of a free body must be balanced."""
+        ...
+
+
+def check_stations(span: tuple[float, float], station: FloatArray) -> None:
+    """Refuse stations (n,) [m] beyond the outer surface, which reaches over ``span``."""
+    slack = 1e-9 * (span[1] - span[0])
+    for x in station[~((station >= span[0] - slack) & (station <= span[1] + slack))]:
+        raise InputError(f"load: station {x:.4g} m is beyond the surface, {span[0]:.4g} to {span[1]:.4g} m")
