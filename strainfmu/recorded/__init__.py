@@ -1,1 +1,1 @@
-"""Recorded data through the estimator: CSV, HDF5, MF4 and TDMS in, CSV or HDF5 out, block by block."""
+"""Recorded data through the estimator: CSV, HDF5, MAT, MF4, Parquet and TDMS in, CSV or HDF5 out, in blocks."""

@@ -1,4 +1,4 @@
-"""Recorded strains in the channels of measurement files: MF4 and TDMS."""
+"""Recorded strains in the channels of measurement files: MF4, TDMS, MAT and Parquet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.recorded.channel_readers import open_channels
 from strainfmu.recorded.column_names import Wanted, columns_to_read, last_part
+from strainfmu.recorded.columns import plan_columns
 from strainfmu.recorded.mdf_file import opened_mdf
 from strainfmu.recorded.rasters import Channel, on_one_raster
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
@@ -47,6 +49,20 @@ def _channel(path: Path, name: str, signal: Any) -> Channel:
         return Channel(np.asarray(signal.timestamps, dtype=float), np.asarray(signal.samples, dtype=float))
     except (TypeError, ValueError) as error:
         raise InputError(f"{path}: channel '{name}': values that are no numbers") from error
+
+
+@contextmanager
+def channel_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
+    """Open a MAT or Parquet file, whose channels share one channel of time."""
+    with open_channels(path) as file:
+        times = file.time_channels()
+        plan = plan_columns(path, file.names, wanted, units=[file.units.get(name) for name in file.names])
+        read = [file.names[column] for column in plan.columns]
+        columns: dict[str, Any] = {name: file.numbers(name) if name in read else None for name in file.names}
+        units: dict[str, str | None] = {name: file.units.get(name) for name in file.names}
+        units |= dict.fromkeys(file.notes, "s")
+        notes = tuple(file.notes[name] for name in times if name in file.notes)
+        yield column_file(path, columns, units=units, wanted=wanted, notes=notes)
 
 
 @contextmanager

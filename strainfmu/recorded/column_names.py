@@ -55,6 +55,7 @@ class Wanted:
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
     flow : the quantities of ``FLOW_NAMES`` that are read, and ``STATIC_PRESSURE``.
+    combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
@@ -66,6 +67,7 @@ class Wanted:
     ignored: tuple[str, ...] = ()
     reference: LevelReference | None = None
     computes_pressure: bool = False
+    combined: frozenset[str] = frozenset()
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:

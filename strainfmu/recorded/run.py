@@ -89,6 +89,7 @@ def estimate_file(
     check_level: bool = True,
     field_output: str | PathLike[str] | None = None,
     field_every: int = 1,
+    channels: str | PathLike[str] | None = None,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -100,6 +101,7 @@ def estimate_file(
     dynamic_pressure : q_inf of the whole file [Pa], instead of its column.
     residuals : whether to write the standardised residual of every gauge, and its alarm level. Needs a map.
     ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
+    channels : file that tells which channel is which gauge (channels.toml); None where gauges name them.
     check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
     field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
 
@@ -129,7 +131,11 @@ def estimate_file(
             ignored=tuple(ignore_columns),
             reference=estimator.reference,
         )
-        with open_strains(data, wanted) as opened:
+        if channels is not None and ignore_columns:
+            raise InputError(
+                f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
+            )
+        with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
             summary = EstimationSummary(

@@ -1,4 +1,4 @@
-"""Readers of recorded strains: CSV, HDF5, MF4 and TDMS as blocks of samples in SI units."""
+"""Readers of recorded strains: CSV, HDF5, MAT, MF4, Parquet and TDMS as blocks of samples in SI units."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.channel_strains import mf4_strains, tdms_strains
+from strainfmu.recorded.channel_entries import load_channels
+from strainfmu.recorded.channel_strains import channel_strains, mf4_strains, tdms_strains
 from strainfmu.recorded.column_names import Wanted
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.csv_strains import csv_strains
 from strainfmu.recorded.hdf5_strains import hdf5_strains
+from strainfmu.recorded.mapped_strains import mapped_strains
 from strainfmu.recorded.sample_blocks import StrainFile
 
-TABLE_SUFFIXES = (".csv", ".h5", ".hdf5", ".mf4", ".tdms")
+TABLE_SUFFIXES = (".csv", ".txt", ".h5", ".hdf5", ".mat", ".mf4", ".parquet", ".tdms")
 
 
 @contextmanager
-def open_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
-    """Open recorded strains for reading block by block.
+def open_strains(path: Path, wanted: Wanted, channels: Path | None = None) -> Iterator[StrainFile]:
+    """Open recorded strains for reading block by block; ``channels`` tells which channel is which gauge.
 
     Raises
     ------
@@ -31,9 +33,12 @@ def open_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """
     readers = {
         ".csv": csv_strains,
+        ".txt": csv_strains,
         ".h5": hdf5_strains,
         ".hdf5": hdf5_strains,
+        ".mat": channel_strains,
         ".mf4": mf4_strains,
+        ".parquet": channel_strains,
         ".tdms": tdms_strains,
     }
     reader = readers.get(path.suffix.lower())
@@ -41,7 +46,8 @@ def open_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
         raise InputError(f"{path}: expected one of {', '.join(TABLE_SUFFIXES)}, got '{path.suffix}'")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    with reader(path, wanted) as opened:
+    mapping = None if channels is None else load_channels(channels)
+    with reader(path, wanted) if mapping is None else mapped_strains(path, wanted, mapping) as opened:
         notes = (*opened.notes, *opened.plan.notes)
         yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, notes)
 

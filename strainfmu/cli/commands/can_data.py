@@ -69,7 +69,10 @@ def replay(
 def estimate(
     source: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="CSV, HDF5, MF4, TDMS, or a CAN log: BLF, ASC, log, MF4.")
+        Path,
+        typer.Argument(
+            metavar="DATA", help="CSV, HDF5, MF4, TDMS, MAT, Parquet, or a CAN log: BLF, ASC, log, MF4."
+        ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Estimates to write: CSV or HDF5.")],
     dynamic_pressure: Annotated[
@@ -93,6 +96,10 @@ def estimate(
     field_every: Annotated[
         int | None, typer.Option(metavar="N", callback=within(1, 1_000_000), help="--field: of every N-th sample.")
     ] = None,
+    channels: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge, and its unit or bridge."),
+    ] = None,
 ) -> None:
     """Estimate loads from recorded strains.
 
@@ -108,6 +115,8 @@ def estimate(
 
         strainfmu estimate map.h5 flight.csv -o loads.csv --residuals --ignore-columns 'temperature*,operator'
 
+        strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
+
         strainfmu estimate estimator.fmu run.blf -o loads.h5
 
         strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
@@ -119,6 +128,8 @@ def estimate(
     if field_every is not None and field is None:
         raise InputError("--field-every: expected with --field alone")
     if is_bus_log(data):
+        if channels is not None:
+            raise InputError(f"{data}: --channels: expected none with a CAN log")
         if residuals or ignore_columns or accept_strain_level or field is not None:
             raise InputError(
                 f"{data}: --residuals, --ignore-columns, --accept-strain-level and --field: "
@@ -139,6 +150,7 @@ def estimate(
             check_level=not accept_strain_level,
             field_output=field,
             field_every=field_every or 1,
+            channels=channels,
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
