@@ -14,7 +14,9 @@ The usual variance is that of the stated noise, or what has been seen in this ru
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import lgamma, log
+from operator import lt
 
 import numpy as np
 
@@ -76,6 +78,11 @@ class FreezeWatch:
         self._weight = 1.0 / (6.0 * self._variance * noise.step**2)
         self._difference = np.full(n, np.nan)
         self._squares, self._counts = np.zeros(n), np.zeros(n)
+        # Second differences of the block's whole cycles that are not yet in the sum of squares.
+        self._second = np.zeros((_BLOCK, n))
+        self._rows, self._held = list(self._second), 0
+        self._shortest = np.full(n, SHORTEST_RUN, dtype=np.int64)
+        self._longest = 0
         self._largest = _LARGEST_SQUARE / self._weight
         self._has_moved, self._all_moved = np.zeros(n, dtype=bool), False
         # Cycles of this block, those of them with all gauges, and whether all had a difference before.
@@ -83,12 +90,13 @@ class FreezeWatch:
         self._everywhere = np.ones(n, dtype=bool)
         self._is_ordered = bool((np.diff(self._order) == 1).all())
         groups = self._by_group(np.ones(n))
-        self._group_size = groups
+        self._block_size = (_BLOCK * groups).tolist()
         self._steps_squared = self._by_group(self._variance) / groups
         quiet = self._table.variance_of(np.minimum(noise.ratio, _QUIET)) / self._variance
-        self._level = self._by_group(quiet) / groups
+        # By frame, and of all: few numbers, so lists are faster than arrays.
+        self._level: list[float] = (self._by_group(quiet) / groups).tolist()
         self._evidence, self._has_evidence = np.zeros(len(self._level)), False
-        self._memory = np.full(len(self._level), float(_FIRST_MEMORY))
+        self._memory = [float(_FIRST_MEMORY)] * len(self._level)
         self._scatters_too_little = np.zeros(n, dtype=bool)
         self._any_too_little = False
         self._limit = log(FALSE_ALARM)
@@ -103,19 +111,25 @@ class FreezeWatch:
         ----------
         strain : (n_d,) [m/m].
         difference : (n_d,) change since the last cycle [m/m], NaN where there is none; not to be written to.
-        run : (n_d,) number of repetitions of the reading.
+        run : (n_d,) number of repetitions of the reading, at most one more than at the last update.
         present : (n_d,) gauges of this cycle; None for all, each with a difference.
         """
         self._watch_scatter(difference, run, is_whole=present is None)
-        repeating, late = None, int(np.count_nonzero(run >= SHORTEST_RUN))
-        # The probability of any choice of gauges is not below this bound.
-        if late > 1 and late * self._least[min(int(run.max()), LONGEST_RUN)] < self._limit:
+        repeating, late = None, int(np.count_nonzero(run >= self._shortest))
+        if late > 1 and self._may_be_improbable(late, run):
             here = self._everywhere if present is None else present
             repeating = self._repeating(self._log_probability(strain, run, here))
         if not self._any_too_little:
             return repeating
         found = self._scatters_too_little if present is None else self._scatters_too_little & present
         return found if repeating is None else found | repeating
+
+    def _may_be_improbable(self, late: int, run: IntArray) -> bool:
+        """Return whether chance may not give so many ``late`` gauges; the bound is that of the longest run."""
+        if late * self._least[min(self._longest, LONGEST_RUN)] >= self._limit:
+            return False
+        self._longest = int(run.max())
+        return late * self._least[min(self._longest, LONGEST_RUN)] < self._limit
 
     @property
     def noise_ratio(self) -> FloatArray:
@@ -150,13 +164,16 @@ class FreezeWatch:
 
     def _watch_scatter(self, difference: FloatArray, run: IntArray, is_whole: bool) -> None:
         """Take in the readings' second differences; judge them at the end of a block."""
-        second = difference - self._difference
+        # No run is longer; it is taken exactly only where this bound does not suffice.
+        self._longest += 1
         if is_whole and self._is_complete:
+            np.subtract(difference, self._difference, out=self._rows[self._held])
             self._difference = difference
-            np.multiply(second, second, out=second)
-            self._squares += np.minimum(second, self._largest, out=second)
+            self._held += 1
             self._whole += 1
         else:
+            self._add_held()
+            second = difference - self._difference
             known = np.isfinite(second)
             self._squares += np.where(known, np.fmin(second * second, self._largest), 0.0)
             self._counts += known
@@ -165,71 +182,84 @@ class FreezeWatch:
             self._is_complete = bool(np.isfinite(self._difference).all())
         self._blocked += 1
         if self._blocked == _BLOCK:
+            self._add_held()
             self._judge_block(run)
             self._squares.fill(0.0)
             if self._whole < _BLOCK:
                 self._counts.fill(0.0)
             self._blocked = self._whole = 0
 
+    def _add_held(self) -> None:
+        """Add the squares of the second differences that are held."""
+        if not self._held:
+            return
+        second = self._second[: self._held]
+        np.multiply(second, second, out=second)
+        np.minimum(second, self._largest, out=second)
+        self._squares += np.add.reduce(second, axis=0)
+        self._held = 0
+
     def _judge_block(self, run: IntArray) -> None:
         """Judge the second differences of a block, and learn from those of living gauges."""
         squares = self._squares * self._weight
-        is_whole = self._whole == _BLOCK
-        counts = None if is_whole else self._counts + self._whole
+        counts = None if self._whole == _BLOCK else self._counts + self._whole
         variance, count = self._variances(squares, counts)
-        if self._has_evidence or (variance < self._low).any():
-            self._judge_scatter(variance, count)
+        if self._has_evidence or any(map(lt, variance, self._low)):
+            self._judge_scatter(np.array(variance), np.array(count))
         if not self._all_moved:
             self._has_moved |= squares > 0.0
             self._all_moved = bool(self._has_moved.all())
-        if not (self._all_moved and run.max() <= _ALIVE):
+        if not (self._all_moved and (self._longest <= _ALIVE or run.max() <= _ALIVE)):
             is_alive = self._has_moved & (run <= _ALIVE)
             counts = self._whole + self._counts
             variance, count = self._variances(squares * is_alive, counts * is_alive)
         self._learn_level(variance, count)
 
-    def _variances(self, squares: FloatArray, counts: FloatArray | None) -> tuple[FloatArray, FloatArray]:
-        """Return (n_f + 1,) the mean squares of every group, as parts of the stated ones, and their numbers."""
-        if counts is None:
-            count = _BLOCK * self._group_size
-            return self._by_group(squares) / count, count
-        count = self._by_group(counts)
-        return self._by_group(squares) / np.maximum(count, 1.0), count
+    def _variances(self, squares: FloatArray, counts: FloatArray | None) -> tuple[list[float], list[float]]:
+        """Return, of every group, the mean squares as parts of the stated ones, and their numbers."""
+        sums = self._by_group(squares).tolist()
+        count = self._block_size if counts is None else self._by_group(counts).tolist()
+        return [total / max(number, 1.0) for total, number in zip(sums, count, strict=True)], count
 
     def _judge_scatter(self, variance: FloatArray, count: FloatArray) -> None:
         """Update the evidence of every group."""
         # Second differences of noise are correlated: half of them count.
-        increment = 0.25 * count * (_LOG_RATIO - _SLOPE * variance / self._usual)
-        increment[self._usual * self._steps_squared < _SMALLEST_SCATTER] = -_LARGEST_EVIDENCE
+        usual = np.array(self._usual)
+        increment = 0.25 * count * (_LOG_RATIO - _SLOPE * variance / usual)
+        increment[usual * self._steps_squared < _SMALLEST_SCATTER] = -_LARGEST_EVIDENCE
         self._evidence = np.clip(self._evidence + increment, 0.0, _LARGEST_EVIDENCE)
         self._has_evidence = bool(self._evidence.any())
         found = self._evidence > -self._limit
         self._any_too_little = self._noise.is_known and bool(found.any())
         self._scatters_too_little = found[self._noise.frame] | found[-1]
 
-    def _learn_level(self, variance: FloatArray, count: FloatArray) -> None:
+    def _learn_level(self, variance: Sequence[float], count: Sequence[float]) -> None:
         """Bring the usual variance of groups without much evidence up to date."""
-        learned = count > 0.0
-        if self._noise.is_known and self._has_evidence:
-            learned &= self._evidence <= _HELD
-        change = (np.minimum(variance, _LARGEST_LEARNED) - self._level) / self._memory
-        self._memory = np.minimum(self._memory + learned, _MEMORY)
-        self._level += change * learned
-        self._use_level()
-        if (np.abs(self._level - self._learned) > 0.05 * self._learned).any():
+        level, memory = self._level, self._memory
+        evidence = self._evidence.tolist() if self._noise.is_known and self._has_evidence else None
+        has_changed = False
+        for group, seen in enumerate(variance):
+            if not count[group] > 0.0 or (evidence is not None and evidence[group] > _HELD):
+                continue
+            level[group] += (min(seen, _LARGEST_LEARNED) - level[group]) / memory[group]
+            memory[group] = min(memory[group] + 1.0, _MEMORY)
+            has_changed = has_changed or abs(level[group] - self._learned[group]) > 0.05 * self._learned[group]
+        if has_changed:
             self._learn()
+        else:
+            self._use_level()
 
     def _use_level(self) -> None:
         """Derive from the usual variance what is counted on, and below what a block is looked at closely."""
-        self._usual = np.minimum(_MARGIN * self._level, 1.0)
-        self._low = self._usual * (_LOG_RATIO / _SLOPE)
+        self._usual = [min(_MARGIN * level, 1.0) for level in self._level]
+        self._low = [usual * (_LOG_RATIO / _SLOPE) for usual in self._usual]
 
     def _learn(self) -> None:
         """Derive from the usual variance which noise is counted on, and the probabilities of repetitions."""
         self._use_level()
         self._learned = self._level.copy()
         # A frame that is dead from the start teaches nothing: the others stand for it.
-        level = np.where(self._memory > _FIRST_MEMORY, self._level, self._level[-1])
+        level = np.where(np.array(self._memory) > _FIRST_MEMORY, self._level, self._level[-1])
         usual = np.minimum(_MARGIN * level[self._noise.frame], 1.0)
         self._ratio = np.minimum(_MARGIN * self._table.ratio_of(usual * self._variance), self._noise.ratio)
         row = self._table.row(self._ratio)
@@ -243,7 +273,7 @@ class FreezeWatch:
         """Return (n_f + 1,) the sums of (n_d,) ``values`` over each of n_f frames, and over all."""
         by_group = np.empty(len(self._first) + 1)
         np.add.reduceat(values if self._is_ordered else values[self._order], self._first, out=by_group[:-1])
-        by_group[-1] = by_group[:-1].sum()
+        by_group[-1] = np.add.reduce(by_group[:-1])
         return by_group
 
 
