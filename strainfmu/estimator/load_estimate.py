@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -217,6 +218,15 @@ class LoadEstimates(NamedLoads):
         from strainfmu.estimator.notebook import estimates_html
 
         return estimates_html(self)
+
+
+def series_of(samples: Sequence[LoadEstimate]) -> LoadEstimates:
+    """Return ``samples`` as one series, which states no pressure field."""
+    series = empty_estimates(len(samples), len(samples[0].valid) if samples else 0)
+    for name in (entry.name for entry in fields(LoadEstimate) if entry.name != "field_inputs"):
+        for row, one in enumerate(samples):
+            getattr(series, name)[row] = getattr(one, name)
+    return series
 
 
 def empty_estimates(k: int, n_gauges: int, field_inputs: FieldInputs | None = None) -> LoadEstimates:

@@ -112,10 +112,10 @@ def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     estimator = estimator_of(load_inverse_map(source))
-    yield _FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else _MapBlocks(estimator)
+    yield FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else MapBlocks(estimator)
 
 
-class _MapBlocks:
+class MapBlocks:
     """An inverse map."""
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
@@ -124,16 +124,20 @@ class _MapBlocks:
 
     def __init__(self, estimator: Estimator) -> None:
         inverse_map = estimator.inverse_map
-        self._estimator = estimator
+        self.estimator = estimator
         self.inverse_map: InverseMap | None = inverse_map
         self.gauge_names = tuple(inverse_map.gauge_names)
         self.envelope_score_limit = inverse_map.envelope_score_limit
         self.reference = _level_reference(inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        found = self._estimator.estimate(block.strain, block.dynamic_pressure, **block.flow)
+        found = self.estimator.estimate(block.strain, block.dynamic_pressure, **block.flow)
         if not isinstance(found, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
+        return self.of_series(found)
+
+    def of_series(self, found: LoadEstimates) -> BlockEstimates:
+        """Return the estimates ``found`` as a block."""
         return BlockEstimates(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,
@@ -153,9 +157,9 @@ class _MapBlocks:
 
     def _residual_limit(self, found: LoadEstimates) -> FloatArray:
         """Return (n,) the alarm level of the largest |z|, which moves with that of chi-square from its nominal."""
-        held = self._estimator.inverse_map
+        held = self.estimator.inverse_map
         masks, which = np.unique(found.valid, axis=0, return_inverse=True)
-        maps = [self._estimator.masked_map(mask) for mask in masks]
+        maps = [self.estimator.masked_map(mask) for mask in masks]
         threshold = np.array([np.nan if one is None else one.outlier_threshold for one in maps])
         nominal = np.array([np.nan if one is None else one.chi_square_limit for one in maps])
         of_sample = np.ravel(which)
@@ -166,7 +170,7 @@ class _MapBlocks:
 AIR_DATA_UNITS = ("rad", "rad", "rad", "rad", "1", "Pa", "Pa")
 
 
-class _FlightBlocks:
+class FlightBlocks:
     """An inverse map with tables over the flight state, sample by sample."""
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
@@ -181,14 +185,17 @@ class _FlightBlocks:
     )
 
     def __init__(self, estimator: ManifoldEstimator) -> None:
-        self._tracker = FlightTracker(estimator)
+        self.estimator, self._tracker = estimator, FlightTracker(estimator)
         self.inverse_map: InverseMap | None = estimator.inverse_map
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
         self.gauge_names = tuple(estimator.inverse_map.gauge_names)
         self.reference = _level_reference(estimator.inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        found = [self._step(block, row) for row in range(len(block.time))]
+        return self.of_steps([self._step(block, row) for row in range(len(block.time))])
+
+    def of_steps(self, found: Sequence[FlightEstimate]) -> BlockEstimates:
+        """Return the estimates ``found`` as a block."""
         k = len(found)
         return BlockEstimates(
             coefficients=np.array([one.coefficients for one in found]),
@@ -214,7 +221,7 @@ class _FlightBlocks:
 
 
 def _further(one: FlightEstimate) -> FloatArray:
-    """Return the values of ``_FlightBlocks.further_columns``."""
+    """Return the values of ``FlightBlocks.further_columns``."""
     air = one.air_data
     return np.concatenate(
         [air.value, air.std, air.is_identified, one.navigation_used, [float(one.is_linear)]]

@@ -69,6 +69,10 @@ class EstimateWriter(ABC):
         """
 
     @abstractmethod
+    def describe(self, attributes: Mapping[str, float]) -> None:
+        """Write the ``attributes`` of the whole file, if its kind has any."""
+
+    @abstractmethod
     def finish(self) -> None:
         """Write what is left and bring all to the disk; raises OSError if it cannot."""
 
@@ -92,6 +96,9 @@ class _CsvWriter(EstimateWriter):
         else:
             self._writer.writerows(rows.tolist())
 
+    def describe(self, attributes: Mapping[str, float]) -> None:
+        return  # CSV has no attributes
+
     def finish(self) -> None:
         self._stream.flush()
         os.fsync(self._stream.fileno())
@@ -113,6 +120,9 @@ class _Hdf5Writer(EstimateWriter):
         for item, (_, unit) in zip(self._sets, columns, strict=True):
             item.attrs["unit"] = unit
         self._texts = [self._data_set(name, h5py.string_dtype()) for name in text_columns]
+
+    def describe(self, attributes: Mapping[str, float]) -> None:
+        self._file.attrs.update(attributes)
 
     def _data_set(self, name: str, kind: object) -> h5py.Dataset:
         # A slash, which names of gauges may hold, would begin a group.
@@ -149,9 +159,15 @@ def check_output(path: Path) -> None:
 
 @contextmanager
 def estimate_writer(
-    path: Path, columns: Sequence[tuple[str, str]] = ESTIMATE_COLUMNS, text_columns: Sequence[str] = ()
+    path: Path,
+    columns: Sequence[tuple[str, str]] = ESTIMATE_COLUMNS,
+    text_columns: Sequence[str] = (),
+    attributes: Mapping[str, float] | None = None,
 ) -> Iterator[EstimateWriter]:
     """Open an output; it is renamed into place at the end, and removed if there was an error.
+
+    ``attributes`` say how the estimates were made. HDF5 holds them as attributes of the file, CSV has no room for
+    them.
 
     Raises
     ------
@@ -168,6 +184,7 @@ def estimate_writer(
             path.parent.mkdir(parents=True, exist_ok=True)
             writer = kind(path, temporary, columns=columns, text_columns=text_columns)
         try:
+            writer.describe(attributes or {})
             yield writer
             with _writing(path):
                 writer.finish()

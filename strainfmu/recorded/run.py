@@ -18,6 +18,7 @@ from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, o
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_output, field_series_writer
+from strainfmu.recorded.filtered_blocks import estimated_blocks, filter_attributes, with_filter
 from strainfmu.recorded.health_account import HealthAccount
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains
@@ -90,6 +91,8 @@ def estimate_file(
     field_output: str | PathLike[str] | None = None,
     field_every: int = 1,
     channels: str | PathLike[str] | None = None,
+    time_constant: float | None = None,
+    smooth: bool = False,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -104,6 +107,8 @@ def estimate_file(
     channels : file that tells which channel is which gauge (channels.toml); None where gauges name them.
     check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
     field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
+    time_constant : of a filter over time [s], None for none. Needs a map.
+    smooth : whether to smooth what it has filtered. The output says both.
 
     Raises
     ------
@@ -116,12 +121,17 @@ def estimate_file(
     check_output(output)
     if output.exists() and any(one.exists() and output.samefile(one) for one in (source, data)):
         raise InputError(f"{output}: expected another file than those that are read")
-    with open_block_estimator(source) as estimator:
+    with open_block_estimator(source) as static:
+        estimator = with_filter(source, static, time_constant, smooth)
         if residuals and not estimator.has_residuals:
             raise InputError(f"{source}: --residuals: expected an inverse map, got an FMU")
         if field_every < 1:
             raise InputError(f"--field-every: expected at least 1, got {field_every}")
         if field_output is not None:
+            if time_constant is not None:
+                raise InputError(
+                    "--field: expected none beside --filter, which does not filter the pressure field"
+                )
             check_field_output(Path(field_output), estimator.inverse_map, source)
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
@@ -142,20 +152,18 @@ def estimate_file(
                 unused=plan.unused, notes=[*opened.notes, *_unused_inputs(source, estimator, plan)]
             )
             names = _columns(plan, estimator.further_columns, estimator.gauge_names if residuals else ())
+            made = filter_attributes(estimator)
             with (
-                estimate_writer(output, names, (SUSPECTS_COLUMN,)) as writer,
+                estimate_writer(output, names, text_columns=(SUSPECTS_COLUMN,), attributes=made) as writer,
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
-                last = float("nan")
-                for block, done in opened.blocks:
+                for block, done, found in estimated_blocks(opened.blocks, estimator):
                     level.add(block.strain, block.dynamic_pressure)
-                    found = estimator.estimate(block, last)
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
                         series.write_block(block.time, found.estimates)
                         summary.fields = series.steps
-                    last = float(block.time[-1])
                     if progress is not None:
                         progress(done, opened.length)
                 summary.notes += level.notes()

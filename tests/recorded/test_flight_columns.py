@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
+from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.cosim.estimator_source import open_step
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.recorded.run import estimate_file
@@ -67,3 +69,75 @@ def test_a_map_with_tables_steps_from_the_last_state(map_path: Path) -> None:
             )
             assert found.health == 0
             assert np.all(found.coefficients_std > 0.0)
+
+
+def write_flights(path: Path, strain: np.ndarray, condition: FlightCondition) -> Path:
+    with h5py.File(path, "w") as file:
+        file["strain"], file["time"] = strain, 0.01 * np.arange(len(strain))
+        file["dynamic_pressure"] = np.full(len(strain), condition.dynamic_pressure)
+        file["mach_number"] = np.full(len(strain), condition.mach_number)
+        file["altitude"] = np.full(len(strain), condition.altitude)
+    return path
+
+
+def test_filtered_and_smoothed_estimates_say_so(
+    map_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("strainfmu.recorded.hdf5_strains.BLOCK_ROWS", 30)
+    one, rng = flights()[5], np.random.default_rng(0)
+    u, w = (one.total_incidence * f(one.leeward_roll_angle) for f in (np.cos, np.sin))
+    exact = exact_response(one.mach_number, u, w, one.ambient_pressure)[:N_D]
+    strain = exact + 2e-7 * rng.standard_normal((80, N_D))
+    data, found = write_flights(tmp_path / "flight.h5", strain, one), {}
+    for name, options in {
+        "static": {},
+        "filtered": {"time_constant": 1.0},
+        "smoothed": {"time_constant": 1.0, "smooth": True},
+    }.items():
+        seen: list[int] = []
+        summary = estimate_file(
+            map_path,
+            data,
+            tmp_path / f"{name}.h5",
+            progress=lambda at, _, s=seen: s.append(at),
+            check_level=False,
+            **options,
+        )
+        assert summary.samples == 80
+        assert len(seen) == 3
+        with h5py.File(tmp_path / f"{name}.h5") as file:
+            found[name] = file["sigma.C_N"][()], dict(file.attrs), file["time"][()], file["C_N"][()]
+    assert "filter_time_constant" not in found["static"][1]
+    assert (found["filtered"][1]["filter_time_constant"], found["filtered"][1]["smoothed"]) == (1.0, False)
+    assert found["smoothed"][1]["smoothed"]
+    assert np.all(np.diff(found["smoothed"][2]) > 0.0)
+    assert np.mean(found["smoothed"][0]) < np.mean(found["filtered"][0]) < np.mean(found["static"][0])
+    assert np.var(found["smoothed"][3]) < np.var(found["filtered"][3]) < np.var(found["static"][3])
+
+
+def test_a_filtered_linear_map_gives_columns_too(tmp_path: Path) -> None:
+    held = scaled_map(2, 1, N_D)
+    save_inverse_map(held, tmp_path / "linear.h5")
+    strain = held.mean_strain + 1e-6 * np.random.default_rng(0).standard_normal((20, N_D))
+    data = write_flights(tmp_path / "flight.h5", strain, flights()[0])
+    for smooth in (False, True):
+        estimate_file(
+            tmp_path / "linear.h5",
+            data,
+            tmp_path / "out.csv",
+            dynamic_pressure=held.nominal_dynamic_pressure,
+            check_level=False,
+            time_constant=1.0,
+            smooth=smooth,
+        )
+        assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 21
+
+
+def test_smoothing_needs_a_filter_and_a_filter_a_map(map_path: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--smooth: expected --filter SECONDS beside it, got none"):
+        estimate_file(map_path, tmp_path / "flight.h5", tmp_path / "out.h5", smooth=True)
+
+
+def test_an_fmu_is_not_filtered(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--filter: expected an inverse map, got an FMU"):
+        estimate_file(synthetic.estimator_1, tmp_path / "flight.h5", tmp_path / "out.h5", time_constant=1.0)

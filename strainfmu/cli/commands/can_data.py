@@ -100,6 +100,18 @@ def estimate(
         Path | None,
         typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge, and its unit or bridge."),
     ] = None,
+    filter_seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--filter",
+            metavar="SECONDS",
+            callback=within(1e-9, 1e6, "s"),
+            help="Filter over time: time constant of errors of pressure off the map.",
+        ),
+    ] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="With --filter: use later samples too (Rauch-Tung-Striebel).")
+    ] = False,
 ) -> None:
     """Estimate loads from recorded strains.
 
@@ -117,6 +129,8 @@ def estimate(
 
         strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
 
+        strainfmu estimate map.h5 flight.csv -o loads.h5 --filter 10 --smooth
+
         strainfmu estimate estimator.fmu run.blf -o loads.h5
 
         strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
@@ -127,9 +141,12 @@ def estimate(
     console = Console()
     if field_every is not None and field is None:
         raise InputError("--field-every: expected with --field alone")
+    if smooth and filter_seconds is None:
+        raise InputError("--smooth: expected --filter SECONDS beside it, got none")
     if is_bus_log(data):
-        if channels is not None:
-            raise InputError(f"{data}: --channels: expected none with a CAN log")
+        if channels is not None or filter_seconds is not None:
+            option = "--channels" if channels is not None else "--filter"
+            raise InputError(f"{data}: {option}: expected none with a CAN log")
         if residuals or ignore_columns or accept_strain_level or field is not None:
             raise InputError(
                 f"{data}: --residuals, --ignore-columns, --accept-strain-level and --field: "
@@ -151,6 +168,8 @@ def estimate(
             field_output=field,
             field_every=field_every or 1,
             channels=channels,
+            time_constant=filter_seconds,
+            smooth=smooth,
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,9 +26,11 @@ from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEsti
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.flight_tables import N_STATES
 from strainfmu.estimator.manifold.gauss_newton import Samples
-from strainfmu.estimator.manifold.navigation import inconsistent_navigation, state_measurement
+from strainfmu.estimator.manifold.navigation import NAVIGATION, inconsistent_navigation, state_measurement
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+
+_FLOW = (*NAVIGATION, *(f"{name}_std" for name in NAVIGATION), "altitude")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,6 +64,7 @@ class FilteredStep:
     before, after : laws of the states before and after the sample.
     transition : from the last step to this one.
     continues : whether ``before`` follows from the last step; false where the filter began again.
+    measured : whether the sample is part of ``after``.
     """
 
     estimate: FlightEstimates
@@ -70,6 +74,7 @@ class FilteredStep:
     after: Law
     transition: Transition
     continues: bool
+    measured: bool
 
 
 class FlightFilter:
@@ -120,10 +125,24 @@ class FlightFilter:
             "dynamic_pressure_std": dynamic_pressure_std,
             "altitude": altitude,
         }
-        inputs = self.estimator.checked_inputs(strain, valid, flow)
+        return self.recorded(time_step, strain, flow, valid=valid).estimate[0]
+
+    def recorded(
+        self,
+        time_step: float,
+        strain: ArrayLike,
+        flow: Mapping[str, ArrayLike],
+        *,
+        valid: ArrayLike | None = None,
+    ) -> FilteredStep:
+        """Return the step of one sample, as much of it as smoothing needs.
+
+        Arguments and errors as :meth:`step`; ``flow`` holds what is known of navigation, by name.
+        """
+        inputs = self.estimator.checked_inputs(strain, valid, dict.fromkeys(_FLOW, np.nan) | dict(flow))
         if len(inputs.strain) != 1:
             raise InputError(f"strain: expected one sample, got {len(inputs.strain)}")
-        return self.stepped(checked_time_step(time_step), inputs).estimate[0]
+        return self.stepped(checked_time_step(time_step), inputs)
 
     def stepped(self, time_step: float, inputs: EstimatorInputs) -> FilteredStep:
         """Return the step of the one sample in ``inputs``, and keep what it leaves."""
@@ -153,7 +172,7 @@ class FlightFilter:
         filter's.
         """
         estimate = step.estimate
-        if step.after is step.before or estimate.is_linear[0] or np.isnan(estimate.loads[0]).any():
+        if not step.measured or estimate.is_linear[0] or np.isnan(estimate.loads[0]).any():
             return estimate
         solution = flight_solution(
             self.model,
@@ -213,6 +232,7 @@ class FlightFilter:
             after=after,
             transition=step,
             continues=law is not None,
+            measured=False,
         )
 
     def _kept(
@@ -243,6 +263,7 @@ class FlightFilter:
             after=laws[1],
             transition=step,
             continues=continues,
+            measured=True,
         )
 
     def _coasted(
@@ -265,6 +286,7 @@ class FlightFilter:
             after=found.law,
             transition=step,
             continues=law is not None,
+            measured=True,
         )
 
     def _consistency(self, estimate: FlightEstimates) -> Consistency:
