@@ -35,6 +35,7 @@ class OneGauge:
     nominal_dynamic_pressure: float = 1e5
     dynamic_pressure_error: float = 0.01
     form: str = "dynamic_pressure"
+    manifold: None = None
     envelope_score_limit: float = 1.5
     residual_degrees_of_freedom: int = 49
     provenance: dict[str, float] = field(default_factory=lambda: {"moment_station_m": 2.0})

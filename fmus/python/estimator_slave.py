@@ -19,8 +19,11 @@ from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.load_estimate import LoadEstimate
+from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import Track, tracked
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
-from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,
@@ -29,14 +32,15 @@ from strainfmu.interface.estimator_variables import (
     output_values,
 )
 from strainfmu.interface.fmi_variables import Variable, value_references
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 
 
 class EstimatorSlave(Fmi2Slave):
-    """One instance of the estimator; its only state is its inputs and parameters.
+    """One instance of the estimator; its only state is its inputs and parameters, and the track of the last step
+    where the map has tables over the flight state.
 
-    Values lie in one array in the order of their value references: outputs, strains, ``valid``, flow and
-    navigation, parameters. Outputs are computed when they are read, so they are right after initialization and
-    after any set, without a step (FMI 2.0, section 4.2.4).
+    Values lie in one array in the order of their value references. Outputs are computed when they are read, so
+    they are right after initialization and after any set, without a step (FMI 2.0, section 4.2.4).
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -45,7 +49,7 @@ class EstimatorSlave(Fmi2Slave):
         self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
         let_go_at_exit(resources, self.modelName)
         inverse_map = load_inverse_map(resources / "map.h5")
-        self._estimator = Estimator(inverse_map)
+        self._estimator = estimator_of(inverse_map)
         interface = estimator_interface(inverse_map)
         references = value_references(interface)
         self._names = [variable.name for variable in interface]
@@ -55,11 +59,17 @@ class EstimatorSlave(Fmi2Slave):
             "Boolean": _indices(interface, "Boolean"),
         }
         self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
-        self._pressure, self._parameters = references["dynamic_pressure"], references[PARAMETERS[0]]
+        self._pressure = references["dynamic_pressure"]
+        self._parameters = [references[name] for name in PARAMETERS]
+        self._outputs = [references[v.name] for v in interface if v.causality == "output"]
+        self._inputs = [references[v.name] for v in interface if v.causality != "output"]
+        self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Real inputs, which go without a check of their values.
-        self._free = frozenset(vr for vr in self._of_type["Real"] if self._first_input <= vr < self._parameters)
+        self._free = self._of_type["Real"].intersection(self._inputs).difference(self._parameters)
         self._outdated = True
+        # Outputs follow from the track of the last step; they leave the other one. Stepped: a step has taken them.
+        self._track, self._next, self._stepped = Track(), Track(), False
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description that the export laid beside this file (packaging only)."""
@@ -67,7 +77,10 @@ class EstimatorSlave(Fmi2Slave):
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Compute the outputs for the inputs at the end of the step."""
+        if self._stepped:
+            self._before_change()
         self._update()
+        self._stepped = True
         return True
 
     def get_real(self, vrs: list[int]) -> list[float]:
@@ -79,7 +92,7 @@ class EstimatorSlave(Fmi2Slave):
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set inputs and parameters; what cannot be set is logged and left alone."""
-        self._outdated = True
+        self._before_change()
         if vrs and self._free.issuperset(vrs):
             self._values[vrs] = values
             return
@@ -100,8 +113,11 @@ class EstimatorSlave(Fmi2Slave):
         self._apply_settings()
 
     def _apply_settings(self) -> None:
-        settings = dict(zip(PARAMETERS, self._values[self._parameters :].tolist(), strict=True))
-        self._estimator = self._estimator.with_settings(EstimatorSettings(**settings))
+        settings = EstimatorSettings(**dict(zip(PARAMETERS, self._values[self._parameters].tolist(), strict=True)))
+        if isinstance(self._estimator, ManifoldEstimator):
+            self._estimator = ManifoldEstimator(self._estimator.inverse_map, settings)
+        else:
+            self._estimator = self._estimator.with_settings(settings)
 
     def get_integer(self, vrs: list[int]) -> list[int]:
         """Return health state and counts; any other value reference is logged and read as 0."""
@@ -114,13 +130,14 @@ class EstimatorSlave(Fmi2Slave):
         self.log(f"valueReferences {vrs} are no Integer inputs", Fmi2Status.error)
 
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        """Return ``valid`` of gauges; any other value reference is logged and read as false."""
+        """Return ``valid`` of gauges and flags; any other value reference is logged and read as false."""
+        self._update()
         self._are(vrs, "Boolean")
         return [bool(self._values[vr]) if vr in self._of_type["Boolean"] else False for vr in vrs]
 
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
         """Set ``valid`` of gauges; any other value reference is logged and left alone."""
-        self._outdated = True
+        self._before_change()
         for vr, value in zip(vrs, values, strict=True):
             if self._is_settable(vr, "Boolean"):
                 self._values[vr] = bool(value)
@@ -134,7 +151,7 @@ class EstimatorSlave(Fmi2Slave):
 
     def _is_settable(self, vr: int, fmi_type: str) -> bool:
         """Return whether ``vr`` is an input or parameter of the type, and log if not."""
-        if vr >= self._first_input and vr in self._of_type[fmi_type]:
+        if vr in self._of_type[fmi_type] and vr not in self._outputs:
             return True
         self.log(f"valueReference {vr} is no {fmi_type} input or parameter", Fmi2Status.error)
         return False
@@ -143,30 +160,51 @@ class EstimatorSlave(Fmi2Slave):
         """Compute the outputs if an input was set since."""
         if not self._outdated:
             return
-        flow = self._values[self._pressure : self._parameters].tolist()
-        q, q_std, mach_number, altitude = known_flow(flow)
-        estimate = self._estimator.step(
-            self._values[self._first_input : self._valid],
-            q,
-            self._values[self._valid : self._pressure] != 0.0,
-            q_std,
-            mach_number=mach_number,
-            altitude=altitude,
-        )
-        self._values[: self._first_input] = output_values(estimate)
+        self._values[self._outputs] = output_values(self._estimate())
         self._outdated = False
 
+    def _estimate(self) -> LoadEstimate:
+        strain = self._values[self._first_input : self._valid]
+        valid = self._values[self._valid : self._pressure] != 0.0
+        flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
+        if isinstance(self._estimator, ManifoldEstimator):
+            inputs = self._estimator.checked_inputs(strain, valid, flow)
+            found, self._next = tracked(self._estimator, inputs, self._track)
+            return found
+        return self._estimator.step(strain, flow.pop("dynamic_pressure"), valid, **flow)
+
+    def _before_change(self) -> None:
+        """Go on from the last step: what follows starts from the track that it left."""
+        if self._stepped:
+            self._update()
+            self._track, self._stepped = self._next, False
+        self._outdated = True
+
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {"inputs": self._values[self._first_input :].tolist()}
+        track = self._track
+        return {
+            "inputs": self._values[self._inputs].tolist(),
+            "flight_state": None if track.state is None else track.state.tolist(),
+            "steps": [track.since_search, track.to_return, int(self._stepped)],
+        }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         before = self._values.copy()
         try:
-            self._values[self._first_input :] = state["inputs"]
+            flight_state = state["flight_state"]
+            since_search, to_return, stepped = map(int, state["steps"])
+            track = Track(
+                state=None if flight_state is None else np.array(flight_state, dtype=float).reshape(4),
+                since_search=since_search,
+                to_return=to_return,
+            )
+            self._values[self._inputs] = state["inputs"]
             self._apply_settings()
         except (InputError, KeyError, TypeError, ValueError) as error:
             self._values = before
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
+        else:
+            self._track, self._stepped = track, bool(stepped)
         self._outdated = True
 
 

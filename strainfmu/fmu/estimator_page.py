@@ -34,6 +34,22 @@ _LIMITS = (
     "any time; a value outside min and max is refused.",
 )
 
+_FLIGHT_LIMITS = (
+    "sigma is one standard deviation: gauge noise, hardware, pressure off the tables, and the flight state "
+    "that strain and navigation leave open. C_A is the fore-body's: base pressure is not measured by strain.",
+    _LIMITS[1],
+    "Each step starts from the flight state of the step before, or from a search of the tables: in the first "
+    "step, and every tenth while strain does not fit them. Outputs belong to the inputs last set; what is set "
+    "after a step belongs to the next one, whether or not it has been taken.",
+    "dynamic_pressure, mach_number, altitude and static_pressure come from navigation. Each need not be "
+    "known: NaN, or its start value -1e9. The one that contradicts strain and the others is left out: then "
+    "its navigation_used is false, and health.state is DEGRADED.",
+    "Where strain does not fit the tables, loads and coefficients are those of the linear map, if "
+    "dynamic_pressure is known: health.linear_loads. Air data are not to be used then, nor where identified "
+    "is false.",
+    _LIMITS[4],
+)
+
 _WEIGHTS = {
     "absolute": "by one fixed affine map",
     "dynamic_pressure": "by an affine map whose weights follow the dynamic pressure, so that one map serves any "
@@ -54,15 +70,15 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             "What it computes",
             [
                 f"From the strains of {inverse_map.n_gauges} gauges it estimates the aerodynamic forces and "
-                f"moments {_WEIGHTS[inverse_map.form]}, and from those and the dynamic pressure the coefficients, "
-                "each with its standard deviation. A state of health states how far they can be trusted.",
+                f"moments {_how(inverse_map)}, each with its standard deviation. "
+                "A state of health states how far they can be trusted.",
                 f"Vehicle: {escape(inverse_map.vehicle)}. S = {inverse_map.reference_area:.6g} m², "
                 f"L = {inverse_map.reference_length:.6g} m. Map: <code>{content_hash}</code>.",
                 "Body axes: x aft from the nose tip, y starboard, z up. SI units; strain in m/m.",
             ],
         ),
         ("Validity", _validity(inverse_map)),
-        ("Limits", _LIMITS),
+        ("Limits", _LIMITS if inverse_map.manifold is None else _FLIGHT_LIMITS),
         (
             "Example",
             [
@@ -79,6 +95,16 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
     ]
+
+
+def _how(inverse_map: InverseMap) -> str:
+    """Return how the loads are estimated, and what else is."""
+    if inverse_map.manifold is not None:
+        return (
+            "by the flight state that fits them and navigation best, on tables over Mach number, incidence and "
+            "pressure; and with them the coefficients and the air data"
+        )
+    return f"{_WEIGHTS[inverse_map.form]}, and from those and the dynamic pressure the coefficients"
 
 
 def _example_text(inverse_map: InverseMap, run: ReferenceRun) -> str:

@@ -46,7 +46,7 @@ _COMMON_SOURCES = (
     "fmu/__init__.py",
     "fmu/wrapper_exit.py",
 )
-_ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "interface/")
+_ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "estimator/manifold/", "interface/")
 """Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,
@@ -131,10 +131,10 @@ def _native_estimator(
         content_hash=hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
-        capabilities=native_package.CAPABILITIES[version],
+        capabilities=native_package.capabilities(version, inverse_map.manifold is not None),
         fmi_version=version,
         source_files=compiled_files(sources),
-        model_exchange=native_package.MODEL_EXCHANGE[version],
+        model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid)}
     return {

@@ -4,7 +4,8 @@ Little endian. A header of 128 bytes: magic, format version, byte order mark, le
 that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
 is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
-:func:`_scaled`. A bound that the map does not state is the largest finite number.
+:func:`_scaled`. In a map of the nonlinear estimator the section of its tables follows
+(:mod:`strainfmu.fmu.flight_resource`). A bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -42,6 +43,7 @@ from strainfmu.estimator.map_parts import MapParts, map_parts
 from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
+from strainfmu.fmu.flight_resource import flight_section
 from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
@@ -51,8 +53,8 @@ CHECKED_FROM = 32
 
 _BYTE_ORDER_MARK = 0x01020304
 _GUID_SIZE = 80
-_FORM, _N_FREE, _N_HALF_SPACES, _N_ALTITUDES, _HAS_ERRORS, _N_TERMS = range(6)
-"""Places of the form, 0 or 1, and of the sizes; the last two are zero."""
+_FORM, _N_FREE, _N_HALF_SPACES, _N_ALTITUDES, _HAS_ERRORS, _N_TERMS, _N_SECTIONS = range(7)
+"""Places of the form, 0 or 1, and of the sizes; the last is zero."""
 
 
 def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
@@ -84,8 +86,11 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
         sizes[_FORM], sizes[_N_FREE] = 1, parts.n_free
         sizes[_HAS_ERRORS] = inverse_map.common_error is not None
         sizes[_N_TERMS] = _rows(inverse_map.common_error)
+    sizes[_N_SECTIONS] = inverse_map.manifold is not None
     checked += struct.pack("<8I", *sizes)
     checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *numbers))
+    if inverse_map.manifold is not None:
+        checked += flight_section(inverse_map, inverse_map.manifold)
     header = MAGIC + struct.pack(
         "<2IQ2I", FORMAT_VERSION, _BYTE_ORDER_MARK, CHECKED_FROM + len(checked), zlib.crc32(checked), 0
     )

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.load_estimate import LoadEstimate
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.reference_strains import reference_strains, reference_truth
 from strainfmu.fmu.run_figure import Line, Panel, run_figure
@@ -53,14 +56,13 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     """Return a run within what the snapshots cover, with errors as the map states them, and a gauge that fails.
 
     Strains are those of :func:`~strainfmu.fmu.reference_strains.reference_strains`, rounded to 9 digits, so that
-    files hold exactly what the outputs belong to. Dynamic pressure keeps its start value: FMPy 0.3 takes no table
-    with an array and a scalar of one type.
+    files hold exactly what the outputs belong to. Navigation keeps its start values: FMPy 0.3 takes no table with
+    an array and a scalar of one type.
     """
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
     rows, _ = reference_strains(inverse_map, N_ROWS)
     strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows.tolist()])
-    q, estimator = inverse_map.nominal_dynamic_pressure, Estimator(inverse_map)
-    values = np.array([output_values(estimator.step(row, q)) for row in strain])
+    values = np.array([output_values(one) for one in _estimates(inverse_map, strain)])
     held = np.concatenate([values[:1], values[:-1]])
     outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
     signals = dict(zip(outputs, held.T, strict=True))
@@ -68,6 +70,14 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     signals["health.chi_square"] = np.round(signals["health.chi_square"], CHI_SQUARE_DECIMALS)
     names = strain_names(inverse_map.n_gauges)
     return ReferenceRun(np.array(time), dict(zip(names, strain.T, strict=True)), signals)
+
+
+def _estimates(inverse_map: InverseMap, strain: NDArray[np.float64]) -> list[LoadEstimate]:
+    if inverse_map.manifold is not None:
+        tracker = FlightTracker(ManifoldEstimator(inverse_map))
+        return [tracker.step(row) for row in strain]
+    q, estimator = inverse_map.nominal_dynamic_pressure, Estimator(inverse_map)
+    return [estimator.step(row, q) for row in strain]
 
 
 def signal_table(

@@ -7,6 +7,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.proportional_errors import PAIRS, ErrorModel, excess_products
+from strainfmu.fmu.flight_reference import motion_coefficients, motion_strains
 
 MOVING_STATES = 5
 """States that move, the first: those that the snapshots use most."""
@@ -66,28 +67,40 @@ def true_coefficients(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
 
 def reference_truth(inverse_map: InverseMap, n_rows: int) -> FloatArray:
     """Return (n, 5) true coefficients of the run [1]."""
+    if inverse_map.manifold is not None:
+        return motion_coefficients(inverse_map.manifold, n_rows)
     mean, per_state = true_coefficients(inverse_map)
     return mean + true_states(inverse_map, n_rows) @ per_state.T
 
 
 def reference_strains(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, BoolArray]:
-    """Return (n, n_d) strains [m/m] at the nominal dynamic pressure, and (n,) whether the gauge fails.
+    """Return (n, n_d) strains [m/m], and (n,) whether the gauge fails.
+
+    They are those of a motion over the flight state where the map has tables of it; of any other map they are at
+    the nominal dynamic pressure.
 
     Errors have the covariance that the map states: gauge noise, hardware, what its modes leave out.
     """
-    states, coefficients = true_states(inverse_map, n_rows), reference_truth(inverse_map, n_rows)
-    healthy = inverse_map.mean_strain + states @ inverse_map.state_operator.T
+    healthy, covariance = _healthy_strains(inverse_map, n_rows)
     random = np.random.Generator(np.random.PCG64(_SEED))
     lasting = random.standard_normal(inverse_map.n_gauges)
     fresh = random.standard_normal((n_rows, inverse_map.n_gauges))
     drawn = PERSISTENCE * lasting + np.sqrt(1.0 - PERSISTENCE**2) * fresh
-    covariance = error_covariance(inverse_map, coefficients)
     strain = healthy + np.einsum("kij,kj->ki", _root(covariance), drawn)
     gauge, size = failing_gauge(inverse_map)
     row = np.arange(n_rows)
     fails = (row >= n_rows // 2) & (row < 3 * n_rows // 4)
     strain[fails, gauge] += size
     return strain, fails
+
+
+def _healthy_strains(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
+    """Return (n, n_d) strains without errors, and (n, n_d, n_d) the covariance of the errors."""
+    if inverse_map.manifold is not None:
+        return motion_strains(inverse_map.manifold, n_rows)
+    states, coefficients = true_states(inverse_map, n_rows), reference_truth(inverse_map, n_rows)
+    healthy = inverse_map.mean_strain + states @ inverse_map.state_operator.T
+    return healthy, error_covariance(inverse_map, coefficients)
 
 
 def error_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> FloatArray:

@@ -9,12 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import atan2, degrees, nan
+from math import atan2, degrees
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.interface.flight_variables import flight_interface, flight_outputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
+from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
+from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
+from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
+from strainfmu.interface.input_names import known_flow as known_flow
 
 if TYPE_CHECKING:
     from strainfmu.estimator.inverse_map import InverseMap
@@ -52,27 +58,10 @@ HEALTH_ITEMS = (
     ),
 )
 
-FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.step.Estimator.step`."""
-
-NOT_KNOWN = -1e9
-"""Start value of :data:`FLOW_INPUTS` that need not be known, in the unit of each; NaN means the same.
-
-NaN alone would do, were there no importers that take it for an error (OMSimulator).
-"""
-
-PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
-"""Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
-
 
 def valid_names(n_gauges: int) -> tuple[str, ...]:
     """Return ``valid[1]`` .. ``valid[n]``."""
     return tuple(f"valid[{i}]" for i in range(1, n_gauges + 1))
-
-
-def known_flow(values: Sequence[float]) -> tuple[float, ...]:
-    """Return ``values`` of :data:`FLOW_INPUTS`, NaN for those that are not known."""
-    return tuple(nan if value == NOT_KNOWN else value for value in values)
 
 
 def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
@@ -82,7 +71,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     goes invalid changes the gain, so that every output depends on every strain and on every ``valid``.
     """
     gauges = (*strain_names(inverse_map.n_gauges), *valid_names(inverse_map.n_gauges))
-    return (
+    linear = (
         *_estimated_coefficients(inverse_map, gauges),
         *_estimated_loads(inverse_map, gauges),
         *_health(inverse_map, gauges),
@@ -90,10 +79,18 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
         *_flow_inputs(inverse_map),
         *_parameters(inverse_map),
     )
+    if inverse_map.manifold is None:
+        return linear
+    return flight_interface(linear, inverse_map.manifold, gauges)
 
 
 def output_values(estimate: LoadEstimate) -> list[float]:
     """Return the outputs of ``estimate`` in the order of their value references."""
+    further = flight_outputs(estimate) if isinstance(estimate, FlightEstimate) else []
+    return [*_linear_outputs(estimate), *further]
+
+
+def _linear_outputs(estimate: LoadEstimate) -> list[float]:
     return [
         *estimate.coefficients.tolist(),
         *estimate.coefficients_std.tolist(),

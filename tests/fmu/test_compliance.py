@@ -15,7 +15,7 @@ from lxml import etree
 
 KINDS = ["native", "native_3", "python", "plant"]
 SCHEMA = Path(fmpy.__file__).parent / "schema"
-LARGEST = 500 * 1024
+LARGEST = 750 * 1024
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -59,6 +59,11 @@ Instance *instance_create(const Instance *requested, const char *guid, const cha
     if (model == NULL) {
         return NULL;
     }
+    if (model->co_simulation_only && (requested->kind == MODEL_EXCHANGE_2 || requested->kind == MODEL_EXCHANGE_3)) {
+        model_destroy(model);
+        instance_error(requested, "this FMU is for co-simulation");
+        return NULL;
+    }
     const char *name = requested->name != NULL ? requested->name : "";
     Instance *instance = calloc(1, sizeof *instance);
     char *own_name = malloc(strlen(name) + 1);

@@ -43,6 +43,7 @@ typedef struct {
     uint32_t checksum;       /* of its resource */
     Mode mode;               /* set by the front */
     double time;             /* [s], set by model_set_time and model_step */
+    int co_simulation_only;  /* whether its outputs depend on the steps before */
     unsigned time_reference; /* value reference of the independent variable in FMI 3.0; arrays have those below it */
 } Model;
 

@@ -28,8 +28,7 @@ void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **do
     }
 }
 
-/* p(h) [Pa]; NaN where h is not known or outside the table. */
-static double ambient_pressure(const Envelope *envelope, double altitude) {
+double ambient_pressure(const Envelope *envelope, double altitude) {
     const size_t top = envelope->n_altitudes - 1;
     const double position = altitude / envelope->altitude_step;
     if (!(position >= 0.0 && position <= (double)top)) {

@@ -22,7 +22,7 @@ static const char *const SETTING_NAMES[] = {
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges;
-    const size_t n_inputs = n + N_SCALAR_INPUTS;
+    const size_t n_inputs = n + N_ALL_SCALARS;
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + n
                            + 3 * panel_length(n) + half_space_doubles(&map->envelope)
                            + (map->scaled ? scaled_doubles(map) : 0);
@@ -78,12 +78,17 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     if (e->map.scaled) {
         scaled_prepare(e);
     }
+    if (!flight_create(e, text)) {
+        estimator_free(e);
+        return NULL;
+    }
     estimator_reset(e);
     return e;
 }
 
 void estimator_free(Estimator *e) {
     if (e != NULL) {
+        flight_free(&e->flight);
         free(e->memory);
         free(e->bytes);
         free(e);
@@ -95,18 +100,20 @@ void estimator_reset(Estimator *e) {
     double *scalar = e->input + n;
     memset(e->input, 0, n * sizeof *e->input);
     memset(e->valid, 1, n);
-    scalar[DYNAMIC_PRESSURE] = e->map.dynamic_pressure;
+    scalar[DYNAMIC_PRESSURE] = e->flight.present ? e->map.not_known : e->map.dynamic_pressure;
     scalar[DYNAMIC_PRESSURE_STD] = scalar[MACH_NUMBER] = scalar[ALTITUDE] = e->map.not_known;
     scalar[SENSOR_RANGE] = e->map.sensor_range;
     scalar[ALARM_SCALE] = 1.0;
     scalar[REFERENCE_AREA] = e->map.reference_area;
     scalar[REFERENCE_LENGTH] = e->map.reference_length;
     scalar[MOMENT_STATION] = e->map.moment_station;
+    scalar[MACH_NUMBER_STD] = scalar[STATIC_PRESSURE] = scalar[STATIC_PRESSURE_STD] = e->map.not_known;
+    flight_reset(&e->flight);
     e->outdated = 1;
 }
 
 int estimator_accepts(const Estimator *e, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
-    if (index < e->map.n_gauges + SENSOR_RANGE) {
+    if (index < e->map.n_gauges + SENSOR_RANGE || index >= e->map.n_gauges + N_SCALAR_INPUTS) {
         return 1;
     }
     const size_t setting = index - e->map.n_gauges;
@@ -236,9 +243,34 @@ static void update(Estimator *e) {
     output[HEALTH_STATE] = health_state(e);
 }
 
+int estimator_linear_loads(Estimator *e, double dynamic_pressure, double deviation) {
+    double kept[N_OUTPUTS];
+    memcpy(kept, e->output, sizeof kept);
+    const MaskedMap *m = e->masked = masked_map(e);
+    e->flow = (Flow){.pressure = dynamic_pressure, .deviation = deviation, .mach_number = NAN, .altitude = NAN};
+    e->flow.known = dynamic_pressure >= e->map.min_dynamic_pressure && dynamic_pressure <= e->map.max_dynamic_pressure
+                 && deviation >= 0.0 && deviation < INFINITY;
+    int found = m->identified && e->flow.known;
+    if (found && e->map.scaled) {
+        scaled_update(e);
+    } else if (found) {
+        absolute_update(e);
+    }
+    for (int i = 0; i < N_LOADS; i++) {
+        found = found && isfinite(e->output[COEFFICIENTS + i]);
+    }
+    const size_t first = found ? HEALTH_STATE : 0;
+    memcpy(e->output + first, kept + first, (N_OUTPUTS - first) * sizeof *kept);
+    return found;
+}
+
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
-        update(e);
+        if (e->flight.present) {
+            flight_update(e);
+        } else {
+            update(e);
+        }
         e->outdated = 0;
     }
     return e->output;

@@ -7,6 +7,7 @@
 #define ESTIMATOR_H
 
 #include "envelope.h"
+#include "flight.h"
 #include "masked_map.h"
 #include "scaled_state.h"
 
@@ -47,15 +48,19 @@ enum {
     REFERENCE_AREA,       /* [m2] */
     REFERENCE_LENGTH,     /* [m] */
     MOMENT_STATION,       /* x of the moment point [m] */
-    N_SCALAR_INPUTS
+    N_SCALAR_INPUTS,
+    MACH_NUMBER_STD = N_SCALAR_INPUTS, /* [1]; this and the rest of maps with tables over the flight state only, */
+    STATIC_PRESSURE,                   /* [Pa]; each may be NaN or the map's not_known */
+    STATIC_PRESSURE_STD,               /* [Pa] */
+    N_ALL_SCALARS
 };
 
-typedef struct {
+typedef struct Estimator {
     Model base; /* for the FMI fronts, filled in by estimator_model.c */
     Map map;
     unsigned char *bytes; /* of map.bin */
     void *memory;         /* of all arrays below */
-    double *input;        /* (n_gauges + N_SCALAR_INPUTS) strains [1], then the scalars */
+    double *input;        /* (n_gauges + N_ALL_SCALARS) strains [1], then the scalars */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
     HalfSpaces half_spaces;
@@ -73,7 +78,8 @@ typedef struct {
     float *narrow;                     /* (n_gauges) whitened */
     Scaled scaled;                     /* the rest of a map in form "dynamic_pressure"; not set for others */
     Levels levels[CACHED_MASKS];
-    double *direction;                 /* (n_gauges + N_SCALAR_INPUTS) of derivatives, for estimator_model.c, */
+    Flight flight;                     /* of the nonlinear estimator, if the map has tables */
+    double *direction;                 /* (n_gauges + N_ALL_SCALARS) of derivatives, for estimator_model.c, */
     double derivative[N_OUTPUTS];      /* which keeps the outputs' derivatives along it, */
     int reported_health;               /* the last health that was reported, */
     double settled[N_WHOLE];           /* and the whole numbers of the last event in model exchange */
@@ -92,7 +98,11 @@ void estimator_reset(Estimator *estimator);
    Strains and pressures may have any value: health reports those that make no sense. */
 int estimator_accepts(const Estimator *estimator, size_t index, double value, char text[MODEL_TEXT_SIZE]);
 
-/* The N_OUTPUTS outputs for the present inputs. */
+/* Write loads and coefficients of the linear map at a dynamic pressure and its deviation to the outputs. 1; 0, and they
+   keep their values, if it has none. */
+int estimator_linear_loads(Estimator *estimator, double dynamic_pressure, double deviation);
+
+/* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
 /* Derivative of all outputs along d_input (n_gauges + N_SCALAR_INPUTS), exact, for the gauges in use; NaN where the

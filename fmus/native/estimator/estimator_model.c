@@ -1,6 +1,7 @@
 /* The estimator as a model: its variables by number, its derivatives, its state.
 
-   Numbers are outputs, strains, valid flags, then the scalar inputs and settings. */
+   Numbers are outputs, strains, valid flags, then the scalar inputs and settings; of maps with tables over the flight
+   state then further inputs, real outputs and Boolean outputs. */
 
 #include <stdio.h>
 #include <string.h>
@@ -8,14 +9,32 @@
 #include "../core/model.h"
 #include "estimator.h"
 
-#define TIME_REFERENCE 24u /* of the independent variable in FMI 3.0 */
+#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables; time follows them */
+#define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 
 static Estimator *estimator_of(const Model *model) {
     return (Estimator *)(uintptr_t)model; /* its first member */
 }
 
 static size_t n_inputs(const Estimator *e) {
-    return e->map.n_gauges + N_SCALAR_INPUTS;
+    return e->map.n_gauges + (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS);
+}
+
+/* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
+static size_t flight_variable(const Estimator *e, size_t variable) {
+    const size_t number = variable - (N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS);
+    return e->flight.present && number < FLIGHT_REFERENCES ? number : SIZE_MAX;
+}
+
+/* Index of a variable among the real outputs, and among the flags, of the nonlinear estimator; SIZE_MAX for others. */
+static size_t flight_real(const Estimator *e, size_t variable) {
+    const size_t number = flight_variable(e, variable) - N_FLIGHT_INPUTS;
+    return number < N_FLIGHT_REALS ? number : SIZE_MAX;
+}
+
+static size_t flight_flag(const Estimator *e, size_t variable) {
+    const size_t number = flight_variable(e, variable) - (N_FLIGHT_INPUTS + N_FLIGHT_REALS);
+    return number < N_FLIGHT_FLAGS ? number : SIZE_MAX;
 }
 
 void model_destroy(Model *model) {
@@ -30,7 +49,8 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
     e->base = (Model){.guid = e->map.guid,
                       .checksum = e->map.checksum,
                       .mode = INSTANTIATED,
-                      .time_reference = TIME_REFERENCE};
+                      .co_simulation_only = e->flight.present,
+                      .time_reference = LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0)};
     return &e->base;
 }
 
@@ -49,11 +69,15 @@ void model_end_initialization(Model *model) {
     (void)model;
 }
 
-/* Outputs follow from inputs alone, and are computed when they are read. */
+/* Outputs are computed when they are read. They follow from inputs alone, those of the nonlinear estimator also from the
+   flight state of the step before. */
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
     (void)start;
     (void)text;
     model->time = end;
+    if (estimator_of(model)->flight.present) {
+        flight_step(estimator_of(model));
+    }
     return STATUS_OK;
 }
 
@@ -107,18 +131,19 @@ static size_t input_of(const Estimator *e, size_t variable) {
         return variable - N_OUTPUTS;
     }
     const size_t scalar = variable - (N_OUTPUTS + 2 * n);
-    return scalar < N_SCALAR_INPUTS ? n + scalar : SIZE_MAX;
+    return scalar < n_inputs(e) - n ? n + scalar : SIZE_MAX;
 }
 
 Type model_type_of(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX) {
+    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX) {
         return REAL;
     }
     if (variable < N_OUTPUTS) {
         return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
     }
-    return variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges ? BOOLEAN : NO_VARIABLE;
+    const int flag = variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges || flight_flag(e, variable) != SIZE_MAX;
+    return flag ? BOOLEAN : NO_VARIABLE;
 }
 
 /* Each array follows the one before it without a gap. */
@@ -137,7 +162,7 @@ Selection model_array(const Model *model, unsigned reference) {
     } else if (reference < strain + 2) {
         found.first = N_OUTPUTS + (reference - strain) * n;
         found.count = n;
-    } else if (reference < TIME_REFERENCE) {
+    } else if (reference < model->time_reference) {
         found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
         found.count = 1;
     }
@@ -162,6 +187,9 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
             value[k] = e->input[input];
         } else if (is_real_output(variable)) {
             value[k] = estimator_outputs(e)[variable];
+        } else if (flight_real(e, variable) != SIZE_MAX) {
+            estimator_outputs(e);
+            value[k] = e->flight.real[flight_real(e, variable)];
         } else {
             return wrong_type(variable, text);
         }
@@ -185,13 +213,17 @@ int model_get_integers(Model *model, const Selection *which, int *value, char te
 }
 
 int model_get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    const Estimator *e = estimator_of(model);
+    Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
-        if (gauge >= e->map.n_gauges) {
+        if (gauge < e->map.n_gauges) {
+            value[k] = e->valid[gauge];
+        } else if (flight_flag(e, variable) != SIZE_MAX) {
+            estimator_outputs(e);
+            value[k] = e->flight.flag[flight_flag(e, variable)];
+        } else {
             return wrong_type(variable, text);
         }
-        value[k] = e->valid[gauge];
     }
     return 1;
 }
@@ -204,7 +236,7 @@ static int no_input(const char *type, size_t variable, char *text) {
 int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
-    e->outdated = 1;
+    flight_before_change(e);
     if (which->listed == NULL && gauge < n && count <= n - gauge) {
         memcpy(e->input + gauge, value, count * sizeof *value);
         return 1;
@@ -235,21 +267,21 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
         if (gauge >= e->map.n_gauges) {
             return no_input("Boolean", variable, text);
         }
+        flight_before_change(e);
         e->valid[gauge] = value[k] != 0;
-        e->outdated = 1;
     }
     return 1;
 }
 
-/* Derivatives. */
+/* Derivatives, which the nonlinear estimator does not offer. */
 
 static size_t input_index(const Model *model, size_t variable) {
-    return input_of(estimator_of(model), variable);
+    const Estimator *e = estimator_of(model);
+    return e->flight.present ? SIZE_MAX : input_of(e, variable);
 }
 
 static size_t output_index(const Model *model, size_t variable) {
-    (void)model;
-    return is_real_output(variable) ? variable : SIZE_MAX;
+    return is_real_output(variable) && !estimator_of(model)->flight.present ? variable : SIZE_MAX;
 }
 
 static double *clear_direction(Model *model) {
@@ -264,15 +296,22 @@ static const double *along_direction(Model *model) {
 }
 
 /* State: inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid. Masks
-   and outputs follow from them. */
+   and outputs follow from them; those of the nonlinear estimator also from its track, which comes last. */
+
+static size_t linear_size(const Estimator *e) {
+    return sizeof(double) * (n_inputs(e) + N_WHOLE) + e->map.n_gauges;
+}
 
 size_t model_state_size(const Model *model) {
     const Estimator *e = estimator_of(model);
-    return sizeof(double) * (n_inputs(e) + N_WHOLE) + e->map.n_gauges;
+    return linear_size(e) + (e->flight.present ? sizeof(Track) : 0);
 }
 
 void model_write_state(const Model *model, unsigned char *bytes) {
     const Estimator *e = estimator_of(model);
+    if (e->flight.present) {
+        memcpy(bytes + linear_size(e), &e->flight.base, sizeof e->flight.base);
+    }
     memcpy(bytes, e->input, sizeof(double) * n_inputs(e));
     bytes += sizeof(double) * n_inputs(e);
     memcpy(bytes, e->settled, sizeof e->settled);
@@ -303,11 +342,22 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
             return 0;
         }
     }
+    if (e->flight.present) {
+        Track track;
+        memcpy(&track, bytes + linear_size(e), sizeof track);
+        if (!flight_track_fits(&e->flight, &track)) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
+            return 0;
+        }
+    }
     return 1;
 }
 
 void model_read_state(Model *model, const unsigned char *bytes) {
     Estimator *e = estimator_of(model);
+    if (e->flight.present) {
+        memcpy(&e->flight.base, bytes + linear_size(e), sizeof e->flight.base);
+    }
     memcpy(e->input, bytes, sizeof(double) * n_inputs(e));
     bytes += sizeof(double) * n_inputs(e);
     memcpy(e->settled, bytes, sizeof e->settled);

@@ -11,7 +11,7 @@
 #define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
 
 /* Places of the form, 0 or 1, and of the sizes that follow the header. */
-enum { FORM, N_FREE, N_HALF_SPACES, N_ALTITUDES, HAS_ERRORS, N_TERMS };
+enum { FORM, N_FREE, N_HALF_SPACES, N_ALTITUDES, HAS_ERRORS, N_TERMS, N_SECTIONS };
 
 static const char MAGIC[8] = "SFMUMAP";
 
@@ -36,7 +36,7 @@ static int sensible_sizes(const unsigned char *bytes) {
     const uint32_t n = u32_at(bytes, 32), freedom = u32_at(bytes, 40), known_prior = u32_at(bytes, 44);
     const uint32_t scaled = size_at(bytes, FORM), errors = size_at(bytes, HAS_ERRORS), terms = size_at(bytes, N_TERMS);
     const uint32_t n_free = size_at(bytes, N_FREE);
-    return scaled <= 1 && errors <= scaled && terms <= (errors ? MAX_COUNT : 0) && size_at(bytes, 6) == 0
+    return scaled <= 1 && errors <= scaled && terms <= (errors ? MAX_COUNT : 0) && size_at(bytes, N_SECTIONS) <= 1
         && size_at(bytes, 7) == 0 && n_free == (scaled && !known_prior ? n - freedom : 0)
         && size_at(bytes, N_HALF_SPACES) <= MAX_HALF_SPACES && size_at(bytes, N_ALTITUDES) >= 2
         && size_at(bytes, N_ALTITUDES) <= MAX_COUNT;
@@ -61,7 +61,8 @@ static int check_sizes(const unsigned char *bytes, size_t length, char *text) {
                  (unsigned long)size_at(bytes, N_TERMS));
         return 0;
     }
-    if (length != VALUES_AT + 8 * number_of_doubles(bytes)) {
+    const size_t end = VALUES_AT + 8 * number_of_doubles(bytes);
+    if (size_at(bytes, N_SECTIONS) ? length <= end : length != end) {
         snprintf(text, MODEL_TEXT_SIZE, "has %lu bytes, which is wrong for %lu gauges and %lu states",
                  (unsigned long)length, (unsigned long)n, (unsigned long)states);
         return 0;
@@ -193,6 +194,9 @@ int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MOD
     map->envelope.n_half_spaces = size_at(bytes, N_HALF_SPACES);
     map->envelope.n_altitudes = size_at(bytes, N_ALTITUDES);
     const double *values = (const double *)(const void *)(bytes + VALUES_AT);
+    const size_t end = VALUES_AT + 8 * number_of_doubles(bytes);
+    map->section = size_at(bytes, N_SECTIONS) ? bytes + end : NULL;
+    map->section_length = length - end;
     take_arrays(map, values);
     return check_values(map, values, number_of_doubles(bytes), text);
 }

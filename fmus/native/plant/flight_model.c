@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "elementary.h"
+#include "../core/elementary.h"
 
 #define N_SIZES 11
 #define N_POWERS 16

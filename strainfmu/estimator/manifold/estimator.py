@@ -169,8 +169,8 @@ class ManifoldEstimator:
                 m.dynamic_pressure_error * value[:, 2],
             ]
         )
-        # A value without error is as good as one of a millionth: the weights stay finite.
-        return np.maximum(np.where(np.isnan(std), own, std), 1e-6 * np.abs(value))
+        # A smaller error says no more, and its weight would leave no digits to the test of navigation.
+        return np.maximum(np.where(np.isnan(std), own, std), 1e-4 * np.abs(value))
 
     def search(self, samples: Samples) -> Linearised:
         """Return the solution of ``samples`` from a search of the tables."""

@@ -39,6 +39,7 @@ class Linearised:
     hessian : (k, 4, 4) J' S^-1 J + H' W H.
     gradient : (k, 4) J' S^-1 r + H' W nu.
     cost : (k,) sum of squares.
+    factor_pressure : (k,) p_inf that ``factor`` belongs to [Pa]; None for that of ``state``.
     """
 
     state: FloatArray
@@ -55,6 +56,7 @@ class Linearised:
     hessian: FloatArray
     gradient: FloatArray
     cost: FloatArray
+    factor_pressure: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,7 +6,7 @@ off them. With E_x the covariance of the state, cov f = (J_L - K J) E_x (J_L - K
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,16 +75,17 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
     """Return the solution from ``state`` (k, 4) after a fixed number of iterations, with S of that state."""
-    factor = strain_factor(manifold, state, samples.used)
+    factor, pressure = strain_factor(manifold, state, samples.used), np.exp(state[:, LOG_PRESSURE])
     for _ in range(WARM_ITERATIONS):
         state = stepped(manifold, linearise(manifold, state, factor, samples))
-    return linearise(manifold, state, factor, samples)
+    return replace(linearise(manifold, state, factor, samples), factor_pressure=pressure)
 
 
 def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSolution:
     """Return the estimates at the solved state ``at``."""
     pressure = np.exp(at.state[:, LOG_PRESSURE])
-    square = (pressure * pressure)[:, None, None]
+    # Strain and load go together: errors of a p_inf other than that of S could leave a negative variance.
+    square = ((pressure if at.factor_pressure is None else at.factor_pressure) ** 2)[:, None, None]
     covariance = np.asarray(np.linalg.inv(at.hessian), dtype=np.float64)
     cross = np.where(used[:, None, :], square * manifold.load_strain_covariance, 0.0)
     turned = np.swapaxes(np.linalg.solve(at.factor, np.swapaxes(cross, 1, 2)), 1, 2)

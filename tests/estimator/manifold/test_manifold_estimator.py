@@ -41,6 +41,24 @@ def navigation(condition: FlightCondition) -> dict[str, float]:
     }
 
 
+def test_a_jump_of_the_pressure_keeps_the_deviations() -> None:
+    """The weights of a step belong to the pressure of the step before."""
+    off_tables = replace(whole_map(), manifold=flight_map(discrepancy=3e-2))
+    tracker = FlightTracker(ManifoldEstimator(off_tables))
+    before = tracker.step(strain_at(CONDITION), **navigation(CONDITION))
+    lower = replace(CONDITION, altitude=CONDITION.altitude - 1000.0)
+    after = tracker.step(strain_at(lower), **navigation(lower))
+    assert after.loads_std == pytest.approx(before.loads_std, rel=0.02)
+
+
+def test_a_stated_deviation_leaves_digits_to_the_test_of_navigation() -> None:
+    """The test is a difference of two variances."""
+    exact = dict.fromkeys(("dynamic_pressure_std", "mach_number_std", "static_pressure_std"), 0.0)
+    flow = navigation(CONDITION) | {"static_pressure": CONDITION.ambient_pressure} | exact
+    inputs = ManifoldEstimator(whole_map()).checked_inputs(strain_at(CONDITION), None, flow)
+    assert inputs.navigation.std / inputs.navigation.value == pytest.approx(1e-4)
+
+
 def test_air_data_are_those_of_the_condition() -> None:
     found = ManifoldEstimator(whole_map()).estimate(strain_at(CONDITION), **navigation(CONDITION))
     true = dict(

@@ -89,7 +89,8 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (140, 1, "1 altitudes"),
         (144, 1, "which cannot be"),
         (148, 1, "1 error terms"),
-        (152, 1, "which cannot be"),
+        (152, 1, "which is wrong for 8 gauges"),
+        (152, 2, "which cannot be"),
         (156, 1, "which cannot be"),
     ],
 )

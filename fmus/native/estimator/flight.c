@@ -1,0 +1,332 @@
+#include "flight.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "../core/elementary.h"
+#include "estimator.h"
+#include "step_parts.h"
+
+#define ALIGNMENT 64
+
+/* Of a value of navigation: a smaller error says no more. */
+#define MIN_RELATIVE_STD 1e-4
+
+int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
+    Flight *flight = &e->flight;
+    const size_t n = e->map.n_gauges;
+    if (e->map.section == NULL) {
+        return 1;
+    }
+    if (!flight_map_parse(e->map.section, e->map.section_length, n, &flight->map, text)) {
+        return 0;
+    }
+    const size_t count = flight_solver_doubles(&flight->map, n);
+    flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
+    if (flight->memory == NULL) {
+        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
+        return 0;
+    }
+    unsigned char *start = flight->memory;
+    double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
+    unsigned char *bytes = (unsigned char *)(doubles + count);
+    flight_solver_arrays(&flight->map, n, e->wide, &flight->solver, &doubles, &bytes);
+    for (size_t k = 0; k < N_STATES; k++) {
+        flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);
+    }
+    flight->present = 1;
+    return 1;
+}
+
+void flight_free(Flight *flight) {
+    free(flight->memory);
+}
+
+void flight_reset(Flight *flight) {
+    memset(&flight->base, 0, sizeof flight->base);
+    memset(&flight->next, 0, sizeof flight->next);
+}
+
+/* Gauges in use; their number. */
+static size_t set_strain(Estimator *e) {
+    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    Sample *sample = &e->flight.solver.sample;
+    size_t count = 0;
+    for (size_t g = 0; g < e->map.n_gauges; g++) {
+        sample->used[g] = (unsigned char)(e->valid[g] & (fabs(e->input[g]) <= range));
+        sample->strain[g] = sample->used[g] ? e->input[g] : 0.0;
+        count += sample->used[g];
+    }
+    return count;
+}
+
+/* Navigation of the inputs, each with a deviation. */
+static void set_navigation(Estimator *e) {
+    Flight *flight = &e->flight;
+    double *value = flight->value, *std = flight->std;
+    value[0] = known_input(e, MACH_NUMBER);
+    value[1] = known_input(e, STATIC_PRESSURE);
+    value[1] = isnan(value[1]) ? ambient_pressure(&e->map.envelope, known_input(e, ALTITUDE)) : value[1];
+    value[2] = known_input(e, DYNAMIC_PRESSURE);
+    std[0] = known_input(e, MACH_NUMBER_STD);
+    std[1] = known_input(e, STATIC_PRESSURE_STD);
+    std[2] = known_input(e, DYNAMIC_PRESSURE_STD);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        const double own = k == 0 ? flight->map.error[k] : flight->map.error[k] * value[k];
+        const double least = MIN_RELATIVE_STD * fabs(value[k]);
+        std[k] = isnan(std[k]) ? own : std[k];
+        std[k] = std[k] > least ? std[k] : least;
+    }
+}
+
+/* What navigation and the ranges of the map say of the flight state. */
+static void set_measurement(Flight *flight) {
+    Sample *sample = &flight->solver.sample;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        const double value = flight->value[k], std = flight->std[k];
+        const int known = isfinite(value) && value > 0.0 && isfinite(std) && std > 0.0;
+        const double scale = known ? (k == 0 ? std : std / value) : 1.0;
+        sample->value[k] = !known ? 0.0 : k == 0 ? value : logarithm(value);
+        sample->precision[k] = known ? 1.0 / (scale * scale) : 0.0;
+    }
+    memcpy(sample->value + N_NAVIGATION, flight->map.prior_mean, sizeof flight->map.prior_mean);
+    memcpy(sample->precision + N_NAVIGATION, flight->map.prior_precision, sizeof flight->map.prior_precision);
+}
+
+static void solve(Flight *flight, int search) {
+    if (search) {
+        flight_solve_cold(&flight->solver);
+    } else {
+        flight_solve_warm(&flight->solver, flight->base.state);
+    }
+}
+
+/* Whether a quantity of navigation fits strain and the others so badly that it is dropped: the worst one. */
+static int drop_inconsistent(Flight *flight) {
+    const double *residual = flight->solver.solution.navigation_residual;
+    size_t worst = 0;
+    double largest = -1.0;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        const double excess = fabs(residual[k]) / flight->map.navigation_limit[k];
+        if (excess > largest) {
+            largest = excess;
+            worst = k;
+        }
+    }
+    if (largest > 1.0) {
+        flight->solver.sample.precision[worst] = 0.0;
+        return 1;
+    }
+    return 0;
+}
+
+/* Loads and coefficients at the references of the settings. */
+static void set_loads(Estimator *e) {
+    const FlightMap *map = &e->flight.map;
+    const Solution *found = &e->flight.solver.solution;
+    const double *scalar = e->input + e->map.n_gauges;
+    const double shift = moment_shift(e);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        /* Rows of the transfer to the moment point, and the same of coefficients. */
+        double load[N_LOADS] = {0.0}, coefficient[N_LOADS] = {0.0};
+        const double own = i < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
+        load[i] = 1.0;
+        if (i >= 3) {
+            load[i - 2] = shift;
+        }
+        for (size_t j = 0; j < N_LOADS; j++) {
+            const double reference = j < 3 ? map->reference_area : map->reference_area * map->reference_length;
+            coefficient[j] = load[j] * reference / own;
+        }
+        e->output[LOADS + i] = e->output[COEFFICIENTS + i] = 0.0;
+        for (size_t j = 0; j < N_LOADS; j++) {
+            e->output[LOADS + i] += load[j] * found->loads[j];
+            e->output[COEFFICIENTS + i] += coefficient[j] * found->coefficients[j];
+        }
+        e->output[LOADS_STD + i] = sqrt(quadratic(N_LOADS, load, found->load_covariance, load));
+        e->output[COEFFICIENTS_STD + i] =
+            sqrt(quadratic(N_LOADS, coefficient, found->coefficient_covariance, coefficient));
+    }
+}
+
+static double larger(double a, double b) {
+    return b > a ? b : a;
+}
+
+/* Deviations by which the flight state leaves the ranges of the map, 0 inside. */
+static double range_score(const Flight *flight) {
+    const FlightMap *map = &flight->map;
+    const Solution *found = &flight->solver.solution;
+    const double *state = found->state, tolerance = map->range_tolerance;
+    double std[N_STATES];
+    for (size_t k = 0; k < N_STATES; k++) {
+        std[k] = sqrt(found->state_covariance[k * N_STATES + k]);
+    }
+    const double incidence = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
+    const double mach = larger(map->mach_range[0] * (1.0 - tolerance) - state[STATE_MACH],
+                               state[STATE_MACH] - map->mach_range[1] * (1.0 + tolerance));
+    const double pressure = larger(map->log_pressure_range[0] - state[STATE_PRESSURE],
+                                   state[STATE_PRESSURE] - map->log_pressure_range[1]);
+    const double angle = incidence - (1.0 + tolerance) * map->incidence_limit;
+    const double score = larger(mach / std[STATE_MACH], angle / larger(std[STATE_U], std[STATE_W]));
+    return larger(larger(score, pressure / std[STATE_PRESSURE]), 0.0);
+}
+
+/* Whether Mach number or p_inf of navigation, if used, leaves the ranges of the map. */
+static int navigation_outside(const Flight *flight) {
+    const FlightMap *map = &flight->map;
+    const double *const range[2] = {map->mach_range, map->pressure_range};
+    int outside = 0;
+    for (size_t k = 0; k < 2; k++) {
+        const double value = flight->value[k], slack = map->outside_score * flight->std[k];
+        const int beyond = value < (1.0 - map->range_tolerance) * range[k][0] - slack
+                        || value > (1.0 + map->range_tolerance) * range[k][1] + slack;
+        outside |= beyond && flight->solver.sample.precision[k] > 0.0;
+    }
+    return outside;
+}
+
+/* Whether a quantity of navigation has a value that is not used. */
+static int navigation_dropped(const Flight *flight) {
+    int dropped = 0;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        dropped |= isfinite(flight->value[k]) && !(flight->solver.sample.precision[k] > 0.0);
+    }
+    return dropped;
+}
+
+static size_t navigation_used(const Flight *flight) {
+    size_t count = 0;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        count += flight->solver.sample.precision[k] > 0.0;
+    }
+    return count;
+}
+
+/* Set the outputs of health; whether strain and navigation fit the tables. */
+static int judge(Estimator *e, size_t used) {
+    const Flight *flight = &e->flight;
+    const FlightMap *map = &flight->map;
+    const Solution *found = &flight->solver.solution;
+    const double alarm_scale = e->input[e->map.n_gauges + ALARM_SCALE];
+    double *output = e->output;
+    double largest = 0.0;
+    size_t worst = 0;
+    for (size_t g = 0; g < e->map.n_gauges; g++) {
+        const double size = fabs(found->standardised_residual[g]);
+        if (size > largest) {
+            largest = size;
+            worst = g;
+        }
+    }
+    const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
+    output[CHI_SQUARE] = found->chi_square;
+    output[CHI_SQUARE_LIMIT] =
+        alarm_scale * map->chi_square_scale * map->chi_square_limit[used + navigation_used(flight)];
+    output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
+    output[SUSPECTS] = suspect ? 1.0 : 0.0;
+    output[ENVELOPE_SCORE] = range_score(flight);
+    const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT];
+    const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight);
+    const int missing = used < e->map.n_gauges || navigation_dropped(flight);
+    output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : missing ? DEGRADED : OK;
+    return fits;
+}
+
+/* Loads of the linear map in place of those of the tables, where it has some. */
+static void fall_back(Estimator *e) {
+    const Flight *flight = &e->flight;
+    const double pressure = flight->value[2], deviation = flight->std[2];
+    if (isfinite(pressure) && estimator_linear_loads(e, pressure, deviation)) {
+        e->flight.flag[LINEAR_LOADS] = 1;
+    }
+}
+
+static void set_nothing_known(Estimator *e) {
+    Flight *flight = &e->flight;
+    set_unknown(e->output);
+    e->output[SUSPECT_GAUGE] = e->output[SUSPECTS] = 0.0;
+    e->output[HEALTH_STATE] = INVALID;
+    for (size_t k = 0; k < N_FLIGHT_REALS; k++) {
+        flight->real[k] = NAN;
+    }
+    memset(flight->flag, 0, sizeof flight->flag);
+    flight->next = flight->base;
+}
+
+/* What the step leaves to the next one. */
+static void set_next(Flight *flight, int search, int fits, double to_return) {
+    Track *next = &flight->next;
+    next->has_state = 1.0;
+    memcpy(next->state, flight->solver.solution.state, sizeof next->state);
+    next->since_search = search || fits ? 0.0 : flight->base.since_search + 1.0;
+    next->to_return = to_return;
+    next->stepped = 0.0;
+}
+
+void flight_update(Estimator *e) {
+    Flight *flight = &e->flight;
+    const Track *base = &flight->base;
+    const size_t used = set_strain(e);
+    const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
+    double residual[N_NAVIGATION];
+    e->output[VALID_GAUGES] = (double)used;
+    if (used == 0) {
+        set_nothing_known(e);
+        return;
+    }
+    set_navigation(e);
+    set_measurement(flight);
+    solve(flight, search);
+    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
+    if (drop_inconsistent(flight)) {
+        solve(flight, search);
+        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+    }
+    set_loads(e);
+    flight_air_data(flight, &flight->solver.solution);
+    flight->flag[LINEAR_LOADS] = 0;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        flight->flag[NAVIGATION_USED + k] = flight->solver.sample.precision[k] > 0.0;
+    }
+    const int fits = judge(e, used);
+    const double waiting = base->to_return > 1.0 ? base->to_return - 1.0 : 0.0;
+    const double to_return = fits ? waiting : flight->map.return_after;
+    if (!fits || to_return > 0.0) {
+        fall_back(e);
+    }
+    if (fits && flight->flag[LINEAR_LOADS] && e->output[HEALTH_STATE] == OK) {
+        e->output[HEALTH_STATE] = DEGRADED;
+    }
+    set_next(flight, search, fits, to_return);
+}
+
+void flight_before_change(Estimator *e) {
+    Flight *flight = &e->flight;
+    if (flight->base.stepped != 0.0) {
+        estimator_outputs(e);
+        flight->base = flight->next;
+        flight->base.stepped = 0.0;
+    }
+    e->outdated = 1;
+}
+
+void flight_step(Estimator *e) {
+    if (e->flight.base.stepped != 0.0) {
+        flight_before_change(e);
+    }
+    estimator_outputs(e);
+    e->flight.base.stepped = 1.0;
+}
+
+int flight_track_fits(const Flight *flight, const Track *track) {
+    int good = (track->has_state == 0.0 || track->has_state == 1.0)
+            && (track->stepped == 0.0 || track->stepped == 1.0)
+            && track->since_search >= 0.0 && track->since_search <= flight->map.search_every
+            && track->to_return >= 0.0 && track->to_return <= flight->map.return_after;
+    for (size_t k = 0; k < N_STATES; k++) {
+        good = good && isfinite(track->state[k]);
+    }
+    return good;
+}

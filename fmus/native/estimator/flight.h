@@ -1,0 +1,64 @@
+/* The nonlinear estimator's state and outputs, beside those of Estimator.
+
+   The C counterpart of strainfmu/estimator/manifold: tracker.py, estimator.py, flight_health.py, air_data.py. */
+
+#ifndef FLIGHT_H
+#define FLIGHT_H
+
+#include "flight_solve.h"
+
+#define N_AIR_DATA 7
+#define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their deviations */
+#define NAVIGATION_USED N_AIR_DATA      /* flags: whether each of the air data is identified, then these */
+#define LINEAR_LOADS (N_AIR_DATA + N_NAVIGATION)
+#define N_FLIGHT_FLAGS (LINEAR_LOADS + 1)
+
+enum { ANGLE_OF_ATTACK, SIDESLIP_ANGLE, TOTAL_INCIDENCE, WIND_ROLL_ANGLE, AIR_MACH_NUMBER, AIR_PRESSURE, AIR_DYNAMIC };
+
+/* Real inputs after those of the linear estimator. */
+#define N_FLIGHT_INPUTS 3 /* deviation of the Mach number [1]; static pressure and its deviation [Pa] */
+
+/* What a step leaves to the next one: strainfmu/estimator/manifold/tracker.py. */
+typedef struct {
+    double has_state; /* 0 or 1; all of it float64, as it is serialised */
+    double state[N_STATES];
+    double since_search, to_return; /* steps */
+    double stepped;                 /* whether the outputs are those of a step that has been taken */
+} Track;
+
+typedef struct {
+    int present; /* whether the map has tables; if not, nothing else is set */
+    FlightMap map;
+    FlightSolver solver;
+    void *memory;
+    Track base; /* that the outputs follow from */
+    Track next; /* that they leave */
+    double prior_std[N_STATES];
+    double value[N_NAVIGATION], std[N_NAVIGATION]; /* of navigation; NaN where not known */
+    double real[N_FLIGHT_REALS];
+    unsigned char flag[N_FLIGHT_FLAGS];
+} Flight;
+
+struct Estimator;
+
+/* Read the section of the tables, and allocate. 1; 0 after a message. */
+int flight_create(struct Estimator *e, char text[MODEL_TEXT_SIZE]);
+void flight_free(Flight *flight);
+void flight_reset(Flight *flight);
+
+/* Set all outputs for the present inputs, from the track of the last step. */
+void flight_update(struct Estimator *e);
+
+/* An input changes: what follows starts from the track that the last step left. */
+void flight_before_change(struct Estimator *e);
+
+/* Take a step with the present inputs. */
+void flight_step(struct Estimator *e);
+
+/* Air data of a solution, in flight->real and flight->flag. */
+void flight_air_data(Flight *flight, const Solution *found);
+
+/* Whether a serialised track may be read. */
+int flight_track_fits(const Flight *flight, const Track *track);
+
+#endif

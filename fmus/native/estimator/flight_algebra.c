@@ -1,0 +1,194 @@
+#include "flight_algebra.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "flight_tables.h"
+#include "wide.h"
+
+#define MAX_SMALL 5
+
+/* Rows of a column: x -= sum over LANES columns, `stride` apart, each times its factor. */
+EVERYWHERE void subtract_columns(size_t first, size_t n, const double *restrict columns, size_t stride,
+                                 const double *factor, double *restrict x) {
+    const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
+                           *restrict c3 = c2 + stride;
+    const double f0 = factor[0], f1 = factor[1], f2 = factor[2], f3 = factor[3];
+    for (size_t i = first; i < n; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
+        }
+    }
+}
+
+EVERYWHERE void decompose(size_t n, double *restrict a) {
+    for (size_t k = 0; k < n; k += LANES) {
+        for (size_t c = k; c < k + LANES; c++) {
+            double *restrict column = a + c * n;
+            for (size_t b = k; b < c; b++) {
+                const double *restrict before = a + b * n;
+                const double factor = before[c];
+                for (size_t i = k; i < n; i++) {
+                    column[i] -= factor * before[i];
+                }
+            }
+            const double scale = 1.0 / sqrt(column[c]);
+            for (size_t i = k; i < n; i++) {
+                column[i] *= scale;
+            }
+        }
+        for (size_t j = k + LANES; j < n; j++) {
+            double factor[LANES];
+            for (size_t b = 0; b < LANES; b++) {
+                factor[b] = a[(k + b) * n + j];
+            }
+            subtract_columns(j / LANES * LANES, n, a + k * n, n, factor, a + j * n);
+        }
+    }
+}
+
+EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
+    for (size_t k = 0; k < n; k += LANES) {
+        for (size_t v = 0; v < count; v++) {
+            double *restrict vector = x + v * n;
+            for (size_t c = k; c < k + LANES; c++) {
+                for (size_t b = k; b < c; b++) {
+                    vector[c] -= lower[b * n + c] * vector[b];
+                }
+                vector[c] /= lower[c * n + c];
+            }
+            const double factor[LANES] = {vector[k], vector[k + 1], vector[k + 2], vector[k + 3]};
+            subtract_columns(k + LANES, n, lower + k * n, n, factor, vector);
+        }
+    }
+}
+
+EVERYWHERE void invert(size_t n, const double *restrict lower, double *restrict inverse) {
+    for (size_t i = 0; i < n; i++) {
+        memset(inverse + i * n, 0, (i / LANES + 1) * LANES * sizeof *inverse);
+        inverse[i * n + i] = 1.0;
+    }
+    for (size_t k = 0; k < n; k += LANES) {
+        const size_t end = k + LANES;
+        for (size_t c = k; c < end; c++) {
+            double *restrict row = inverse + c * n;
+            for (size_t b = k; b < c; b++) {
+                const double *restrict before = inverse + b * n;
+                const double factor = lower[b * n + c];
+                for (size_t j = 0; j < end; j++) {
+                    row[j] -= factor * before[j];
+                }
+            }
+            const double scale = 1.0 / lower[c * n + c];
+            for (size_t j = 0; j < end; j++) {
+                row[j] *= scale;
+            }
+        }
+        for (size_t i = end; i < n; i++) {
+            double factor[LANES];
+            for (size_t b = 0; b < LANES; b++) {
+                factor[b] = lower[(k + b) * n + i];
+            }
+            subtract_columns(0, end, inverse + k * n, n, factor, inverse + i * n);
+        }
+    }
+}
+
+EVERYWHERE void back(size_t n, const double *restrict inverse, const double *restrict x, double *restrict y,
+                     double *restrict squares) {
+    for (size_t j = 0; j < n; j += LANES) {
+        double sum[N_TURNED][LANES] = {{0.0}}, square[LANES] = {0.0};
+        for (size_t i = j; i < n; i++) {
+            const double *restrict row = inverse + i * n + j;
+            for (size_t r = 0; r < LANES; r++) {
+                square[r] += row[r] * row[r];
+            }
+            for (size_t v = 0; v < N_TURNED; v++) {
+                for (size_t r = 0; r < LANES; r++) {
+                    sum[v][r] += row[r] * x[v * n + i];
+                }
+            }
+        }
+        for (size_t r = 0; r < LANES; r++) {
+            squares[j + r] = square[r];
+            for (size_t v = 0; v < N_TURNED; v++) {
+                y[v * n + j + r] = sum[v][r];
+            }
+        }
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void decompose_avx2(size_t n, double *matrix) {
+    decompose(n, matrix);
+}
+
+AVX2 static void forward_avx2(size_t n, const double *lower, size_t count, double *x) {
+    forward(n, lower, count, x);
+}
+
+AVX2 static void invert_avx2(size_t n, const double *lower, double *inverse) {
+    invert(n, lower, inverse);
+}
+
+AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, double *y, double *squares) {
+    back(n, inverse, x, y, squares);
+}
+#endif
+
+void cholesky(int wide, size_t n, double *matrix) {
+    CHOSEN(wide, decompose)(n, matrix);
+}
+
+void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x) {
+    CHOSEN(wide, forward)(n, lower, count, x);
+}
+
+void invert_lower(int wide, size_t n, const double *lower, double *inverse) {
+    CHOSEN(wide, invert)(n, lower, inverse);
+}
+
+void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares) {
+    CHOSEN(wide, back)(n, inverse, x, y, squares);
+}
+
+double lane_dot(size_t n, const double *restrict x, const double *restrict y) {
+    double sum[LANES] = {0.0};
+    for (size_t i = 0; i < n; i += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            sum[r] += x[i + r] * y[i + r];
+        }
+    }
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+void invert_small(size_t order, const double *matrix, double *inverse) {
+    double lower[MAX_SMALL][MAX_SMALL] = {{0.0}}, of_unit[MAX_SMALL][MAX_SMALL] = {{0.0}};
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            double rest = matrix[i * order + j];
+            for (size_t k = 0; k < j; k++) {
+                rest -= lower[i][k] * lower[j][k];
+            }
+            lower[i][j] = i == j ? sqrt(rest) : rest / lower[j][j];
+        }
+    }
+    for (size_t j = 0; j < order; j++) {
+        for (size_t i = j; i < order; i++) {
+            double rest = i == j ? 1.0 : 0.0;
+            for (size_t k = j; k < i; k++) {
+                rest -= lower[i][k] * of_unit[k][j];
+            }
+            of_unit[i][j] = rest / lower[i][i];
+        }
+    }
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            double sum = 0.0;
+            for (size_t k = i > j ? i : j; k < order; k++) {
+                sum += of_unit[k][i] * of_unit[k][j];
+            }
+            inverse[i * order + j] = sum;
+        }
+    }
+}

@@ -1,0 +1,30 @@
+/* Dense algebra of the flight state's solution: one Cholesky decomposition, and what is solved with it.
+
+   Matrices of order n, a multiple of LANES; L lies by columns, n apart, and is right on and below its diagonal. Sums
+   take LANES terms at once, in one order on every processor. wide as for panels.h. */
+
+#ifndef FLIGHT_ALGEBRA_H
+#define FLIGHT_ALGEBRA_H
+
+#include <stddef.h>
+
+/* Replace the lower triangle of a positive definite matrix (n, n) by L, matrix = L L'. */
+void cholesky(int wide, size_t n, double *matrix);
+
+/* x = L^-1 x for `count` vectors, n apart. */
+void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x);
+
+/* L^-1 (n, n) by rows; what lies right of the diagonal's LANES is not set. */
+void invert_lower(int wide, size_t n, const double *lower, double *inverse);
+
+/* y = L'^-1 x for N_TURNED vectors, n apart, and the sums of squares (n) of the columns of L^-1. */
+#define N_TURNED 5
+void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares);
+
+/* Sum of x[i] y[i] over n elements, a multiple of LANES, in LANES parts. */
+double lane_dot(size_t n, const double *x, const double *y);
+
+/* The inverse (order, order) of a symmetric positive definite matrix of at most 5 rows, and its product with a vector. */
+void invert_small(size_t order, const double *matrix, double *inverse);
+
+#endif

@@ -1,0 +1,175 @@
+#include "flight_map.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "map_resource.h"
+
+#define SECTION_HEADER 24
+#define N_FLIGHT_SIZES 8
+#define N_FLIGHT_SCALARS 45
+#define MAX_ITERATIONS 1000
+#define MAX_KNOTS 4096
+
+static const char NAME[8] = "FLIGHT";
+
+enum { N_MACH, N_INCIDENCE, N_HARMONICS, N_CHANNELS, N_TERMS, N_COMMON };
+
+static uint32_t size_of(const unsigned char *content, int place) {
+    return u32_at(content, 4 * (size_t)place);
+}
+
+static size_t number_of_doubles(const FlightMap *map, size_t n) {
+    const size_t cells = (map->n_mach + 2) * (map->n_incidence + 2), loads = N_LOADS;
+    return N_FLIGHT_SCALARS + map->n_mach + map->n_incidence + cells * map->n_channels * map->n_harmonics
+         + map->n_terms * (2 + 2 * map->n_harmonics) + n + loads + 2 * n * n + loads * n + loads * loads
+         + N_PAIRS * n + 6 * map->n_common * n + n + N_NAVIGATION + 1;
+}
+
+static int sensible_sizes(const FlightMap *map, size_t n) {
+    return map->n_mach >= 2 && map->n_mach <= MAX_KNOTS && map->n_incidence >= 2 && map->n_incidence <= MAX_KNOTS
+        && map->n_harmonics >= 1 && map->n_harmonics <= MAX_KNOTS && map->n_channels >= 1
+        && map->n_channels <= 2 * (n + N_LOADS) && map->n_terms >= n + N_LOADS && map->n_terms <= 2 * (n + N_LOADS)
+        && map->n_common <= MAX_KNOTS;
+}
+
+static const double *take(const double **next, size_t count) {
+    const double *array = *next;
+    *next += count;
+    return array;
+}
+
+static void copy(const double **next, double *values, size_t count) {
+    memcpy(values, take(next, count), count * sizeof *values);
+}
+
+static void take_scalars(FlightMap *map, const double **next) {
+    map->reference_area = *take(next, 1);
+    map->reference_length = *take(next, 1);
+    copy(next, map->mach_range, 2);
+    copy(next, map->pressure_range, 2);
+    copy(next, map->log_pressure_range, 2);
+    map->middle_log_pressure = *take(next, 1);
+    map->incidence_limit = *take(next, 1);
+    copy(next, map->error, N_NAVIGATION);
+    map->chi_square_scale = *take(next, 1);
+    map->outlier_scale = *take(next, 1);
+    map->gauge_gain_std = *take(next, 1);
+    map->common_gain_std = *take(next, 1);
+    copy(next, map->prior_mean, N_STATES);
+    copy(next, map->prior_precision, N_STATES);
+    copy(next, map->largest_step, N_STATES);
+    copy(next, map->navigation_limit, N_NAVIGATION);
+    map->outlier_threshold = *take(next, 1);
+    map->min_incidence = *take(next, 1);
+    map->outside_score = *take(next, 1);
+    map->range_tolerance = *take(next, 1);
+    map->min_gain = *take(next, 1);
+    map->min_incidence_score = *take(next, 1);
+    map->half_gamma = *take(next, 1);
+    map->log_half_gamma = *take(next, 1);
+    map->search_every = *take(next, 1);
+    map->return_after = *take(next, 1);
+    map->start_iterations = *take(next, 1);
+    map->cold_iterations = *take(next, 1);
+    map->warm_iterations = *take(next, 1);
+}
+
+static void take_arrays(FlightMap *map, const double **next, size_t n) {
+    map->mach_knots = take(next, map->n_mach);
+    map->incidence_knots = take(next, map->n_incidence);
+    map->table = take(next, (map->n_mach + 2) * (map->n_incidence + 2) * map->n_channels * map->n_harmonics);
+    map->row = take(next, map->n_terms);
+    map->channel = take(next, map->n_terms);
+    map->cosine = take(next, map->n_terms * map->n_harmonics);
+    map->sine = take(next, map->n_terms * map->n_harmonics);
+    map->fixed = take(next, n + N_LOADS);
+    map->gauge_covariance = take(next, n * n);
+    map->scaled_covariance = take(next, n * n);
+    map->load_strain_covariance = take(next, N_LOADS * n);
+    map->load_covariance = take(next, N_LOADS * N_LOADS);
+    map->gauge_error_product = take(next, N_PAIRS * n);
+    map->common_error = take(next, 6 * map->n_common * n);
+    map->chi_square_limit = take(next, n + N_NAVIGATION + 1);
+}
+
+/* Whether a number of iterations can be: whole, from `least` on. */
+static int can_be(double iterations, double least) {
+    return iterations >= least && iterations <= MAX_ITERATIONS && iterations == (double)(size_t)iterations;
+}
+
+static int increasing(const double *knots, size_t count) {
+    int good = 1;
+    for (size_t i = 1; i < count; i++) {
+        good = good && knots[i] > knots[i - 1];
+    }
+    return good;
+}
+
+/* Whether rows ascend without a gap and channels exist. */
+static int sensible_terms(const FlightMap *map, size_t n) {
+    double last = -1.0;
+    int good = 1;
+    for (size_t t = 0; t < map->n_terms; t++) {
+        const double row = map->row[t], channel = map->channel[t];
+        good = good && (row == last || row == last + 1.0) && row >= 0.0 && channel >= 0.0
+            && channel < (double)map->n_channels && channel == (double)(size_t)channel;
+        last = row;
+    }
+    return good && last == (double)(n + N_LOADS - 1);
+}
+
+static int sensible_values(const FlightMap *map, const double *values, size_t count, size_t n) {
+    int good = 1;
+    for (size_t i = 0; i < count; i++) {
+        good = good && isfinite(values[i]);
+    }
+    good = good && increasing(map->mach_knots, map->n_mach) && increasing(map->incidence_knots, map->n_incidence)
+        && sensible_terms(map, n) && map->reference_area > 0.0 && map->reference_length > 0.0
+        && map->pressure_range[0] > 0.0 && map->log_pressure_range[1] > map->log_pressure_range[0]
+        && map->mach_range[1] >= map->mach_range[0] && map->mach_range[0] > 0.0 && map->incidence_limit > 0.0
+        && map->min_incidence > 0.0 && map->search_every >= 0.0 && map->return_after >= 0.0
+        && can_be(map->start_iterations, 2.0) && can_be(0.5 * map->start_iterations, 1.0)
+        && can_be(map->cold_iterations, 0.0) && can_be(map->warm_iterations, 0.0);
+    for (size_t i = 0; i < N_STATES; i++) {
+        good = good && map->largest_step[i] > 0.0 && map->prior_precision[i] > 0.0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        good = good && map->gauge_covariance[i * n + i] > 0.0;
+    }
+    return good;
+}
+
+int flight_map_parse(const unsigned char *bytes, size_t length, size_t n_gauges, FlightMap *map,
+                     char text[MODEL_TEXT_SIZE]) {
+    if (length < SECTION_HEADER + 4 * N_FLIGHT_SIZES || memcmp(bytes, NAME, sizeof NAME) != 0) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a section that is not known");
+        return 0;
+    }
+    uint64_t stated;
+    memcpy(&stated, bytes + 8, sizeof stated);
+    const unsigned char *content = bytes + SECTION_HEADER;
+    if (stated != length - SECTION_HEADER || u32_at(bytes, 16) != crc32(content, length - SECTION_HEADER)) {
+        snprintf(text, MODEL_TEXT_SIZE, "is damaged: length or checksum of the section of the tables is wrong");
+        return 0;
+    }
+    map->n_mach = size_of(content, N_MACH);
+    map->n_incidence = size_of(content, N_INCIDENCE);
+    map->n_harmonics = size_of(content, N_HARMONICS);
+    map->n_channels = size_of(content, N_CHANNELS);
+    map->n_terms = size_of(content, N_TERMS);
+    map->n_common = size_of(content, N_COMMON);
+    if (!sensible_sizes(map, n_gauges) || length - SECTION_HEADER
+                                              != 4 * N_FLIGHT_SIZES + 8 * number_of_doubles(map, n_gauges)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds tables whose sizes cannot be");
+        return 0;
+    }
+    const double *values = (const double *)(const void *)(content + 4 * N_FLIGHT_SIZES), *next = values;
+    take_scalars(map, &next);
+    take_arrays(map, &next, n_gauges);
+    if (!sensible_values(map, values, number_of_doubles(map, n_gauges), n_gauges)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds tables with a value that cannot be");
+        return 0;
+    }
+    return 1;
+}

@@ -1,0 +1,56 @@
+/* The tables over the flight state in resources/map.bin: a section behind the arrays of Map, read and checked.
+
+   A section is a name of 8 bytes, the length of its content of 8 bytes, the CRC-32 of that, and four zeros; then the
+   content. strainfmu/fmu/flight_resource.py writes it and has the formulas. */
+
+#ifndef FLIGHT_MAP_H
+#define FLIGHT_MAP_H
+
+#include "../core/resource.h"
+
+#define N_STATES 4     /* of the flight state: M [1], u, w [rad], ln(p_inf / Pa) */
+#define N_NAVIGATION 3 /* M [1], p_inf [Pa], q_inf [Pa] */
+#define N_MEASURED 7   /* M, ln p_inf, ln q_inf of navigation; then the four priors */
+
+enum { STATE_MACH, STATE_U, STATE_W, STATE_PRESSURE };
+
+/* Arrays point into the bytes of the file. Quantities and units: strainfmu/estimator/manifold/manifold_map.py. */
+typedef struct {
+    size_t n_mach, n_incidence; /* knots */
+    size_t n_harmonics, n_channels;
+    size_t n_terms;             /* of all rows: strains, then loads */
+    size_t n_common;            /* errors that all gauges have in common */
+    double reference_area, reference_length;
+    double mach_range[2], pressure_range[2], log_pressure_range[2], middle_log_pressure, incidence_limit;
+    double error[N_NAVIGATION]; /* of navigation without a deviation: of M [1], relative ones of p_inf and q_inf */
+    double chi_square_scale, outlier_scale;
+    double gauge_gain_std, common_gain_std;
+    double prior_mean[N_STATES], prior_precision[N_STATES];
+    double largest_step[N_STATES];
+    double navigation_limit[N_NAVIGATION]; /* standardised residuals above which navigation is inconsistent */
+    double outlier_threshold;
+    double min_incidence;
+    double outside_score, range_tolerance;
+    double min_gain, min_incidence_score;
+    double half_gamma, log_half_gamma;
+    double search_every, return_after; /* steps */
+    double start_iterations, cold_iterations, warm_iterations; /* the first an even number */
+    const double *mach_knots, *incidence_knots;
+    const double *table;        /* (n_mach + 2, n_incidence + 2, n_channels, n_harmonics) */
+    const double *row;          /* (n_terms) that a term adds to, ascending */
+    const double *channel;      /* (n_terms) */
+    const double *cosine, *sine; /* (n_terms, n_harmonics) factors of cos m phi_T and sin m phi_T */
+    const double *fixed;        /* (n_gauges + 5) */
+    const double *gauge_covariance, *scaled_covariance; /* (n_gauges, n_gauges) */
+    const double *load_strain_covariance;               /* (5, n_gauges) */
+    const double *load_covariance;                      /* (5, 5) */
+    const double *gauge_error_product;                  /* (21, n_gauges) */
+    const double *common_error;                         /* (n_common, 6, n_gauges) */
+    const double *chi_square_limit;                     /* (n_gauges + 4) by degrees of freedom from 0 on */
+} FlightMap;
+
+/* Read the section in bytes [length], for n_gauges gauges. Return 1, or 0 with a text that states what is wrong. */
+int flight_map_parse(const unsigned char *bytes, size_t length, size_t n_gauges, FlightMap *map,
+                     char text[MODEL_TEXT_SIZE]);
+
+#endif

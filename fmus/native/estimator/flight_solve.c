@@ -1,0 +1,434 @@
+#include "flight_solve.h"
+
+#include <math.h>
+
+#include "../core/elementary.h"
+#include "flight_algebra.h"
+#include "wide.h"
+
+#define MIN_MACH 0.1 /* below which ln M goes on as a constant */
+
+static double *taken(double **doubles, size_t count) {
+    double *array = *doubles;
+    *doubles += count;
+    return array;
+}
+
+size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
+    const size_t n = in_lanes(n_gauges), rows = in_lanes(n_gauges + N_LOADS);
+    return flight_tables_doubles(map, n_gauges) + (1 + N_STATES) * rows + 4 * n * n
+         + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1) * n;
+}
+
+/* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
+static void widen(size_t n_gauges, size_t n, const double *source, double *matrix) {
+    for (size_t i = 0; i < n_gauges; i++) {
+        memcpy(matrix + i * n, source + i * n_gauges, n_gauges * sizeof *matrix);
+    }
+}
+
+void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
+                          unsigned char **bytes) {
+    const size_t n = in_lanes(n_gauges);
+    solver->map = map;
+    solver->n_gauges = n_gauges;
+    solver->n = n;
+    solver->wide = wide;
+    flight_tables_arrays(map, n_gauges, &solver->tables, doubles);
+    response_arrays(&solver->tables, &solver->response, doubles);
+    solver->gauge_covariance = taken(doubles, n * n);
+    solver->scaled_covariance = taken(doubles, n * n);
+    solver->factor = taken(doubles, n * n);
+    solver->inverse = taken(doubles, n * n);
+    solver->search_strain = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
+    solver->search_weight = taken(doubles, n);
+    solver->sample.strain = taken(doubles, n);
+    solver->solution.standardised_residual = taken(doubles, n);
+    solver->squares = taken(doubles, n);
+    solver->right = taken(doubles, N_RIGHT * n);
+    solver->turned = taken(doubles, N_RIGHT * n);
+    solver->columns = taken(doubles, (map->n_common + 1) * n);
+    solver->sample.used = *bytes;
+    *bytes += n_gauges;
+    widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);
+    widen(n_gauges, n, map->scaled_covariance, solver->scaled_covariance);
+    flight_search_prepare(solver);
+}
+
+double quadratic(size_t order, const double *x, const double *matrix, const double *y) {
+    double sum = 0.0;
+    for (size_t i = 0; i < order; i++) {
+        double row = 0.0;
+        for (size_t j = 0; j < order; j++) {
+            row += matrix[i * order + j] * y[j];
+        }
+        sum += x[i] * row;
+    }
+    return sum;
+}
+
+/* Columns that all gauges have in common, and variances of each gauge on the diagonal of *own. */
+static void proportional_errors(FlightSolver *solver, double *own) {
+    const FlightMap *map = solver->map;
+    const size_t n = solver->n, n_gauges = solver->n_gauges;
+    const double pressure = solver->response.pressure, square = pressure * pressure;
+    const double *strain = solver->response.value, *loads = strain + n_gauges;
+    double c[1 + N_LOADS] = {1.0}, pair[N_PAIRS];
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
+        c[1 + i] = loads[i] / (pressure * reference);
+    }
+    for (size_t a = 0, k = 0; a <= N_LOADS; a++) {
+        for (size_t b = a; b <= N_LOADS; b++) {
+            pair[k++] = c[a] * c[b];
+        }
+    }
+    memset(own, 0, n * sizeof *own);
+    for (size_t k = 0; k < N_PAIRS; k++) {
+        for (size_t g = 0; g < n_gauges; g++) {
+            own[g] += pair[k] * map->gauge_error_product[k * n_gauges + g];
+        }
+    }
+    for (size_t g = 0; g < n_gauges; g++) {
+        const double gain = map->gauge_gain_std * strain[g];
+        own[g] = square * (own[g] > 0.0 ? own[g] : 0.0) + gain * gain;
+        solver->columns[map->n_common * n + g] = map->common_gain_std * strain[g];
+    }
+    for (size_t t = 0; t < map->n_common; t++) {
+        double *column = solver->columns + t * n;
+        memset(column, 0, n * sizeof *column);
+        for (size_t a = 0; a <= N_LOADS; a++) {
+            const double *error = map->common_error + (t * (1 + N_LOADS) + a) * n_gauges;
+            const double factor = pressure * c[a];
+            for (size_t g = 0; g < n_gauges; g++) {
+                column[g] += factor * error[g];
+            }
+        }
+    }
+}
+
+/* On and below the diagonal, with whole lanes. */
+EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, const double *restrict fixed,
+                               const double *restrict scaled, const double *restrict columns, double *restrict out) {
+    for (size_t j = 0; j < n; j++) {
+        const size_t first = j / LANES * LANES, at = j * n;
+        for (size_t i = first; i < n; i++) {
+            out[at + i] = fixed[at + i] + square * scaled[at + i];
+        }
+        for (size_t t = 0; t < n_columns; t++) {
+            const double *restrict column = columns + t * n;
+            const double factor = column[j];
+            for (size_t i = first; i < n; i++) {
+                out[at + i] += factor * column[i];
+            }
+        }
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void add_covariance_avx2(size_t n, size_t n_columns, double square, const double *fixed,
+                                     const double *scaled, const double *columns, double *out) {
+    add_covariance(n, n_columns, square, fixed, scaled, columns, out);
+}
+#endif
+
+void flight_strain_covariance(FlightSolver *solver) {
+    const size_t n = solver->n;
+    const double square = solver->response.pressure * solver->response.pressure;
+    double *own = solver->squares;
+    proportional_errors(solver, own);
+    CHOSEN(solver->wide, add_covariance)(n, solver->map->n_common + 1, square, solver->gauge_covariance,
+                                         solver->scaled_covariance, solver->columns, solver->factor);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        solver->factor[g * n + g] += own[g];
+    }
+}
+
+/* L of S at the state of solver->response; that of the unit matrix for gauges that are not in use. */
+static void set_factor(FlightSolver *solver) {
+    const size_t n = solver->n;
+    double *factor = solver->factor;
+    solver->factor_pressure = solver->response.pressure;
+    flight_strain_covariance(solver);
+    for (size_t g = 0; g < n; g++) {
+        if (g < solver->n_gauges && solver->sample.used[g]) {
+            continue;
+        }
+        for (size_t i = 0; i < n; i++) {
+            factor[g * n + i] = factor[i * n + g] = 0.0;
+        }
+        factor[g * n + g] = 1.0;
+    }
+    cholesky(solver->wide, n, factor);
+}
+
+static void evaluate(FlightSolver *solver, const double *state) {
+    memmove(solver->state, state, sizeof solver->state);
+    flight_response(&solver->tables, solver->wide, solver->state, &solver->response);
+}
+
+/* What the measurement reads at the state of the problem, subtracted from what it reads. */
+static void set_innovation(FlightSolver *solver) {
+    const double *state = solver->state, *value = solver->sample.value;
+    const double mach = state[STATE_MACH] > MIN_MACH ? state[STATE_MACH] : MIN_MACH;
+    double *innovation = solver->innovation;
+    innovation[0] = value[0] - state[STATE_MACH];
+    innovation[1] = value[1] - state[STATE_PRESSURE];
+    innovation[2] = value[2] - (solver->map->log_half_gamma + 2.0 * logarithm(mach) + state[STATE_PRESSURE]);
+    for (size_t k = 0; k < N_STATES; k++) {
+        innovation[N_NAVIGATION + k] = value[N_NAVIGATION + k] - state[k];
+    }
+    solver->log_mach_slope = 2.0 / mach;
+}
+
+/* Row of the measurement's Jacobian. */
+static void measurement_row(const FlightSolver *solver, size_t which, double *row) {
+    memset(row, 0, N_STATES * sizeof *row);
+    if (which >= N_NAVIGATION) {
+        row[which - N_NAVIGATION] = 1.0;
+    } else if (which == 0) {
+        row[STATE_MACH] = 1.0;
+    } else {
+        row[STATE_PRESSURE] = 1.0;
+        row[STATE_MACH] = which == 2 ? solver->log_mach_slope : 0.0;
+    }
+}
+
+/* Add the measurement to Hessian, gradient and cost. */
+static void add_measurement(FlightSolver *solver) {
+    for (size_t m = 0; m < N_MEASURED; m++) {
+        const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
+        double row[N_STATES];
+        measurement_row(solver, m, row);
+        for (size_t i = 0; i < N_STATES; i++) {
+            const double weighted = precision * row[i];
+            for (size_t j = 0; j < N_STATES; j++) {
+                solver->hessian[i * N_STATES + j] += weighted * row[j];
+            }
+            solver->gradient[i] += weighted * innovation;
+        }
+        solver->cost += precision * (innovation * innovation);
+    }
+}
+
+/* The problem about the state of solver->response, weighted by solver->factor. */
+static void linearise(FlightSolver *solver) {
+    const size_t n = solver->n;
+    double *right = solver->right;
+    memset(right, 0, N_RIGHT * n * sizeof *right);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        if (solver->sample.used[g]) {
+            right[g] = solver->sample.strain[g] - solver->response.value[g];
+            for (size_t k = 0; k < N_STATES; k++) {
+                right[(1 + k) * n + g] = solver->response.jacobian[k][g];
+            }
+        }
+    }
+    solve_lower(solver->wide, n, solver->factor, N_RIGHT, right);
+    for (size_t i = 0; i < N_STATES; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            solver->hessian[i * N_STATES + j] = solver->hessian[j * N_STATES + i] =
+                lane_dot(n, right + (1 + i) * n, right + (1 + j) * n);
+        }
+        solver->gradient[i] = lane_dot(n, right + (1 + i) * n, right);
+    }
+    solver->cost = lane_dot(n, right, right);
+    set_innovation(solver);
+    add_measurement(solver);
+}
+
+static double clipped(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+}
+
+/* The next state, inside the reach of the tables. */
+static void next_state(const FlightSolver *solver, double *state) {
+    const FlightMap *map = solver->map;
+    double inverse[N_STATES * N_STATES], step[N_STATES], size = 1.0;
+    invert_small(N_STATES, solver->hessian, inverse);
+    for (size_t i = 0; i < N_STATES; i++) {
+        step[i] = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            step[i] += inverse[i * N_STATES + j] * solver->gradient[j];
+        }
+        const double relative = fabs(step[i]) / map->largest_step[i];
+        size = relative > size ? relative : size;
+    }
+    for (size_t i = 0; i < N_STATES; i++) {
+        state[i] = solver->state[i] + step[i] / size;
+    }
+    state[STATE_MACH] = clipped(state[STATE_MACH], 0.7 * map->mach_range[0], 1.3 * map->mach_range[1]);
+    const double angle = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
+    const double limit = 1.5 * map->incidence_limit;
+    const double part = limit / (angle > 1e-12 ? angle : 1e-12);
+    if (part < 1.0) {
+        state[STATE_U] *= part;
+        state[STATE_W] *= part;
+    }
+    state[STATE_PRESSURE] =
+        clipped(state[STATE_PRESSURE], map->log_pressure_range[0] - 1.0, map->log_pressure_range[1] + 1.0);
+}
+
+double lognormal_deviation(double of_log) {
+    const double x = 3.0 * of_log;
+    if (!(x < 0.5)) {
+        return (exponential(x) - 1.0) / 3.0;
+    }
+    double sum = 1.0; /* (e^x - 1) / x */
+    for (int k = 16; k > 1; k--) {
+        sum = 1.0 + sum * x / k;
+    }
+    return x * sum / 3.0;
+}
+
+/* Sum over the states of a row times its covariance times another. */
+static void set_loads(FlightSolver *solver) {
+    const FlightMap *map = solver->map;
+    const size_t n = solver->n, n_gauges = solver->n_gauges;
+    const double pressure = solver->response.pressure, square = solver->factor_pressure * solver->factor_pressure;
+    const double mach = solver->state[STATE_MACH], dynamic = map->half_gamma * mach * mach * pressure;
+    Solution *found = &solver->solution;
+    double *turned = solver->turned, by_state[N_LOADS][N_STATES], of_coefficient[N_LOADS][N_STATES], scale[N_LOADS];
+    memset(turned, 0, N_LOADS * n * sizeof *turned);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t g = 0; g < n_gauges; g++) {
+            turned[i * n + g] =
+                solver->sample.used[g] ? square * map->load_strain_covariance[i * n_gauges + g] : 0.0;
+        }
+    }
+    solve_lower(solver->wide, n, solver->factor, N_LOADS, turned);
+    const double of_pressure[N_STATES] = {2.0 / mach, 0.0, 0.0, 1.0};
+    const double of_log = sqrt(quadratic(N_STATES, of_pressure, found->state_covariance, of_pressure));
+    const double widening = lognormal_deviation(of_log) / of_log, wider = widening * widening;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const size_t row = n_gauges + i;
+        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
+        scale[i] = 1.0 / (dynamic * reference);
+        found->loads[i] = solver->response.value[row] + lane_dot(n, turned + i * n, solver->right);
+        found->coefficients[i] = scale[i] * found->loads[i];
+        for (size_t k = 0; k < N_STATES; k++) {
+            by_state[i][k] =
+                solver->response.jacobian[k][row] - lane_dot(n, turned + i * n, solver->right + (1 + k) * n);
+            of_coefficient[i][k] = scale[i] * by_state[i][k] - found->coefficients[i] * of_pressure[k];
+        }
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            const size_t at = i * N_LOADS + j;
+            const double remaining =
+                square * map->load_covariance[at] - lane_dot(n, turned + i * n, turned + j * n);
+            found->load_covariance[at] =
+                quadratic(N_STATES, by_state[i], found->state_covariance, by_state[j]) + remaining;
+            found->coefficient_covariance[at] =
+                wider * (quadratic(N_STATES, of_coefficient[i], found->state_covariance, of_coefficient[j])
+                         + scale[i] * remaining * scale[j]);
+        }
+    }
+}
+
+/* (P r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
+static void set_gauge_residuals(FlightSolver *solver) {
+    const size_t n = solver->n;
+    Solution *found = &solver->solution;
+    double *back = solver->turned, pull[N_STATES], moved[N_STATES];
+    invert_lower(solver->wide, n, solver->factor, solver->inverse);
+    turn_back(solver->wide, n, solver->inverse, solver->right, back, solver->squares);
+    for (size_t k = 0; k < N_STATES; k++) {
+        pull[k] = lane_dot(n, solver->right + (1 + k) * n, solver->right);
+    }
+    for (size_t k = 0; k < N_STATES; k++) {
+        moved[k] = 0.0;
+        for (size_t l = 0; l < N_STATES; l++) {
+            moved[k] += found->state_covariance[k * N_STATES + l] * pull[l];
+        }
+    }
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        double row[N_STATES], product = back[g];
+        for (size_t k = 0; k < N_STATES; k++) {
+            row[k] = back[(1 + k) * n + g];
+            product -= row[k] * moved[k];
+        }
+        const double diagonal = solver->squares[g] - quadratic(N_STATES, row, found->state_covariance, row);
+        found->standardised_residual[g] =
+            solver->sample.used[g] && diagonal > 0.0 ? product / sqrt(diagonal) : 0.0;
+    }
+}
+
+static void set_navigation_residuals(FlightSolver *solver) {
+    Solution *found = &solver->solution;
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        const double precision = solver->sample.precision[m];
+        double row[N_STATES];
+        measurement_row(solver, m, row);
+        const double reached = quadratic(N_STATES, row, found->state_covariance, row);
+        const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
+        found->navigation_residual[m] = variance > 0.0 ? solver->innovation[m] / sqrt(variance) : 0.0;
+    }
+}
+
+/* The solution at the state of the problem. */
+static void set_solution(FlightSolver *solver) {
+    Solution *found = &solver->solution;
+    memcpy(found->state, solver->state, sizeof found->state);
+    invert_small(N_STATES, solver->hessian, found->state_covariance);
+    found->chi_square = solver->cost;
+    set_loads(solver);
+    set_gauge_residuals(solver);
+    set_navigation_residuals(solver);
+}
+
+void flight_solve_warm(FlightSolver *solver, const double *state) {
+    double next[N_STATES];
+    evaluate(solver, state);
+    set_factor(solver);
+    for (size_t k = 0; k < (size_t)solver->map->warm_iterations; k++) {
+        linearise(solver);
+        next_state(solver, next);
+        evaluate(solver, next);
+    }
+    linearise(solver);
+    set_solution(solver);
+}
+
+/* Iterate from a start, S renewed half-way, and return what tells the best: -2 ln likelihood. */
+static double iterate_start(FlightSolver *solver, double *state) {
+    const size_t iterations = (size_t)solver->map->start_iterations;
+    for (size_t k = 0; k < iterations; k++) {
+        evaluate(solver, state);
+        if (k % (iterations / 2) == 0) {
+            set_factor(solver);
+        }
+        linearise(solver);
+        next_state(solver, state);
+    }
+    evaluate(solver, state);
+    linearise(solver);
+    double sum = 0.0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        sum += logarithm(solver->factor[g * solver->n + g]);
+    }
+    return solver->cost + 2.0 * sum;
+}
+
+void flight_solve_cold(FlightSolver *solver) {
+    double best[N_STATES], lowest = INFINITY;
+    for (size_t start = 0; start < SEARCH_STARTS; start++) {
+        double state[N_STATES];
+        flight_search_start(solver, start, state);
+        const double cost = iterate_start(solver, state);
+        if (start == 0 || cost < lowest) {
+            lowest = cost;
+            memcpy(best, state, sizeof best);
+        }
+    }
+    const size_t iterations = (size_t)solver->map->cold_iterations;
+    for (size_t k = 0; k <= iterations; k++) {
+        evaluate(solver, best);
+        set_factor(solver);
+        linearise(solver);
+        if (k < iterations) {
+            next_state(solver, best);
+        }
+    }
+    set_solution(solver);
+}

@@ -1,0 +1,88 @@
+/* The flight state that fits strain and navigation, and loads, residuals and covariances that follow from it.
+
+   The C counterpart of strainfmu/estimator/manifold: error_covariance.py, gauss_newton.py, starts.py, solve.py. */
+
+#ifndef FLIGHT_SOLVE_H
+#define FLIGHT_SOLVE_H
+
+#include "flight_tables.h"
+#include "map_resource.h"
+
+#define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */
+
+/* What is known of a sample. */
+typedef struct {
+    double *strain;              /* (n) [m/m], 0 of gauges that are not in use */
+    unsigned char *used;         /* (n_gauges) */
+    double value[N_MEASURED];    /* of navigation and priors */
+    double precision[N_MEASURED]; /* 0 where not known */
+} Sample;
+
+/* States of the search, in the order of starts.py: incidences, of each the best is a start; Mach numbers; roll angles. */
+#define SEARCH_STARTS 6
+#define SEARCH_MACHS 3
+#define SEARCH_ROLLS 16
+#define SEARCH_STATES (SEARCH_MACHS * SEARCH_ROLLS) /* at each incidence */
+
+/* Estimates of a sample, about the map's moment point and references. */
+typedef struct {
+    double state[N_STATES], state_covariance[N_STATES * N_STATES];
+    double loads[N_LOADS], load_covariance[N_LOADS * N_LOADS];
+    double coefficients[N_LOADS], coefficient_covariance[N_LOADS * N_LOADS];
+    double chi_square;
+    double *standardised_residual; /* (n) */
+    double navigation_residual[N_NAVIGATION];
+} Solution;
+
+/* Arrays are by gauge, `n` of them: n_gauges in lanes. */
+typedef struct {
+    const FlightMap *map;
+    size_t n_gauges, n;
+    int wide;
+    FlightTables tables;
+    double *gauge_covariance, *scaled_covariance; /* (n, n) */
+    double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa] */
+    double search_mach[SEARCH_MACHS], search_incidence[SEARCH_STARTS];
+    double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
+    double *search_weight;                        /* (n) 1 over the deviation of each gauge */
+    Sample sample;
+    Solution solution;
+    /* Scratch: the problem about a state. */
+    double state[N_STATES];
+    Response response;
+    double *factor;              /* (n, n) L */
+    double factor_pressure;      /* p_inf that it belongs to [Pa] */
+    double *inverse;             /* (n, n) L^-1 */
+    double *right;               /* (N_RIGHT, n) L^-1 of residual and Jacobian */
+    double *turned;              /* (N_RIGHT, n) */
+    double *squares;             /* (n) */
+    double *columns;             /* (n_common + 1, n) */
+    double innovation[N_MEASURED];
+    double log_mach_slope;       /* derivative of ln q_inf by M */
+    double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
+} FlightSolver;
+
+/* Number of doubles that its arrays take, and handing them out, filled in; *bytes gives n_gauges flags. */
+size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges);
+void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
+                          unsigned char **bytes);
+
+/* Solve for solver->sample: from a search of the tables, or by a fixed number of iterations from a state. Then the
+   solution is in solver->solution. */
+void flight_solve_cold(FlightSolver *solver);
+void flight_solve_warm(FlightSolver *solver, const double *state);
+
+/* The relative deviation of a lognormal value three times which reach as far as three of its logarithm's. */
+double lognormal_deviation(double of_log);
+
+/* x' M x of a symmetric matrix, and x' M y. */
+double quadratic(size_t order, const double *x, const double *matrix, const double *y);
+
+/* S about the state of solver->response, in solver->factor, before it is decomposed; all gauges. For flight_search.c. */
+void flight_strain_covariance(FlightSolver *solver);
+
+/* Fill in the states of the search; write the best state at an incidence, by its index. */
+void flight_search_prepare(FlightSolver *solver);
+void flight_search_start(FlightSolver *solver, size_t start, double *state);
+
+#endif

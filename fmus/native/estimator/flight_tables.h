@@ -1,0 +1,43 @@
+/* Strain and loads over the flight state, as strainfmu/estimator/manifold/flight_tables.py has them.
+
+   Rows are strains, then the five loads. Tables are laid out for registers: harmonics of a channel in multiples of
+   LANES; every sum runs in LANES parts, which are added in one order on every processor. */
+
+#ifndef FLIGHT_TABLES_H
+#define FLIGHT_TABLES_H
+
+#include "flight_map.h"
+
+#define LANES 4
+
+static inline size_t in_lanes(size_t n) {
+    return (n + LANES - 1) / LANES * LANES;
+}
+
+typedef struct {
+    const FlightMap *map;
+    size_t rows, harmonics; /* of all strains and loads; n_harmonics in lanes */
+    size_t width;           /* of the coefficients at a pair of knots */
+    double *cells;          /* (n_mach + 2, n_incidence + 2, width) */
+    double *cosine, *sine;  /* (n_terms, harmonics) */
+    double *amplitude[3];   /* (width) scratch: value, derivatives by M and incidence */
+    double *wind[6];        /* (harmonics) scratch: cos and sin of m phi_T, derivatives by u, by w */
+} FlightTables;
+
+/* Response at a flight state. */
+typedef struct {
+    double pressure;            /* p_inf [Pa] */
+    double *value;              /* (rows) */
+    double *jacobian[N_STATES]; /* (rows) */
+} Response;
+
+/* Number of doubles of tables, and of a response; handing them out, tables filled in. */
+size_t flight_tables_doubles(const FlightMap *map, size_t n_gauges);
+void flight_tables_arrays(const FlightMap *map, size_t n_gauges, FlightTables *tables, double **doubles);
+size_t response_doubles(const FlightTables *tables);
+void response_arrays(const FlightTables *tables, Response *response, double **doubles);
+
+/* The response at a state. wide as for panels.h. */
+void flight_response(const FlightTables *tables, int wide, const double *state, Response *response);
+
+#endif

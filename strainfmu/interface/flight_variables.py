@@ -1,0 +1,153 @@
+"""What the interface of an FMU has besides where the map has tables over the flight state: navigation, air data.
+
+The names are those of the columns of recorded data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, MIN_GAIN
+from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE
+from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_KNOWN, PARAMETERS
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+    from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+
+AIR_DATA = {
+    "angle_of_attack": ("Angle of attack", "rad"),
+    "sideslip_angle": ("Sideslip angle", "rad"),
+    "total_incidence": ("Angle between the body axis and the wind", "rad"),
+    "wind_roll_angle": ("Roll angle of the leeward meridian, from +z towards +y", "rad"),
+    "mach_number": ("Mach number", "1"),
+    "static_pressure": ("Static pressure", "Pa"),
+    "dynamic_pressure": ("Dynamic pressure", "Pa"),
+}
+"""Description and unit of each of :data:`~strainfmu.estimator.manifold.air_data.AIR_DATA_NAMES`."""
+
+
+def flight_interface(
+    linear: tuple[Variable, ...], manifold: ManifoldMap, gauges: tuple[str, ...]
+) -> tuple[Variable, ...]:
+    """Return the variables of an FMU of the tables ``manifold``; ``linear`` are those of every map.
+
+    What the tables add comes last, so that all maps have the other value references in common. ``gauges`` are the
+    names of strains and flags.
+    """
+    variables = (*linear, *_navigation_inputs(manifold), *_air_data(manifold))
+    return tuple(_of_flight_state(one, manifold, gauges) for one in variables)
+
+
+def flight_outputs(estimate: FlightEstimate) -> list[float]:
+    """Return the outputs that :func:`flight_interface` adds, in its order."""
+    air = estimate.air_data
+    navigation = estimate.navigation_used & estimate.valid.any()
+    flags = [*air.is_identified.tolist(), *navigation.tolist(), estimate.is_linear]
+    return [*air.value.tolist(), *air.std.tolist(), *map(float, flags)]
+
+
+def _navigation_inputs(manifold: ManifoldMap) -> list[Variable]:
+    """Return what the tables take of navigation besides :data:`FLOW_INPUTS`."""
+    rows = (
+        (
+            "mach_number_std",
+            f"Standard deviation of the error of mach_number; {NOT_KNOWN:g} or NaN takes "
+            f"{manifold.mach_number_error:g}",
+            "1",
+        ),
+        (
+            "static_pressure",
+            "Static pressure by navigation, goes before altitude; "
+            f"{NOT_KNOWN:g} or NaN takes that of the standard atmosphere at altitude",
+            "Pa",
+        ),
+        (
+            "static_pressure_std",
+            f"Standard deviation of the error of static_pressure; {NOT_KNOWN:g} or NaN takes "
+            f"{manifold.static_pressure_error:g} of it",
+            "Pa",
+        ),
+    )
+    return [
+        Variable(name=name, description=text, causality="input", unit=unit, start=NOT_KNOWN)
+        for name, text, unit in rows
+    ]
+
+
+def _air_data(manifold: ManifoldMap) -> list[Variable]:
+    """Return the air data, their standard deviations, whether each is identified, and whether loads are linear."""
+    nominal = {"Pa": float(manifold.pressure_range[1])}
+    shown = {"rad": "deg", "Pa": "kPa"}
+    values = [
+        Variable(
+            name=f"air_data.{name}",
+            description=f"{AIR_DATA[name][0]}, from strain and navigation",
+            causality="output",
+            unit=AIR_DATA[name][1],
+            display_unit=shown.get(AIR_DATA[name][1]),
+            nominal=nominal.get(AIR_DATA[name][1]),
+        )
+        for name in AIR_DATA_NAMES
+    ]
+    deviations = [
+        replace(
+            value,
+            name=f"sigma.{value.name}",
+            description=f"Standard deviation of {value.name}",
+            nominal=None,
+            minimum=0.0,
+        )
+        for value in values
+    ]
+    flags = {
+        **{
+            f"identified.{value.name}": f"Whether strain and navigation bring the deviation of {value.name} below "
+            f"{MIN_GAIN:g} of what the ranges of the map give"
+            for value in values
+        },
+        **{
+            f"navigation_used.{name}": f"Whether {name} by navigation is known and agrees with strain and the rest"
+            for name in NAVIGATION
+        },
+        "health.linear_loads": "Whether loads and coefficients are those of the linear map: strain does not "
+        "fit the tables, or did not a few steps ago",
+    }
+    return [*values, *deviations, *(_flag(name, text) for name, text in flags.items())]
+
+
+def _flag(name: str, text: str) -> Variable:
+    return Variable(name=name, description=text, causality="output", variability="discrete", fmi_type="Boolean")
+
+
+_FLIGHT_TEXT: dict[str, str] = {
+    "dynamic_pressure": f"Dynamic pressure by navigation; {NOT_KNOWN:g} or NaN where not known",
+    "mach_number": f"Mach number by navigation; {NOT_KNOWN:g} or NaN where not known",
+    "altitude": "Geopotential altitude by navigation, for the static pressure; "
+    f"{NOT_KNOWN:g} or NaN where not known",
+    "health.chi_square": "Chi-square of strain and navigation about the tables",
+    "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside; "
+    f"OUTSIDE above {OUTSIDE_SCORE:g}",
+}
+"""Descriptions that differ for a map with tables over the flight state."""
+
+
+def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
+    """Return ``variable`` as a map with tables has it: every output depends on all gauges and navigation."""
+    one = replace(variable, description=_FLIGHT_TEXT.get(variable.name, variable.description))
+    if one.name == "dynamic_pressure":
+        return replace(one, minimum=None, start=NOT_KNOWN)
+    if one.name == "dynamic_pressure_std":
+        text = f"{NOT_KNOWN:g} or NaN takes {manifold.dynamic_pressure_error:g} of it"
+        return replace(one, description=f"Standard deviation of the error of dynamic_pressure; {text}")
+    if one.causality != "output" or one.name == "health.valid_gauges":
+        return one
+    of_flow = one.name.startswith(("health", "air_data", "sigma.air_data", "identified", "navigation_used"))
+    return replace(
+        one,
+        depends_on=(*gauges, *FLOW_INPUTS, *NAVIGATION_INPUTS),
+        initially_depends_on=PARAMETERS[:2] if of_flow else PARAMETERS,
+    )

@@ -1,0 +1,27 @@
+"""Names of the estimator's inputs and parameters, and what stands for a value that is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+
+FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
+"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.step.Estimator.step`."""
+
+NOT_KNOWN = -1e9
+"""Start value of :data:`FLOW_INPUTS` that need not be known, in the unit of each; NaN means the same.
+
+NaN alone would do, were there no importers that take it for an error (OMSimulator).
+"""
+
+PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
+"""Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
+
+
+NAVIGATION_INPUTS = ("mach_number_std", "static_pressure", "static_pressure_std")
+"""Further navigation of a map with tables over the flight state, as :data:`FLOW_INPUTS`."""
+
+
+def known_flow(values: Sequence[float]) -> tuple[float, ...]:
+    """Return ``values`` of :data:`FLOW_INPUTS`, NaN for those that are not known."""
+    return tuple(nan if value == NOT_KNOWN else value for value in values)

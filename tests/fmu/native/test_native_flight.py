@@ -1,0 +1,232 @@
+"""The nonlinear estimator of the native library: equal to numpy cold and warm, its state, what it refuses."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from ctypes import byref
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import (
+    FIRST,
+    N_D,
+    FlightFmu,
+    FlightSample,
+    check,
+    fresh_tracker,
+    random_flight,
+    tracked,
+    whole_map,
+)
+from raw_fmu import ERROR, GUID, N_OUTPUTS, OK, write_resource
+
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.settings import default_settings
+from strainfmu.fmu.flight_resource import SECTION, channel_tables
+from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
+from strainfmu.interface.estimator_variables import NOT_KNOWN
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.fixture(scope="module")
+def inverse_map() -> InverseMap:
+    return whole_map()
+
+
+@pytest.fixture(scope="module")
+def location(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_resource(inverse_map, tmp_path_factory.mktemp("flight")).as_uri()
+
+
+@pytest.fixture
+def fmu(location: str) -> Iterator[FlightFmu]:
+    one = FlightFmu(location, N_D)
+    one.start()
+    yield one
+    one.free()
+
+
+def compare(fmu: FlightFmu, inverse_map: InverseMap, samples: list[FlightSample]) -> list[HealthState]:
+    """Assert that all steps are those of numpy; their states of health."""
+    tracker, seen = fresh_tracker(inverse_map), []
+    for sample in samples:
+        found = tracked(tracker, sample)
+        check(fmu.advance(sample), found)
+        seen.append(HealthState(found.health))
+    return seen
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_cold_and_warm_steps_are_those_of_numpy(fmu: FlightFmu, inverse_map: InverseMap, seed: int) -> None:
+    assert HealthState.OK in compare(fmu, inverse_map, random_flight(inverse_map, 8, seed))
+
+
+def test_unknown_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    samples = random_flight(inverse_map, 6, seed=11)
+    kept: list[tuple[str, ...]] = [(), ("mach_number",), ("static_pressure",), ("dynamic_pressure",)]
+    blind = [replace(one, flow={name: one.flow[name] for name in kept[k % 4]}) for k, one in enumerate(samples)]
+    compare(fmu, inverse_map, [*blind, replace(samples[0], flow={"altitude": 20e3, "mach_number": np.nan})])
+
+
+def test_stated_deviations(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    stated = {"mach_number_std": 0.01, "static_pressure_std": 300.0, "dynamic_pressure_std": 0.0}
+    samples = [replace(one, flow=one.flow | stated) for one in random_flight(inverse_map, 5, seed=12)]
+    compare(fmu, inverse_map, samples)
+
+
+@pytest.mark.parametrize("name", ["mach_number", "static_pressure", "dynamic_pressure"])
+def test_wrong_navigation(fmu: FlightFmu, inverse_map: InverseMap, name: str) -> None:
+    right = random_flight(inverse_map, 4, seed=13)
+    samples = [replace(one, flow=one.flow | {name: 1.25 * one.flow[name]}) for one in right]
+    assert HealthState.DEGRADED in compare(fmu, inverse_map, samples)
+
+
+def test_lost_gauges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    random = np.random.default_rng(5)
+    samples = []
+    for k, one in enumerate(random_flight(inverse_map, 10, seed=14)):
+        valid = random.random(N_D) > 0.1 * k
+        strain = np.where(random.random(N_D) < 0.05, np.nan, one.strain)
+        samples.append(replace(one, strain=strain, valid=valid if k != 7 else np.zeros(N_D, dtype=bool)))
+    seen = compare(fmu, inverse_map, samples)
+    assert seen[7] == HealthState.INVALID
+    assert HealthState.DEGRADED in seen
+
+
+def test_off_the_tables_and_back(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """Loads of the linear map while strain does not fit, and for a few steps after; a search every tenth step."""
+    samples = random_flight(inverse_map, 30, seed=15)
+    bent = np.random.default_rng(6).normal(size=N_D) * 0.05 * np.abs(samples[0].strain).max()
+    off = [replace(one, strain=one.strain + bent) if 2 <= k < 16 else one for k, one in enumerate(samples)]
+    tracker, linear = fresh_tracker(inverse_map), []
+    for sample in off:
+        found = tracked(tracker, sample)
+        check(fmu.advance(sample), found, tolerance=1e-7)
+        linear.append(found.is_linear)
+    assert not any(linear[:2])
+    assert all(linear[2:18])
+    assert not any(linear[20:])
+
+
+def test_one_gauge_that_does_not_fit(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    samples = random_flight(inverse_map, 3, seed=16)
+    samples[1].strain[5] += 6e-6
+    assert compare(fmu, inverse_map, samples)[1] in (HealthState.SUSPECT, HealthState.INCONSISTENT)
+
+
+def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """What is set after a step belongs to the next one, however often it is set or read before that is taken."""
+    samples, tracker = random_flight(inverse_map, 6, seed=17), fresh_tracker(inverse_map)
+    for sample in samples:
+        fmu.give(samples[0])
+        fmu.all_outputs()
+        fmu.give(sample)
+        before = fmu.all_outputs()
+        assert fmu.step() == OK
+        assert fmu.all_outputs().tobytes() == before.tobytes()
+        check(before, tracked(tracker, sample))
+
+
+def test_a_step_with_the_same_inputs_goes_on(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    sample, tracker = random_flight(inverse_map, 1, seed=18)[0], fresh_tracker(inverse_map)
+    fmu.give(sample)
+    for _ in range(3):
+        assert fmu.step() == OK
+        check(fmu.all_outputs(), tracked(tracker, sample))
+
+
+def test_state_holds_the_track(fmu: FlightFmu, inverse_map: InverseMap, location: str) -> None:
+    samples = random_flight(inverse_map, 8, seed=19)
+    for sample in samples[:4]:
+        fmu.advance(sample)
+    at, state = fmu.all_outputs(), fmu.get_state()
+    content = fmu.serialise(state)
+    after = [fmu.advance(sample).tobytes() for sample in samples[4:]]
+    assert fmu.call("SetFMUstate", state) == OK
+    assert fmu.all_outputs().tobytes() == at.tobytes()
+    assert [fmu.advance(sample).tobytes() for sample in samples[4:]] == after
+    other = FlightFmu(location, N_D)
+    status, moved = other.deserialise(content)
+    assert status == OK
+    assert other.call("SetFMUstate", moved) == OK
+    assert [other.advance(sample).tobytes() for sample in samples[4:]] == after
+    assert fmu.call("FreeFMUstate", byref(state)) == OK
+    other.free()
+
+
+def test_reset_forgets_the_track(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    samples = random_flight(inverse_map, 3, seed=20)
+    first = [fmu.advance(sample).tobytes() for sample in samples]
+    assert fmu.call("Reset") == OK
+    fmu.start()
+    assert [fmu.advance(sample).tobytes() for sample in samples] == first
+
+
+def test_settings(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    sample = random_flight(inverse_map, 1, seed=21)[0]
+    before = fmu.advance(sample)
+    settings = default_settings(inverse_map)
+    area, length = 2.0 * settings.reference_area, 0.5 * settings.reference_length
+    assert fmu.set_scalars(5, 2.0, area, length, settings.moment_station + 0.5) == OK
+    after = fmu.advance(sample)
+    assert after[22] == pytest.approx(2.0 * before[22])
+    assert after[0] == pytest.approx(0.5 * before[0], rel=1e-3)
+    assert after[13] == pytest.approx(before[13] + 0.5 * before[11], rel=1e-3)
+
+
+def test_start_values(fmu: FlightFmu) -> None:
+    assert fmu.get_reals([N_OUTPUTS + 2 * N_D, *range(FIRST, FIRST + 3)]).tolist() == [NOT_KNOWN] * 4
+
+
+def test_refuses_model_exchange_and_derivatives(fmu: FlightFmu, location: str) -> None:
+    other = FlightFmu(location, N_D, co_simulation=False)
+    assert other.instance.value is None
+    assert other.messages[-1][2] == "this FMU is for co-simulation"
+    with pytest.raises(AssertionError):
+        fmu.derivative([0], [N_OUTPUTS], [1.0])
+
+
+def sealed(content: bytearray) -> bytes:
+    """``content`` with the check sum of the whole file put right."""
+    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
+    return bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("at", "expected"),
+    [(0, "section that is not known"), (8, "length or checksum"), (16, "length or checksum"), (900, "checksum")],
+)
+def test_damaged_section(inverse_map: InverseMap, tmp_path: Path, at: int, expected: str) -> None:
+    content = bytearray(native_resource(inverse_map, GUID))
+    content[content.rindex(SECTION) + at] ^= 0x01
+    write_resource(inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
+    fmu = FlightFmu((tmp_path / "resources").as_uri(), N_D)
+    assert fmu.instance.value is None
+    assert expected in fmu.messages[-1][2]
+
+
+def test_wrong_value_in_a_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    fmu.advance(random_flight(inverse_map, 1, seed=22)[0])
+    content = bytearray(fmu.serialise(fmu.get_state()))
+    content[-8:] = np.float64(0.5).tobytes()
+    content[12:16] = zlib.crc32(content[16:]).to_bytes(4, "little")
+    assert fmu.deserialise(bytes(content))[0] == ERROR
+    assert "flight state that cannot be" in fmu.messages[-1][2]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_channels_are_the_tables(inverse_map: InverseMap, turn: float) -> None:
+    """Whatever the stated roll angles are; gauges that are rotations of each other have one channel."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    found = channel_tables(manifold, turn + np.arange(N_D))
+    again = np.zeros_like(manifold.response)
+    for row, channel, *factors in zip(found.row, found.channel, found.cosine, found.sine, strict=True):
+        again[:, :, int(row)] += found.table[:, :, int(channel), :, None] * np.stack(factors, axis=-1)
+    assert np.max(np.abs(again - manifold.response)) < 1e-13 * np.max(np.abs(manifold.response))
+    assert found.table.shape[2] < N_D / 2

@@ -1,0 +1,132 @@
+"""The native library with a map that has tables over the flight state, and the tracker that it repeats."""
+
+from __future__ import annotations
+
+from ctypes import c_int, c_size_t
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from flight_maps import MACH, ROWS, STATIONS, flight_map
+from raw_fmu import N_OUTPUTS, N_SCALARS, OK, Fmu2
+from scaled_maps import scaled_map
+
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.interface.estimator_variables import NOT_KNOWN, output_values
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
+
+N_D = STATIONS * ROWS
+FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
+"""Value reference of the first variable that other maps do not have."""
+
+N_INPUTS, N_REALS, N_FLAGS = 3, 14, 11
+FLAGS = [20, 23, 24, 25, *range(N_OUTPUTS + N_REALS, N_OUTPUTS + N_REALS + N_FLAGS)]
+"""Whole numbers and Booleans among all outputs."""
+
+GROUPS = (
+    *(slice(*ends) for ends in ((0, 3), (3, 5), (5, 8), (8, 10), (10, 13), (13, 15), (15, 18), (18, 20))),
+    *(slice(k, k + 1) for k in (21, 22, 26)),
+    *(slice(*ends) for ends in ((27, 31), (31, 32), (32, 33), (33, 34), (34, 38), (38, 39), (39, 40), (40, 41))),
+)
+"""Outputs of one unit, compared relative to the largest."""
+
+
+def whole_map() -> InverseMap:
+    """A map for both estimators, with errors of every kind about its tables."""
+    random = np.random.default_rng(2)
+    manifold = flight_map(discrepancy=1e-2, hardware=True)
+    scale = float(np.median(np.abs(manifold.response[:, :, :N_D])))
+    manifold = replace(
+        manifold,
+        gauge_error_product=1e-6 * scale**2 * random.random((21, N_D)),
+        common_error=1e-3 * scale * random.standard_normal((2, 6, N_D)),
+        gauge_covariance=manifold.gauge_covariance + 1e-14 * np.ones((N_D, N_D)),
+    )
+    return replace(scaled_map(2, 1, N_D), manifold=manifold)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSample:
+    """One set of inputs; ``flow`` by name of the input, which is not known if it is not there."""
+
+    strain: np.ndarray
+    valid: np.ndarray
+    flow: dict[str, float] = field(default_factory=dict)
+
+
+def random_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[FlightSample]:
+    """Strains along a random motion inside the tables, with gauge noise and all of navigation."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    random = np.random.default_rng(seed)
+    root = np.linalg.cholesky(manifold.gauge_covariance)
+    incidence, phi = random.uniform(0.0, 0.9 * manifold.incidence_limit), random.uniform(0.0, 2.0 * np.pi)
+    state = np.array([random.uniform(*MACH[[0, -1]]), incidence * np.cos(phi), incidence * np.sin(phi), 0.0])
+    state[3] = np.log(random.uniform(2e3, 2e4))
+    samples = []
+    for _ in range(steps):
+        state = state + random.normal(size=4) * [0.002, 0.001, 0.001, 0.002]
+        strain = evaluate(manifold.tables, state[None]).value[0, :N_D] + root @ random.normal(size=N_D)
+        pressure = float(np.exp(state[3]))
+        flow = {
+            "mach_number": state[0] + 0.05 * random.normal(),
+            "static_pressure": pressure * (1.0 + 0.02 * random.normal()),
+            "dynamic_pressure": 0.7 * state[0] ** 2 * pressure * (1.0 + 0.01 * random.normal()),
+        }
+        samples.append(FlightSample(strain=strain, valid=np.ones(N_D, dtype=bool), flow=flow))
+    return samples
+
+
+class FlightFmu(Fmu2):
+    """An instance whose map has tables."""
+
+    def give(self, sample: FlightSample) -> None:
+        """Set all inputs."""
+        flow = [sample.flow.get(name, NOT_KNOWN) for name in FLOW_INPUTS]
+        self.set_strain(sample.strain)
+        self.set_valid(sample.valid)
+        assert self.set_scalars(0, *flow) == OK
+        further = [sample.flow.get(name, NOT_KNOWN) for name in NAVIGATION_INPUTS]
+        assert self.set_reals(range(FIRST, FIRST + N_INPUTS), further) == OK
+
+    def advance(self, sample: FlightSample) -> np.ndarray:
+        """All outputs after a step."""
+        self.give(sample)
+        assert self.step() == OK
+        return self.all_outputs()
+
+    def all_outputs(self) -> np.ndarray:
+        """(52,) those of every map, air data and their deviations, flags."""
+        reals = range(FIRST + N_INPUTS, FIRST + N_INPUTS + N_REALS)
+        flags = range(reals.stop, reals.stop + N_FLAGS)
+        values = (c_int * N_FLAGS)()
+        assert self.call("GetBoolean", self.references(flags), c_size_t(N_FLAGS), values) == OK, self.messages
+        return np.concatenate([self.outputs(), self.get_reals(reals), values[:]])
+
+
+def tracked(tracker: FlightTracker, sample: FlightSample) -> FlightEstimate:
+    """The same step by numpy."""
+    flow = dict(sample.flow)
+    q = flow.pop("dynamic_pressure", np.nan)
+    return tracker.step(sample.strain, q, sample.valid, **flow)
+
+
+def check(native: np.ndarray, estimate: FlightEstimate, tolerance: float = 1e-9) -> None:
+    """Assert that ``native`` outputs are those of numpy."""
+    expected = np.array(output_values(estimate))
+    assert native[FLAGS].tolist() == expected[FLAGS].tolist()
+    for group in GROUPS:
+        ours, theirs = native[group], expected[group]
+        assert np.isnan(ours).tolist() == np.isnan(theirs).tolist()
+        known = ~np.isnan(theirs)
+        size = np.max(np.abs(theirs[known]), initial=0.0)
+        difference = np.max(np.abs(ours - theirs)[known], initial=0.0)
+        assert difference <= tolerance * size, (group, ours, theirs)
+
+
+def fresh_tracker(inverse_map: InverseMap) -> FlightTracker:
+    """A tracker that has made no step."""
+    return FlightTracker(ManifoldEstimator(inverse_map))
