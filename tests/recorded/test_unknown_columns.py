@@ -171,4 +171,4 @@ def test_logs_take_no_options_of_tables(synthetic: SyntheticFiles, tmp_path: Pat
         "estimate", synthetic.map_1, tmp_path / "run.blf", "-o", tmp_path / "o.csv", "--residuals"
     )
     assert code == 2
-    assert "--accept-strain-level: expected none with a CAN log" in errors
+    assert "expected none with a CAN log" in errors
