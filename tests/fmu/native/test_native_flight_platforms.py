@@ -1,0 +1,94 @@
+"""The nonlinear estimator gives the same bits on every processor that can be tried here, and keeps its memory."""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_host import host_by_clang, loading_host, program, run_host
+from flight_fmu import N_D, random_flight, whole_map
+from native_case import NativeCase
+from raw_fmu import N_OUTPUTS, write_resource
+
+from strainfmu.fmu.native_build import library_file
+from strainfmu.interface.estimator_variables import NOT_KNOWN
+from strainfmu.interface.input_names import FLOW_INPUTS
+
+pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        (platform.system(), platform.machine()) != ("Linux", "x86_64"), reason="needs Linux on x86-64"
+    ),
+]
+
+FLIGHTS, STEPS = 20, 10
+LINUX = "x86_64-linux-gnu.2.17"
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
+    one = whole_map()
+    return NativeCase(one, write_resource(one, tmp_path_factory.mktemp("flight")))
+
+
+@pytest.fixture(scope="module")
+def inputs(flight: NativeCase, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Motions inside the tables that jump from one to the next; gauges lost, navigation unknown, strain bent."""
+    random, rows = np.random.default_rng(9), []
+    for number in range(FLIGHTS):
+        bent = random.normal(size=N_D) * (1e-5 if number % 5 == 4 else 0.0)
+        for sample in random_flight(flight.inverse_map, STEPS, seed=number):
+            valid = random.random(N_D) > (0.2 if number % 3 == 1 else 0.0)
+            flow = [sample.flow.get(name, NOT_KNOWN) for name in FLOW_INPUTS]
+            known = random.random(len(flow)) > (0.5 if number % 4 == 2 else 0.0)
+            rows.append(np.concatenate([sample.strain + bent, valid, np.where(known, flow, NOT_KNOWN)]))
+    path = tmp_path_factory.mktemp("inputs") / "flight.bin"
+    path.write_bytes(np.array(rows).astype("<f8").tobytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def linux_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return loading_host(LINUX, tmp_path_factory.mktemp("host") / "host")
+
+
+def outputs_by(command: list[str], flight: NativeCase, inputs: Path) -> bytes:
+    """Outputs of all steps, and of random strains that fit no tables."""
+    replayed = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs)
+    return replayed + run_host(command, flight, "run", 100, 5)
+
+
+@pytest.fixture(scope="module")
+def linux(flight: NativeCase, inputs: Path, linux_host: Path) -> bytes:
+    return outputs_by([str(linux_host), str(library_file("linux64"))], flight, inputs)
+
+
+def test_inputs_take_all_branches(linux: bytes) -> None:
+    states = set(np.frombuffer(linux).reshape(-1, N_OUTPUTS)[:, 20].astype(int).tolist())
+    assert {0, 1, 4, 7} <= states
+
+
+def test_sse2(flight: NativeCase, inputs: Path, linux: bytes, linux_host: Path) -> None:
+    emulator = program("qemu-x86_64", install="apt install qemu-user")
+    command = [emulator, "-cpu", "Nehalem", str(linux_host), str(library_file("linux64"))]
+    assert outputs_by(command, flight, inputs) == linux
+
+
+def test_aarch64(flight: NativeCase, inputs: Path, linux: bytes, tmp_path: Path) -> None:
+    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
+    sysroot = Path("/usr/aarch64-linux-gnu")
+    if not sysroot.is_dir():
+        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
+    host = loading_host("aarch64-linux-gnu.2.17", tmp_path / "host")
+    command = [emulator, "-L", str(sysroot), str(host), str(library_file("aarch64-linux"))]
+    assert outputs_by(command, flight, inputs) == linux
+
+
+def test_memory(flight: NativeCase, inputs: Path, tmp_path: Path) -> None:
+    """Instances that pass states on, under sanitizers; leaks are errors too."""
+    host = host_by_clang(tmp_path / "host", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    assert run_host([str(host)], flight, "many", 1).startswith(b"many: same")
+    assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs)
