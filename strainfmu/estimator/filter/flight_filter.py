@@ -209,7 +209,7 @@ class FlightFilter:
         start, iterations = track.state, WARM_ITERATIONS
         if searched or start is None:
             start, iterations = self.estimator.search(samples).state[0], 0
-        own = stationary_law(transition(self.model, 1.0, 1.0), len(samples.strain[0]))
+        own = stationary_law(transition(self.model, 1.0, 1.0), self.model.n_considered)
         found, sample = self._solved(own, samples, start=start, iterations=iterations)
         estimate = self.estimator.concluded(inputs, sample, found.solution)
         if _fits(estimate):
@@ -270,7 +270,7 @@ class FlightFilter:
         self, inputs: EstimatorInputs, samples: Samples, *, law: Law | None, step: Transition
     ) -> FilteredStep:
         """Return the prediction of a sample without gauges, and with the navigation that it has."""
-        own = stationary_law(step, len(samples.strain[0])) if law is None else law
+        own = stationary_law(step, self.model.n_considered) if law is None else law
         start = own.mean[:4] if self.track.state is None else self.track.state
         found, sample = self._solved(own, samples, start=start)
         estimate = self.estimator.concluded(inputs, sample, found.solution, predicted=law is not None)

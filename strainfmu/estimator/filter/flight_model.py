@@ -26,8 +26,8 @@ ERRORS_OF_NAVIGATION = 2 * N_STATES
 DISCREPANCY = ERRORS_OF_NAVIGATION + len(NAVIGATION)
 """First states of b and of c."""
 
-_ROUND_OFF = 1e-12
-"""Part of the noise's variance that keeps the factor of the considered errors regular."""
+_FAINT = 1e-9
+"""Variance of a term over the largest below which it is round-off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,9 +39,11 @@ class FlightModel:
     manifold : the tables.
     settings : of the filter.
     seen : errors of pressure per p_inf [1/Pa, m2, m3].
-    noise : (n_d,) variances of what is independent from sample to sample.
+    noise : (n_d, n_d) covariance of what does not scale and counts as independent from sample to sample.
     common : (n_d, c) errors that gauges have in common and that do not follow strain.
-    lasting : (n_d, n_d) covariance of the other errors that do neither.
+    of_gauge : (n_d, t, 6) errors of each gauge that last, per p_inf and c of
+        :class:`~strainfmu.estimator.manifold.manifold_map.ManifoldMap` [1/Pa].
+    own : (n_d,) standard deviation of what lasts in each gauge and does not follow strain.
     """
 
     manifold: ManifoldMap
@@ -49,7 +51,13 @@ class FlightModel:
     seen: SeenErrors
     noise: FloatArray
     common: FloatArray
-    lasting: FloatArray
+    of_gauge: FloatArray
+    own: FloatArray
+
+    @property
+    def n_considered(self) -> int:
+        """Number of errors that are considered: of each gauge its gain, its terms, and its own."""
+        return self.of_gauge.shape[0] * (self.of_gauge.shape[1] + 2)
 
     @property
     def n_states(self) -> int:
@@ -66,15 +74,31 @@ def flight_model(inverse_map: InverseMap, manifold: ManifoldMap, settings: Filte
     """Return the model of ``manifold``, the tables of ``inverse_map``."""
     noise, common, lasting = white_and_lasting(manifold.gauge_covariance, inverse_map.noise_std)
     std = np.sqrt(noise + np.diagonal(lasting))
+    # What is left beside a diagonal that dominates is a covariance (Gershgorin).
+    beside = np.sum(np.abs(lasting), axis=1) - np.diagonal(lasting)
+    own = np.sqrt(np.maximum(np.diagonal(lasting) - beside, 0.0))
     middle = float(np.exp(np.log(manifold.pressure_range).mean()))
     return FlightModel(
         manifold=manifold,
         settings=settings,
         seen=seen_errors(manifold.error_strain, manifold.error_load, middle, std),
-        noise=noise,
+        noise=np.diag(noise - own**2) + lasting,
         common=common,
-        lasting=lasting,
+        of_gauge=gauge_terms(manifold.gauge_error_product),
+        own=own,
     )
+
+
+def gauge_terms(product: FloatArray) -> FloatArray:
+    """Return (n_d, t, 6) errors D of each gauge whose products are ``product`` (21, n_d), see ``ManifoldMap``."""
+    first, second = np.array(PAIRS).T
+    whole = np.zeros((product.shape[1], 6, 6))
+    half = np.where(first == second, 1.0, 0.5)[:, None] * product
+    whole[:, first, second] = whole[:, second, first] = half.T
+    size, vector = np.linalg.eigh(whole)
+    terms = np.swapaxes(vector, 1, 2) * np.sqrt(np.maximum(size, 0.0))[:, :, None]
+    seen = np.max(size, axis=0) > _FAINT * max(float(np.max(size, initial=0.0)), 1e-300)
+    return np.asarray(terms[:, seen])
 
 
 def transition(model: FlightModel, time_step: float, widening: float) -> Transition:
@@ -98,7 +122,10 @@ def transition(model: FlightModel, time_step: float, widening: float) -> Transit
     rest = np.arange(ERRORS_OF_NAVIGATION, n)
     matrix[rest, rest] = decaying(time_constant, time_step)
     return Transition(
-        matrix=matrix, mean=mean, covariance=np.diag(variance), considered=float(np.exp(-time_step / slow))
+        matrix=matrix,
+        mean=mean,
+        covariance=np.diag(variance),
+        considered=float(np.exp(-time_step / settings.time_constant)),
     )
 
 
@@ -110,8 +137,8 @@ class ErrorColumns:
     ----------
     pressure : p_inf [Pa].
     strain : (n_d, n - 11) of the states c and e, per standard deviation.
-    considered : (n_d, n_d) factor of the covariance of the considered errors.
-    noise : (n_d,) variances of what is independent from sample to sample.
+    considered : (n_d, k) of the considered errors, each of one gauge.
+    noise : (n_d, n_d) covariance of what counts as independent from sample to sample.
     """
 
     pressure: float
@@ -127,12 +154,11 @@ def error_columns(model: FlightModel, state: FloatArray) -> ErrorColumns:
     response = evaluate(manifold.tables, state[None]).value[0]
     strain, loads, pressure = response[:n_d], response[n_d:], float(np.exp(state[LOG_PRESSURE]))
     c = np.concatenate([[1.0], loads / (pressure * manifold.references)])
-    first, second = np.array(PAIRS).T
-    of_gauge = pressure**2 * np.maximum((c[first] * c[second]) @ manifold.gauge_error_product, 0.0)
-    of_gauge = of_gauge + (manifold.gauge_gain_std * strain) ** 2
-    rest = model.lasting + pressure**2 * model.seen.rest_strain + np.diag(of_gauge)
-    small = _ROUND_OFF * model.noise
-    factor = np.asarray(np.linalg.cholesky(rest + np.diag(small)), dtype=np.float64)
+    gain = manifold.gauge_gain_std * strain
+    # Each error keeps its sign: that of a gain turns with the strain of its gauge.
+    of_gauge = np.column_stack([gain, model.own, pressure * (model.of_gauge @ c)])
+    considered = np.zeros((n_d, n_d, of_gauge.shape[1]))
+    considered[np.arange(n_d), np.arange(n_d)] = of_gauge
     columns = [
         pressure * model.seen.strain,
         manifold.common_gain_std * strain[:, None],
@@ -140,7 +166,10 @@ def error_columns(model: FlightModel, state: FloatArray) -> ErrorColumns:
         model.common,
     ]
     return ErrorColumns(
-        pressure=pressure, strain=np.concatenate(columns, axis=1), considered=factor, noise=model.noise - small
+        pressure=pressure,
+        strain=np.concatenate(columns, axis=1),
+        considered=considered.reshape(n_d, -1),
+        noise=model.noise + pressure**2 * model.seen.rest_strain,
     )
 
 
@@ -192,11 +221,14 @@ def measurement(
         ]
     )
     jacobian = np.concatenate([strain[used], navigation[known]])
-    considered = np.zeros((len(jacobian), n_d))
-    considered[: int(used.sum())] = columns.considered[used]
+    n_used = int(used.sum())
+    considered = np.zeros((len(jacobian), model.n_considered))
+    considered[:n_used] = columns.considered[used]
+    noise = white * np.eye(len(jacobian))
+    noise[:n_used, :n_used] = columns.noise[np.ix_(used, used)]
     return Measurement(
         innovation=apart - jacobian @ about,
         jacobian=jacobian,
         considered=considered,
-        noise=np.concatenate([columns.noise[used], np.full(int(known.sum()), white)]),
+        noise=noise,
     )

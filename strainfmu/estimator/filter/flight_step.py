@@ -95,7 +95,7 @@ def flight_solution(
     errors = law.mean.copy()
     errors[:N_STATES] = 0.0
     residual = (sample.strain - response.value[0, :n_d] - by_state[:n_d] @ errors)[used]
-    noise = (columns.considered @ columns.considered.T + np.diag(columns.noise))[np.ix_(used, used)]
+    noise = (columns.considered @ columns.considered.T + columns.noise)[np.ix_(used, used)]
     cross = pressure**2 * model.seen.rest_cross[:, used]
     turned = np.linalg.solve(noise, cross.T).T
     loads = response.value[0, n_d:] + by_state[n_d:] @ errors + turned @ residual

@@ -61,7 +61,7 @@ class Measurement:
     innovation : (m,) z less its prediction at the mean of the law.
     jacobian : (m, n) H.
     considered : (m, k) G.
-    noise : (m,) variances of e.
+    noise : (m, m) covariance of e.
     """
 
     innovation: FloatArray
@@ -110,7 +110,7 @@ def gain(law: Law, rows: Measurement) -> tuple[FloatArray, FloatArray]:
     to_rows = law.covariance @ rows.jacobian.T + law.cross @ rows.considered.T
     mixed = rows.jacobian @ law.cross @ rows.considered.T
     spread = rows.jacobian @ law.covariance @ rows.jacobian.T + mixed + mixed.T
-    spread += rows.considered @ rows.considered.T + np.diag(rows.noise)
+    spread += rows.considered @ rows.considered.T + rows.noise
     size = 1.0 / np.sqrt(np.diagonal(spread))
     # Strains and navigation have units of their own: equal diagonals keep the digits.
     lower = np.linalg.inv(np.linalg.cholesky(spread * size[:, None] * size)) * size
@@ -125,7 +125,7 @@ def measured(law: Law, rows: Measurement) -> Update:
     of_considered = k @ rows.considered
     mixed = kept @ law.cross @ of_considered.T
     covariance = kept @ law.covariance @ kept.T - mixed - mixed.T
-    covariance += of_considered @ of_considered.T + (k * rows.noise) @ k.T
+    covariance += of_considered @ of_considered.T + k @ rows.noise @ k.T
     weighted = inverse @ rows.innovation
     return Update(
         law=Law(

@@ -106,7 +106,7 @@ def linear_transition(model: LinearModel, time_step: float) -> Transition:
         matrix=np.diag(decaying(time_constant, time_step)),
         mean=np.zeros(len(model.std)),
         covariance=np.diag(model.std**2),
-        considered=float(np.exp(-time_step / slow)),
+        considered=float(np.exp(-time_step / model.settings.time_constant)),
     )
 
 
@@ -123,7 +123,7 @@ def linear_measurement(
         innovation=apart[used],
         jacobian=jacobian[used],
         considered=np.asarray(np.linalg.cholesky(rest), dtype=np.float64)[used],
-        noise=(model.noise - small)[used],
+        noise=np.diag((model.noise - small)[used]),
     )
 
 
@@ -134,7 +134,7 @@ def linear_loads(
     n_d = model.n_gauges
     rows = linear_measurement(model, strain, used, ratio=ratio, law=law)
     cross = ratio**2 * model.seen.rest_cross[:, used]
-    turned = np.linalg.solve(rows.considered @ rows.considered.T + np.diag(rows.noise), cross.T).T
+    turned = np.linalg.solve(rows.considered @ rows.considered.T + rows.noise, cross.T).T
     by_state = ratio * model.scaled[n_d:]
     loads = model.fixed[n_d:] + ratio * model.mean[n_d:] + by_state @ law.mean + turned @ rows.innovation
     of_loads = by_state - turned @ rows.jacobian

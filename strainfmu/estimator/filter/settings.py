@@ -8,7 +8,8 @@ from math import isfinite
 from strainfmu.errors import InputError
 
 SLOW = 100.0
-"""Time constant of hardware and navigation errors over that of the discrepancy [1]."""
+"""Time constant of the errors of navigation, and of hardware errors that all gauges have in common, over that of
+the discrepancy [1]."""
 
 RATE_TIME = 0.05
 """Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without

@@ -150,6 +150,23 @@ def test_deviation_holds_navigation_that_is_off_for_the_whole_flight(estimator: 
     assert np.all(np.abs(error) < 3.0 * np.sqrt(np.diagonal(found.state_covariance)))
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_deviations_hold_gains_of_gauges_through_a_manoeuvre(seed: int) -> None:
+    estimator = ManifoldEstimator(whole_map(hardware=True))
+    rng = np.random.default_rng(seed)
+    flight, gain = (
+        FlightFilter(estimator, FilterSettings(time_constant=1.0)),
+        1.0 + 0.01 * rng.standard_normal(N_D),
+    )
+    score = []
+    for i in range(100):
+        turn = 0.02 * np.pi * i
+        state = STATE + np.array([-0.003 * i, 0.06 * np.cos(turn) - 0.09, 0.06 * np.sin(turn) + 0.05, 0.0])
+        found = flight.step(0.06, gain * exact(state)[:N_D] + noise(rng), **navigation(state))
+        score.append((found.loads - exact(state)[N_D:]) / found.loads_std)
+    assert np.mean(np.abs(score) < 3.0) > 0.98
+
+
 def test_a_jump_of_the_flight_state_is_followed_at_once(estimator: ManifoldEstimator) -> None:
     flight = FlightFilter(estimator, FilterSettings(time_constant=1.0))
     rng = np.random.default_rng(0)

@@ -32,7 +32,7 @@ def reading(value: float, law: Law, noise: float, lasting: float = 0.0) -> Measu
         innovation=np.array([value]) - law.mean,
         jacobian=np.ones((1, 1)),
         considered=np.full((1, 1), lasting),
-        noise=np.array([noise]),
+        noise=np.array([[noise]]),
     )
 
 
@@ -61,7 +61,9 @@ def test_a_series_agrees_with_the_textbook_recursion() -> None:
         law = predicted(law, step)
         update = measured(
             law,
-            Measurement(innovation=value - h @ law.mean, jacobian=h, considered=np.zeros((m, 1)), noise=noise),
+            Measurement(
+                innovation=value - h @ law.mean, jacobian=h, considered=np.zeros((m, 1)), noise=np.diag(noise)
+            ),
         )
         law = update.law
         mean = step.mean + 0.9 * (mean - step.mean)
@@ -112,7 +114,7 @@ def test_many_steps_keep_the_covariance_positive() -> None:
         innovation=np.zeros(2),
         jacobian=np.array([[1e6, 1.0], [1e6, 1.0 + 1e-6]]),
         considered=np.array([[1e-3], [0.0]]),
-        noise=np.full(2, 1.0),
+        noise=np.eye(2),
     )
     for _ in range(4000):
         law = measured(predicted(law, step), rows).law
