@@ -7,7 +7,7 @@ V q), and the field that no state holds adds its standard deviation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,8 +37,10 @@ def no_field() -> InputError:
     return InputError("inverse map: holds no pressure field, expected one built with keep_field = true in [map]")
 
 
-def linear_pressure(inputs: FieldInputs | None, valid: BoolArray) -> PressureField:
+def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool = True) -> PressureField:
     """Return the pressure of one sample by the linear map from the ``valid`` (n_d,) gauges.
+
+    ``with_std`` false leaves the standard deviation NaN.
 
     Raises
     ------
@@ -57,6 +59,9 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray) -> PressureFie
     of = _states(held, inputs.strain, ratio, valid)
     state = of.gain @ of.data
     mean, modes = held.field_mean.astype(float), held.field_modes.astype(float)
+    pressure = ratio * (mean + modes @ state)
+    if not with_std:
+        return replace(unknown_field(len(mean), is_net), pressure=pressure)
     covariance = _state_covariance(held, of)
     variance = np.einsum("pq,qr,pr->p", modes, covariance, modes, optimize=True)
     excess = of.gain @ _excess(held, state, valid) @ of.gain.T
@@ -69,7 +74,7 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray) -> PressureFie
         by_ratio = mean + modes @ (of.gain @ (fixed - held.mean_strain)[valid])
         error = float(inputs.dynamic_pressure_std) / held.nominal_dynamic_pressure
         std = np.hypot(std, by_ratio * error)
-    return PressureField(pressure=ratio * (mean + modes @ state), std=std, is_net=is_net)
+    return PressureField(pressure=pressure, std=std, is_net=is_net)
 
 
 def _states(held: InverseMap, strain: FloatArray, ratio: float, valid: BoolArray) -> _States:

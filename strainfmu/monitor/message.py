@@ -44,6 +44,9 @@ UNITS = {
 }
 """Unit of every number of a result, by its key; a code is a number whose name stands beside it."""
 
+FIELD_UNITS = {"timestamp": "s since 1970", "x": "m", "roll_angle": "deg", "pressure_Pa": "Pa"}
+"""Unit of every number of a pressure field."""
+
 _NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
 _TEXTS = ("quality_name", "health_name", "bus_state")
 _FURTHER_NUMBERS = (
@@ -55,7 +58,7 @@ _FURTHER_TEXTS = ("health_text", "suspect_gauge")
 
 
 def parsed(datagram: bytes) -> dict[str, Any]:
-    """Return the object of a datagram: {"layout": ...} or a result, flat and of known types.
+    """Return the object of a datagram: {"layout": ...}, {"field": ...} or a result, flat and of known types.
 
     Raises
     ------
@@ -63,6 +66,8 @@ def parsed(datagram: bytes) -> dict[str, Any]:
         It is none of a bridge's.
     """
     content = json.loads(datagram[:LARGEST_DATAGRAM], parse_constant=_refused)
+    if "field" in content:
+        return {"field": _field(content["field"])}
     return {"layout": _layout(content["layout"])} if "layout" in content else _result(content)
 
 
@@ -117,6 +122,16 @@ def _recording(content: dict[str, Any] | None) -> dict[str, Any] | None:
         "lost": _number(content["lost"]),
         "failure": _text(content["failure"]),
     }
+
+
+def _field(content: dict[str, Any]) -> dict[str, Any]:
+    """Return places and pressure of a field: none, or one for each station and roll angle, station by station."""
+    found = {name: [_number(value) for value in content[name]] for name in ("x", "roll_angle", "pressure_Pa")}
+    if len(found["pressure_Pa"]) not in (0, len(found["x"]) * len(found["roll_angle"])):
+        raise ValueError("a field of another number of values than places")
+    if any(value is None for values in found.values() for value in values):
+        raise ValueError("a field with gaps")
+    return {"timestamp": _number(content["timestamp"]), **found}
 
 
 def _layout(content: dict[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from strainfmu.can.cycle.words import all_words
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.monitor.events import EventLog
-from strainfmu.monitor.message import UNITS, parsed
+from strainfmu.monitor.message import FIELD_UNITS, UNITS, parsed
 
 HISTORY = 60.0
 """Length of the history that a new page gets [s]."""
@@ -42,10 +42,11 @@ _NO_LAYOUT: dict[str, Any] = {"gauges": [], "vehicle": None, "coefficient_range"
 
 
 class Seen(NamedTuple):
-    """What a page has had: points of the history, changes of the event list."""
+    """What a page has had: points of the history, changes of the event list, pressure fields."""
 
     points: int
     events: int
+    fields: int = 0
 
 
 class MonitorState:
@@ -55,6 +56,8 @@ class MonitorState:
         self._changed = threading.Condition()
         self._latest: dict[str, Any] | None = None
         self._layout = _NO_LAYOUT
+        self._field: dict[str, Any] | None = None
+        self.fields = 0
         self._history: deque[list[Any]] = deque(maxlen=round(HISTORY / HISTORY_PERIOD))
         self._last_point = self._last_time = float("-inf")
         self._worst = -1
@@ -74,6 +77,9 @@ class MonitorState:
         with self._changed:
             if "layout" in content:
                 self._layout = content["layout"]
+            elif "field" in content:
+                self._field = content["field"]
+                self.fields += 1
             else:
                 self._take_result(content, now)
             self.datagrams += 1
@@ -132,7 +138,7 @@ class MonitorState:
         """
         with self._changed:
             silent = self._notice_silence(now)
-            shown = Seen(self.points, self._events.changes)
+            shown = Seen(self.points, self._events.changes, self.fields)
             new = len(self._history) if seen is None else min(shown.points - seen.points, len(self._history))
             content: dict[str, Any] = {
                 "layout": self._layout,
@@ -143,10 +149,13 @@ class MonitorState:
                 "refused": self.refused,
                 "points": list(self._history)[len(self._history) - new :],
             }
+            if seen is None or seen.fields != shown.fields:
+                content["field"] = self._field
             if seen is None or seen.events != shown.events:
                 content["events"] = self._events.listed()
         if seen is None:
-            content |= {"columns": COLUMNS, "units": UNITS, "words": all_words(), "history_s": HISTORY}
+            content |= {"columns": COLUMNS, "units": UNITS, "field_units": FIELD_UNITS}
+            content |= {"words": all_words(), "history_s": HISTORY}
         return json.dumps(content, separators=(",", ":"), allow_nan=False), shown
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from strainfmu.can.bridge.field_message import FIELD_PERIOD, FieldMessages
 from strainfmu.can.bridge.page_message import (
     EstimatorFacts,
     GaugePosition,
@@ -76,6 +77,7 @@ class Publisher:
     gauges : n_d positions, order of the strains.
     reports : of the bridge.
     facts : of the estimator.
+    field : messages with the pressure on the surface; None for none.
 
     Raises
     ------
@@ -91,6 +93,7 @@ class Publisher:
         rate: float,
         reports: BridgeReports,
         facts: EstimatorFacts | None = None,
+        field: FieldMessages | None = None,
     ) -> None:
         try:
             family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
@@ -101,8 +104,9 @@ class Publisher:
         self._target = target
         self._gauges, self._period = tuple(gauges), 1.0 / rate
         self._reports, self._facts = reports, facts or EstimatorFacts()
+        self._field = field
         self._start = time.monotonic()
-        self._next = self._next_layout = float("-inf")
+        self._next = self._next_layout = self._next_field = float("-inf")
         self._quality: Quality | None = None
         self._since = Cause.NONE
         self._counts: Counter[Quality] = Counter()
@@ -147,6 +151,9 @@ class Publisher:
                     self._next_layout = now + LAYOUT_PERIOD
                     self._send(layout_message(self._gauges, self._facts))
                 self._send(self._message(result, since, timestamp))
+                if self._field is not None and now >= self._next_field and not self._waiting:
+                    self._next_field = now + FIELD_PERIOD
+                    self._send(self._field.message(result, timestamp))
 
     def _message(self, result: CycleResult, since: Cause, timestamp: float) -> dict[str, Any]:
         """Return the message of one result with the state of the bridge."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from strainfmu.can.bridge.field_message import field_messages
 from strainfmu.can.bridge.page_message import PAGE_OUTPUTS, estimator_facts, gauge_positions
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_address
 from strainfmu.can.bridge.run_loop import Bridge
@@ -52,10 +53,12 @@ def observed_bridge(
     publish: str | None,
     publish_rate: float,
     also: Callable[[CycleResult], None] | None = None,
+    publish_field: Path | None = None,
 ) -> Iterator[ObservedBridge]:
     """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
 
-    ``also`` is called with every result before the publisher.
+    ``also`` is called with every result before the publisher. ``publish_field`` is a map of the same gauges that
+    holds the pressure field: the publisher's thread sends that too.
 
     Raises
     ------
@@ -66,6 +69,10 @@ def observed_bridge(
         raise InputError(f"--publish-rate: {publish_rate:g} Hz found, more than 0 to 10,000 Hz allowed")
     address = None if publish is None else parsed_address(publish, "--publish")
     positions = () if address is None else gauge_positions(fmu)
+    if publish_field is not None and address is None:
+        raise InputError("--publish-field: expected with --publish alone")
+    names = tuple(position.name for position in positions)
+    field = None if publish_field is None else field_messages(publish_field, names)
     watchers = [] if also is None else [also]
     publisher = None
 
@@ -104,6 +111,7 @@ def observed_bridge(
                     recording=lambda: _recording_report(recorder),
                 ),
                 facts=estimator_facts(fmu),
+                field=field,
             )
             watchers.append(publisher.result)
             stack.callback(publisher.close)

@@ -168,6 +168,10 @@ def bridge(
             help="With --publish: maximum number of datagrams a second.",
         ),
     ] = 50.0,
+    publish_field: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP", help="With --publish: the pressure on the surface too, by this map.h5."),
+    ] = None,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
@@ -215,7 +219,14 @@ def bridge(
     )
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
-    with observed_bridge(fmu, options, record=record, publish=publish, publish_rate=publish_rate) as observed:
+    with observed_bridge(
+        fmu,
+        options,
+        record=record,
+        publish=publish,
+        publish_rate=publish_rate,
+        publish_field=publish_field,
+    ) as observed:
         running = observed.ready
         console.print(
             f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {interface}:{channel}; stop with Ctrl-C",

@@ -6,7 +6,7 @@ derivative J_p by the state is (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
 
 
-def pressure_of(estimate: FlightEstimate) -> PressureField:
+def pressure_of(estimate: FlightEstimate, with_std: bool = True) -> PressureField:
     """Return the absolute pressure of ``estimate``; errors as :meth:`FlightEstimate.pressure`."""
     inputs = estimate.field_inputs
     manifold = None if inputs is None else inputs.inverse_map.manifold
@@ -42,8 +42,9 @@ def pressure_of(estimate: FlightEstimate) -> PressureField:
             state_covariance=estimate.state_covariance,
             strain=inputs.strain,
             used=estimate.valid,
+            with_std=with_std,
         )
-    found = linear_pressure(inputs, estimate.valid)
+    found = linear_pressure(inputs, estimate.valid, with_std)
     if not found.is_net:
         return found
     ambient, std = float(inputs.static_pressure), float(inputs.static_pressure_std)
@@ -108,6 +109,7 @@ def flight_pressure(
     state_covariance: FloatArray,
     strain: FloatArray,
     used: BoolArray,
+    with_std: bool = True,
 ) -> PressureField:
     """Return the pressure at an estimated flight state.
 
@@ -115,6 +117,7 @@ def flight_pressure(
     ----------
     state, state_covariance : (4,), (4, 4) of the estimate.
     strain, used : (n_d,) strain [m/m], and the gauges that the state follows from.
+    with_std : false leaves the standard deviation NaN.
     """
     n_d = manifold.tables.n_gauges
     table = table_pressure(manifold, field, state)
@@ -124,6 +127,10 @@ def flight_pressure(
     jacobian = np.where(used[:, None], response.jacobian[0, :n_d], 0.0)
     whitened = np.linalg.solve(factor, np.column_stack([residual, jacobian]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
+    if not with_std:
+        weights = np.linalg.solve(factor.T, whitened[:, 0])
+        correction = pressure * pressure * (_around(field) @ _of_stations(field, used, weights)).T.ravel()
+        return replace(unknown_field(field.n_nodes, is_net=False), pressure=table.value + correction)
     gain = pressure * pressure * _turned(field, factor, used)
     by_state = table.jacobian - gain @ whitened[:, 1:]
     relative = field.error_std[:, None] ** 2 + _at_wind(field, state).astype(float) ** 2
@@ -141,9 +148,19 @@ def _turned(field: FlightField, factor: FloatArray, used: BoolArray) -> FloatArr
     n_x, n_h, _, n_d = field.strain_covariance.shape
     known = np.where(used, field.strain_covariance, 0.0).reshape(-1, n_d)
     whitened = np.linalg.solve(factor, known.T).T.reshape(n_x, 2 * n_h, n_d)
-    angle = np.outer(field.roll_angle, np.arange(n_h))
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(-1, 2 * n_h)
-    return np.asarray((around @ whitened).reshape(-1, n_d))
+    return np.asarray((_around(field) @ whitened).reshape(-1, n_d))
+
+
+def _of_stations(field: FlightField, used: BoolArray, weights: FloatArray) -> FloatArray:
+    """Return (2 n_h, n_x) amplitudes of C times ``weights`` (n_d,)."""
+    known = field.strain_covariance[..., used].astype(float) @ weights[used]
+    return np.asarray(known.reshape(len(known), -1).T)
+
+
+def _around(field: FlightField) -> FloatArray:
+    """Return (n_roll, 2 n_h) cosines and sines round the body."""
+    angle = np.outer(field.roll_angle, np.arange(field.strain_covariance.shape[1]))
+    return np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(angle), -1)
 
 
 def _at_wind(field: FlightField, state: FloatArray) -> FloatArray:

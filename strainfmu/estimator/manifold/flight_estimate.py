@@ -33,11 +33,12 @@ class FlightEstimate(LoadEstimate):
     navigation_used: BoolArray
     is_linear: bool
 
-    def pressure(self) -> PressureField:
+    def pressure(self, with_std: bool = True) -> PressureField:
         """Return absolute pressure and standard deviation at every node of the map's surface, off the deadline.
 
         Of strain that does not fit the tables it is the linear map's, over p_inf of navigation, or of the flight
-        state where navigation has none.
+        state where navigation has none. ``with_std`` false leaves the standard deviation NaN, at a fraction of the
+        cost.
 
         Raises
         ------
@@ -46,7 +47,7 @@ class FlightEstimate(LoadEstimate):
         """
         from strainfmu.estimator.manifold.field_estimate import pressure_of
 
-        return pressure_of(self)
+        return pressure_of(self, with_std)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,7 @@
 // The page of the monitor: takes the stream, keeps the last minute, and writes head, events and frame account.
 import { drawGauges } from "./gauges.js";
 import { drawHistories, makeCharts, SYMBOLS } from "./histories.js";
+import { drawField } from "./pressure.js";
 import { byId, clock, duration, element, known, number, text } from "./texts.js";
 
 const NO_NEWS = 3000; // ms without an event of the stream, which sends one a second at least
@@ -8,6 +9,7 @@ const DRAW_EVERY = 200; // ms
 let content = null;
 let constant = { words: { quality: {}, cause: {}, bus: {}, health: {} }, history_s: 60 };
 let points = [];
+let field = null;
 let events = [];
 let heard = 0;
 let waiting = false;
@@ -138,6 +140,7 @@ function draw() {
   writeVerdict(latest, state === "gone" || state === "unreachable");
   writeTiles(layout, latest);
   drawGauges(layout, latest);
+  drawField(field, latest);
   drawHistories(content, points, choices());
   writeAccount(latest);
 }
@@ -161,6 +164,10 @@ function take(news) {
     writeEvents();
   }
   content = news;
+  if ("field" in news) { // at the rate of its datagrams
+    field = news.field;
+    if (news.latest !== null) requestAnimationFrame(() => drawField(field, content.latest));
+  }
   heard = performance.now();
   redraw();
 }

@@ -1,0 +1,146 @@
+"""The pressure on the unrolled body: from a result of the bridge, off its cycle, to the monitor's state."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from field_maps import N_D, N_ROLL, X, exact_pressure, field_map
+from flight_maps import exact_response
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.can.bridge.field_message import FieldMessages, field_messages
+from strainfmu.can.bridge.page_message import GaugePosition
+from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+from strainfmu.can.cycle.bus_state import BusState
+from strainfmu.can.cycle.frame_account import FrameAccount
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.monitor.message import parsed
+from strainfmu.monitor.server import Monitor
+from strainfmu.monitor.state import MonitorState
+
+pytestmark = pytest.mark.fast
+STATE = (6.0, 0.06, 0.03, 5474.9)
+
+
+def cycle(quality: Quality = Quality.VALID) -> CycleResult:
+    strain = exact_response(*STATE)[:N_D]
+    strain[4] = np.nan
+    return CycleResult(
+        time=1.0,
+        quality=quality,
+        causes=Cause.NONE,
+        valid=np.isfinite(strain),
+        strain=strain,
+        dynamic_pressure=0.7 * 36.0 * 5474.9,
+        mach_number=6.0,
+        altitude=20e3,
+        health=0,
+    )
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_message_is_the_pressure_of_the_strains() -> None:
+    messages = FieldMessages(field_map())
+    content = messages.message(cycle(), 5.0)["field"]
+    assert content["x"] == X.tolist()
+    assert len(content["roll_angle"]) == N_ROLL
+    truth = exact_pressure(*STATE)
+    assert np.max(np.abs(np.array(content["pressure_Pa"]) - truth)) < 0.02 * np.max(truth)
+    assert messages.message(cycle(Quality.STALE), 5.0)["field"]["pressure_Pa"] == []
+
+
+def test_maps_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    names = field_map().gauge_names
+    save_inverse_map(field_map(), tmp_path / "map.h5")
+    save_inverse_map(field_map(linear=True), tmp_path / "linear.h5")
+    assert isinstance(field_messages(tmp_path / "map.h5", names), FieldMessages)
+    with pytest.raises(InputError, match=r"map.h5: expected a map of the estimator's gauges"):
+        field_messages(tmp_path / "map.h5", names[::-1])
+    with pytest.raises(InputError, match=r"linear.h5: expected a map built with estimator = 'manifold' and keep_"):
+        field_messages(tmp_path / "linear.h5", names)
+
+
+def test_pressure_alone_is_that_with_its_deviation() -> None:
+    from strainfmu.estimator.loading import estimator_of
+
+    for held in (field_map(), field_map(linear=True)):
+        found = estimator_of(held).estimate(np.atleast_2d(exact_response(*STATE)[:N_D]), 0.7 * 36.0 * 5474.9)[0]
+        one, other = found.pressure(), found.pressure(with_std=False)
+        np.testing.assert_allclose(other.pressure, one.pressure, rtol=1e-12)
+        assert np.all(np.isnan(other.std))
+        assert one.is_net == other.is_net
+
+
+def test_publisher_sends_it_to_the_page() -> None:
+    monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
+    publisher = Publisher(
+        monitor.listens_at,
+        [GaugePosition(f"g{i}") for i in range(N_D)],
+        rate=1e4,
+        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        field=FieldMessages(field_map()),
+    )
+    try:
+        end = time.monotonic() + 1.05
+        while time.monotonic() < end:
+            publisher.result(cycle())
+            time.sleep(0.005)
+        until(lambda: monitor.state.fields >= 1)
+        assert monitor.state.fields <= 12  # ten a second, however many results
+        content = json.loads(monitor.state.snapshot(time.monotonic()))
+        assert len(content["field"]["pressure_Pa"]) == len(X) * N_ROLL
+        assert content["field_units"]["pressure_Pa"] == "Pa"
+        assert content["latest"]["quality_name"] == "VALID"
+    finally:
+        publisher.close()
+        monitor.close()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"timestamp": 1.0, "x": [0.0, 1.0], "roll_angle": [0.0], "pressure_Pa": [1.0]},
+        {"timestamp": 1.0, "x": [0.0], "roll_angle": [0.0], "pressure_Pa": [None]},
+        {"timestamp": 1.0, "x": [0.0], "roll_angle": ["0"], "pressure_Pa": [1.0]},
+        {"timestamp": 1.0, "x": [0.0], "roll_angle": [0.0]},
+    ],
+)
+def test_damaged_field_is_refused(content: dict[str, object]) -> None:
+    state = MonitorState()
+    state.take(json.dumps({"field": content}).encode(), 1.0)
+    assert (state.refused, state.fields) == (1, 0)
+
+
+def test_page_gets_a_field_once() -> None:
+    field = {"timestamp": 1.0, "x": [0.0], "roll_angle": [0.0, 180.0], "pressure_Pa": [1000, 2000]}
+    datagram = json.dumps({"field": field}).encode()
+    assert parsed(datagram)["field"]["pressure_Pa"] == [1000, 2000]
+    state = MonitorState()
+    state.take(datagram, 1.0)
+    content, seen = state.news(1.0, None)
+    assert json.loads(content)["field"] == field
+    assert "field" not in json.loads(state.news(1.1, seen)[0])
+
+
+def test_command_refuses_a_field_without_a_publisher(
+    run: Callable[..., tuple[int, str, str]], synthetic: SyntheticFiles
+) -> None:
+    options = ["--interface", "virtual", "--channel", "field", "--publish-field", synthetic.map_1]
+    code, _, error = run("bridge", synthetic.estimator_1, *options)
+    assert code != 0
+    assert "--publish-field: expected with --publish alone" in error
+    code, _, error = run("bridge", synthetic.estimator_1, *options, "--publish", "127.0.0.1:9870")
+    assert code != 0
+    assert "expected a map built with estimator = 'manifold' and keep_field = true" in error
