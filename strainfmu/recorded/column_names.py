@@ -167,7 +167,7 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
 def _nearest(name: str, names: Sequence[str], wanted: Wanted) -> str | None:
     """Return the known name that ``name`` most resembles, None without one; names that are there are no choice."""
     there = {last_part(other) for other in names} | set(names)
-    known = [one for one in ("time", *FLOW_NAMES, *wanted.gauge_names) if one not in there]
+    known = [one for one in ("time", *wanted.flow, *wanted.gauge_names) if one not in there]
     plain = last_part(name).lower()
     other = _OTHER_NAMES.get(re.sub("[^a-z0-9]", "", plain))
     if other in known:

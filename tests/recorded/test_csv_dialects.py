@@ -133,3 +133,8 @@ def test_above_the_atmosphere_there_is_no_dynamic_pressure(tmp_path: Path) -> No
     text = "time,G0,G1,mach_number,altitude [km]\n0,0,0,6,20\n1,0,0,6,72\n2,0,0,6,\n"
     block, _ = read(tmp_path / "d.csv", text)
     assert np.isfinite(block.dynamic_pressure).tolist() == [True, False, False]
+
+
+def test_a_static_pressure_by_another_name_is_suggested(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="column 'Ps': unknown name; did you mean 'static_pressure'"):
+        read(tmp_path / "d.csv", "time,G0,G1,mach_number,Ps\n0,0,0,6,100\n")

@@ -35,3 +35,27 @@ def test_recordings_give_equal_estimates(name: str, synthetic: SyntheticFiles, t
     for coefficient in (*COEFFICIENT_NAMES, *(f"sigma.{one}" for one in COEFFICIENT_NAMES)):
         heading = f"{coefficient} [1]"
         np.testing.assert_allclose(found[heading], expected[heading], rtol=1e-7, atol=1e-9, err_msg=coefficient)
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".parquet"])
+def test_channels_named_by_gauges_need_no_map_of_channels(
+    suffix: str, synthetic: SyntheticFiles, tmp_path: Path
+) -> None:
+    time, strain, pressure = flown()
+    columns = {"time": time, **dict(zip(NAMES, strain.T, strict=True)), "dynamic_pressure": pressure}
+    if suffix == ".mat":
+        pytest.importorskip("scipy.io").savemat(tmp_path / "d.mat", {"t": time, "strain": strain, "oil": time})
+        summary = estimate_file(
+            synthetic.map_1, tmp_path / "d.mat", tmp_path / "o.csv", 9e4, ignore_columns=("oil",)
+        )
+    else:
+        pytest.importorskip("pyarrow")
+        pandas = pytest.importorskip("pandas")
+        pandas.DataFrame(columns).to_parquet(tmp_path / "d.parquet")
+        summary = estimate_file(synthetic.map_1, tmp_path / "d.parquet", tmp_path / "o.csv")
+    assert (summary.samples, summary.notes, dict(summary.missing_strains)) == (len(time), [], {})
+    held = {"dynamic_pressure": 9e4} if suffix == ".mat" else {}
+    plain = write_csv(tmp_path / "plain.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
+    estimate_file(synthetic.map_1, plain, tmp_path / "plain_out.csv", **held)
+    found, expected = read_csv(tmp_path / "o.csv"), read_csv(tmp_path / "plain_out.csv")
+    np.testing.assert_allclose(found["C_N [1]"], expected["C_N [1]"], rtol=1e-9)
