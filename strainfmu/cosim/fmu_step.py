@@ -30,6 +30,8 @@ _OUTPUTS = (
     "health.chi_square",
     "health.state",
 )
+_FIRST_NUMBER = 2 * len(COEFFICIENT_NAMES)
+"""Place of the first output that is neither a coefficient nor its standard deviation: ``health.chi_square``."""
 _CONTENTS = "extra/strainfmu/contents.json"
 """What an FMU of this project states beside its model description (strainfmu/fmu/package.py)."""
 
@@ -145,22 +147,24 @@ class FmuStep:
         inputs[self.n_gauges] = dynamic_pressure
         for name, value in further.items():
             inputs[self._place[name]] = value
-        mask = np.isfinite(strain)
+        values = self._values
         try:
             self._transfer(self._setters, inputs, into=True)
-            self._set_mask(mask)
+            if self._mask_setters:
+                self._set_mask(np.isfinite(strain))
             self._step(self._time, step_size)
-            self._transfer(self._getters, self._values, into=False)
+            self._transfer(self._getters, values, into=False)
         except StrainfmuError as error:
             self._time += step_size
             raise self._after(error) from error
         self._time += step_size
+        chi_square, *others, health = values[_FIRST_NUMBER:].tolist()
         return StepResult(
-            coefficients=self._values[:5].copy(),
-            coefficients_std=self._values[5:10].copy(),
-            health=int(self._values[-1]),
-            chi_square=float(self._values[10]),
-            further=dict(zip(self.further_outputs, self._values[len(_OUTPUTS) - 1 : -1].tolist(), strict=True)),
+            values[:5].copy(),
+            values[5:_FIRST_NUMBER].copy(),
+            int(health),
+            chi_square,
+            dict(zip(self.further_outputs, others, strict=True)),
         )
 
     def close(self) -> None:
@@ -174,9 +178,9 @@ class FmuStep:
         self._instance = Instance("bridge", self.path, self._description, self._folder)
         try:
             first = self._first_mask
-            self._setters = self._exchange("Set", self._set[:first], 0)
-            self._mask_setters = self._exchange("Set", self._set[first:], first)
-            self._getters = self._exchange("Get", self._get, 0)
+            self._setters = self._exchange("Set", self._set[:first], 0, self._inputs)
+            self._mask_setters = self._exchange("Set", self._set[first:], first, self._inputs)
+            self._getters = self._exchange("Get", self._get, 0, self._values)
             self._mask_sent = b""
             self._instance.begin(_STOP_TIME)
             self._instance.end_initialization()
@@ -186,18 +190,22 @@ class FmuStep:
         self._step = self._instance.stepper()
         self._time = 0.0
 
-    def _exchange(self, direction: str, variables: Sequence[Any], first: int) -> list[_Exchange]:
-        """Return what gets or sets ``variables``, which lie from ``first`` on in the vector of all of them."""
+    def _exchange(
+        self, direction: str, variables: Sequence[Any], first: int, vector: FloatArray
+    ) -> list[_Exchange]:
+        """Return what gets or sets ``variables``, which lie from ``first`` on in ``vector``, that of all of them."""
         columns = range(first, first + len(variables))
-        return [(b, _columns(b.columns)) for b in self._instance.block(direction, variables, columns)]
+        blocks = self._instance.block(direction, variables, columns, vector)
+        return [(b, None if b.buffer.base is vector else _columns(b.columns)) for b in blocks]
 
     def _set_mask(self, mask: BoolArray) -> None:
-        """Set the inputs ``valid[i]``, if there are any, to a mask other than the one that was set last."""
-        if not self._mask_setters or mask.tobytes() == self._mask_sent:
+        """Set the inputs ``valid[i]`` to a mask other than the one that was set last."""
+        sent = mask.tobytes()
+        if sent == self._mask_sent:
             return
         self._inputs[self._first_mask :] = mask
         self._transfer(self._mask_setters, self._inputs, into=True)
-        self._mask_sent = mask.tobytes()
+        self._mask_sent = sent
 
     def _after(self, error: StrainfmuError) -> StrainfmuError:
         """Return what an FMI status means: fmi2Discard a lost step, fmi2Error one more try, fmi2Fatal the end."""
@@ -214,15 +222,15 @@ class FmuStep:
     def _transfer(blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> None:
         """Move ``values`` into the FMU, or out of it."""
         for block, columns in blocks:
-            if into:
+            if into and columns is not None:
                 block.buffer[:] = values[columns]
             block.call()
-            if not into:
+            if not into and columns is not None:
                 values[columns] = block.buffer
 
 
-_Exchange = tuple[SignalBlock, slice | NDArray[np.intp]]
-"""A block, and where its values lie in the vector of all inputs or outputs."""
+_Exchange = tuple[SignalBlock, slice | NDArray[np.intp] | None]
+"""A block, and where its values lie in the vector of all inputs or outputs; None if its buffer is a part of it."""
 
 
 def _columns(columns: NDArray[np.intp]) -> slice | NDArray[np.intp]:

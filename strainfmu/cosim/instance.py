@@ -195,12 +195,20 @@ class Instance:
         """Return the bare C function, without fmpy's work per call."""
         return getattr(self._fmu.dll, name)
 
-    def block(self, direction: str, variables: Sequence[Any], columns: Sequence[int]) -> list[SignalBlock]:
+    def block(
+        self,
+        direction: str,
+        variables: Sequence[Any],
+        columns: Sequence[int],
+        vector: NDArray[np.float64] | None = None,
+    ) -> list[SignalBlock]:
         """Return the blocks that get ("Get") or set ("Set") ``variables``, one per FMI type.
 
         Parameters
         ----------
         columns : index of each variable in the master's vector of all signals.
+        vector : that vector, contiguous; Reals that lie side by side in it are exchanged in place, so that the
+            buffer is a part of it. None for buffers of their own.
         """
         blocks = []
         for kind, fmi_types in (
@@ -213,15 +221,25 @@ class Instance:
             ]
             if chosen:
                 references, columns_of = zip(*chosen, strict=True)
-                blocks.append(self._one_block(f"fmi2{direction}{kind}", references, np.array(columns_of)))
+                function, at = f"fmi2{direction}{kind}", np.array(columns_of)
+                is_run = vector is not None and kind == "Real" and bool((np.diff(at) == 1).all())
+                own = vector[at[0] : at[0] + len(at)] if vector is not None and is_run else None
+                blocks.append(self._one_block(function, references, at, own))
         return blocks
 
-    def _one_block(self, function: str, references: Sequence[int], columns: NDArray[np.intp]) -> SignalBlock:
+    def _one_block(
+        self,
+        function: str,
+        references: Sequence[int],
+        columns: NDArray[np.intp],
+        buffer: NDArray[Any] | None = None,
+    ) -> SignalBlock:
         """Return a block whose call does nothing but the FMI call and its status check."""
         real = function.endswith("Real")
         n = len(references)
         value_references = (ctypes.c_uint * n)(*references)
-        buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
+        if buffer is None:
+            buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
         pointer = buffer.ctypes.data_as(ctypes.POINTER(ctypes.c_double if real else ctypes.c_int))
         c_function, component = self._function(function), self._fmu.component
 

@@ -14,7 +14,7 @@ class StepRefused(StrainfmuError):
     """The FMU could not do this one step; the next may be tried."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False, slots=True)  # not frozen: one is made for every cycle, and that costs thrice
 class StepResult:
     """Outputs of one step of the estimator.
 

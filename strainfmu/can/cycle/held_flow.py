@@ -83,6 +83,7 @@ class HeldValue:
         self.hides_delay = False
         """More delay may hide than is allowed."""
         self._plan = SignalPlan(frame.layout)
+        self._ends = raw_ends(frame.layout.signals[source.index]) or ()
         self.quantity = source.quantity
         self.was_known = False
         """A value has been taken since the start or the last reset."""
@@ -174,7 +175,7 @@ class HeldValue:
         smallest, largest = _SENSIBLE[self.quantity]
         sensible = smallest <= value * self._source.to_si <= largest
         # As of strains: a converter at either end is overdriven, or its wire is broken.
-        return not (low <= value <= high and sensible) or code in (raw_ends(signal) or ())
+        return not (low <= value <= high and sensible) or code in self._ends
 
     def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
         """Return whether the sender's own status forbids to use the value."""

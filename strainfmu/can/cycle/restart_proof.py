@@ -36,13 +36,18 @@ class SeenFrames:
         """Remember ``frames``; return whether all of them are new."""
         bits, are_new = self._bits, True
         for data in frames:
-            is_new = False
-            for position in (crc32(data) & _MASK, adler32(data) * _SPREAD >> 6 & _MASK):
-                byte, bit = position >> 3, 1 << (position & 7)
-                if not bits[byte] & bit:
-                    bits[byte] |= bit
-                    is_new = True
-            are_new = are_new and is_new
+            first, second = crc32(data) & _MASK, adler32(data) * _SPREAD >> 6 & _MASK
+            byte, bit = first >> 3, 1 << (first & 7)
+            held = bits[byte]
+            is_old = held & bit
+            if not is_old:
+                bits[byte] = held | bit
+            byte, bit = second >> 3, 1 << (second & 7)
+            held = bits[byte]
+            if not held & bit:
+                bits[byte] = held | bit
+            elif is_old:
+                are_new = False
         return are_new
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of
+from strainfmu.can.wire.crc import Protection, counter_in, crc_check
 
 
 class E2EStatus(Enum):
@@ -46,6 +46,7 @@ class ReceptionCheck:
         self._protection = protection
         self._max_delta = max_delta
         self._modulus = protection.counter_modulus
+        self._fits = crc_check(protection)
         self.counter = self._before = self._modulus - 1
         self._content: tuple[bytes, bytes] | None = None
         self.conflicts = self.alternates = False
@@ -55,10 +56,9 @@ class ReceptionCheck:
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
         self.conflicts = self.alternates = False
-        protection = self._protection
-        if crc_in(data, protection) != crc_of(data, protection, covered):
+        if not self._fits(data, covered):
             return E2EStatus.ERROR
-        counter = counter_in(data, protection)
+        counter = counter_in(data, self._protection)
         if counter >= self._modulus:
             return E2EStatus.ERROR
         delta = (counter - self.counter) % self._modulus

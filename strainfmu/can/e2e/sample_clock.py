@@ -107,7 +107,7 @@ class SenderClock(Protocol):
         ...
 
 
-@dataclass(kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class _Model:
     """State of a clock.
 
@@ -143,6 +143,9 @@ class SampleClock:
     def __init__(self, tick: float, bits: int, limits: ClockLimits) -> None:
         self._tick, self._half = tick, 1 << (bits - 1)
         self._limits = limits
+        # Read for every frame with a sample time.
+        self._pace, self._tolerance, self._hidden = 1.0 - limits.rate, limits.tolerance, limits.hidden
+        self._jump_tolerance, self._sums_hide = limits.jump_tolerance, limits.hidden - _ROUND_OFF
         self._minima: deque[tuple[float, float]] = deque(maxlen=_WINDOWS)
         self.reset()
 
@@ -155,7 +158,7 @@ class SampleClock:
 
     def read(self, local: float, ticks: int) -> ClockReading:
         """Take in a sample time that arrived at ``local`` on our clock [s]."""
-        local *= 1.0 - self._limits.rate
+        local *= self._pace
         if self._known is None:
             self._known = self._new(local, ticks)
             self._begin_drift(local, self._known.floor)
@@ -163,7 +166,11 @@ class SampleClock:
         offset = self._follow(self._known, local, ticks)
         if offset is not None:
             self._jumped = None
-            self._watch_drift(local, offset)
+            if offset < self._window_min:
+                self._window_min = offset
+            if local - self._window_start >= _WINDOW:
+                self._minima.append((self._window_start, self._window_min))
+                self._window_start, self._window_min = local, offset
             return self._reading(self._known, offset)
         if self._before is not None and (offset := self._follow(self._before, local, ticks)) is not None:
             self._known, self._before, self._jumped = self._before, None, None
@@ -226,33 +233,42 @@ class SampleClock:
 
         ``tolerated`` is the fraction of the jump tolerance by which the delay may shrink.
         """
-        elapsed = max(local - model.local, 0.0)
-        source = model.source + self._ticks_since(model, elapsed, ticks) * self._tick
+        # Without min() and max(), as calls are what this takes most of its time for.
+        elapsed, half, floor = local - model.local, self._half, model.floor
+        if elapsed < 0.0:
+            elapsed = 0.0
+        # After half the range our clock tells how often the time wrapped.
+        expected = round(elapsed / self._tick)
+        if expected < half:
+            expected = 0
+        since = expected + (ticks - model.ticks - expected + half) % (2 * half) - half
+        source = model.source + since * self._tick
         offset = local - source
-        drift = self._limits.tolerance * elapsed
-        if source < model.source or offset < model.floor - drift - tolerated * self._limits.jump_tolerance:
+        drift = self._tolerance * elapsed
+        if source < model.source or offset < floor - drift - tolerated * self._jump_tolerance:
             return None
-        raised = min(model.floor + drift, model.lowest + self._limits.hidden)
-        model.ticks, model.source, model.local = ticks, source, local
-        model.floor = min(max(raised, model.floor), offset)
-        model.lowest = min(model.lowest, model.floor)
-        model.fastest = min(model.fastest, offset + self._limits.tolerance * (local - model.start))
+        raised, highest = floor + drift, model.lowest + self._hidden
+        if highest < raised:
+            raised = highest
+        if raised > floor:
+            floor = raised
+        if offset < floor:
+            floor = offset
+        model.ticks, model.source, model.local, model.floor = ticks, source, local, floor
+        if floor < model.lowest:
+            model.lowest = floor
+        fastest = offset + self._tolerance * (local - model.start)
+        if fastest < model.fastest:
+            model.fastest = fastest
         model.readings += 1
         return offset
 
-    def _ticks_since(self, model: _Model, elapsed: float, ticks: int) -> int:
-        """Return the ticks since the last reading; after half the range our clock tells how often it wrapped."""
-        expected = round(elapsed / self._tick)
-        expected = expected if expected >= self._half else 0
-        return expected + (ticks - model.ticks - expected + self._half) % (2 * self._half) - self._half
-
     def _reading(self, model: _Model, offset: float, resumed: bool = False) -> ClockReading:
-        return ClockReading(
-            age=offset - model.floor,
-            uncertainty=self._uncertainty(model, model.local),
-            hides_delay=model.floor - model.lowest >= self._limits.hidden - _ROUND_OFF,
-            resumed=resumed,
-        )
+        reading = ClockReading(offset - model.floor)
+        reading.uncertainty = model.floor - model.fastest + self._tolerance * (model.local - model.start)
+        reading.hides_delay = model.floor - model.lowest >= self._sums_hide
+        reading.resumed = resumed
+        return reading
 
     def _uncertainty(self, model: _Model, local: float) -> float:
         """Return by how much delays may be larger than stated [s]: as much as with the fastest clock possible."""
@@ -261,13 +277,6 @@ class SampleClock:
     def _begin_drift(self, local: float, offset: float) -> None:
         self._minima.clear()
         self._window_start, self._window_min = local, offset
-
-    def _watch_drift(self, local: float, offset: float) -> None:
-        """Keep the smallest delay of every window."""
-        self._window_min = min(self._window_min, offset)
-        if local - self._window_start >= _WINDOW:
-            self._minima.append((self._window_start, self._window_min))
-            self._window_start, self._window_min = local, offset
 
     @property
     def drift_ppm(self) -> float:
