@@ -193,7 +193,7 @@ class FmuStep:
     def _exchange(
         self, direction: str, variables: Sequence[Any], first: int, vector: FloatArray
     ) -> list[_Exchange]:
-        """Return what gets or sets ``variables``, which lie from ``first`` on in ``vector``, that of all of them."""
+        """Return what gets or sets ``variables``, which lie from ``first`` on in ``vector``."""
         columns = range(first, first + len(variables))
         blocks = self._instance.block(direction, variables, columns, vector)
         return [(b, None if b.buffer.base is vector else _columns(b.columns)) for b in blocks]

@@ -36,7 +36,7 @@ _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # not frozen: one is made for every frame
 class StrainTime:
     """Time by the clock of a proven sender of strains [s], and the largest difference that counts as none [s]."""
 

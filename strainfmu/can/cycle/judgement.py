@@ -291,15 +291,16 @@ class CycleJudge:
             causes |= Cause.NAVIGATION
         if flow.hides_delay:
             causes |= Cause.HIDDEN_DELAY
-        strain = decoded.strain if _is_full(valid) else np.where(valid, decoded.strain, np.nan)
+        # Without verdicts all gauges are valid.
+        strain = decoded.strain if verdicts is None or _is_full(valid) else np.where(valid, decoded.strain, np.nan)
         step, quality = None, Quality.INVALID if self.has_published else Quality.NO_DATA
-        if np.count_nonzero(valid):
+        if verdicts is None or np.count_nonzero(valid):
             step, quality, causes = self._estimate(strain, flow, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         published = step is not None and quality.has_coefficients
         self.has_published = self.has_published or published
-        if step is not None and causes & Cause.UNPROVEN_RESTART:
+        if step is not None and causes and causes & Cause.UNPROVEN_RESTART:
             # Until the strains are proven, q_inf of their sender is not used: there may be no coefficients.
             quality = Quality.UNCONFIRMED
         named = self._named(cycle)

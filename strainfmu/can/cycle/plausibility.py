@@ -28,6 +28,12 @@ MIN_STUCK_CYCLES, MIN_ZERO_CYCLES = 25, 5
 
 _LONGEST_COUNT = 1e6
 
+_MARGIN = 1e-9
+"""Relative margin for the round-off of the limits of a layout's strains."""
+
+_RECENT = 8
+"""Quiet cycles whose changes are brought into the pace together."""
+
 _LONGEST_QUIET = 100
 """Quiet cycles after which the times of change are brought up to date."""
 
@@ -66,8 +72,15 @@ class GaugeChecks:
         # Limits of every gauge: a number is made an array of in every call, which takes as long as the comparison.
         self._largest = np.full(n_gauges, settings.sensor_range)
         self._largest_change = np.full(n_gauges, settings.rate_limit)
-        self._round_off, self._fading = np.full(n_gauges, _ROUND_OFF), np.full(n_gauges, _FADING)
+        self._round_off = np.full(n_gauges, _ROUND_OFF)
         self._one = np.ones(n_gauges, dtype=np.int64)
+        # What no raw number of the layout can be need not be looked for.
+        noise = noise or like_gauges(n_gauges)
+        self._never_beyond = noise.largest < (1.0 - _MARGIN) * settings.sensor_range
+        self._only_raw_zero = noise.smallest > (1.0 + _MARGIN) * _ROUND_OFF
+        # Changes of the quiet cycles that the pace does not hold yet [m/m], and their lengths [cycles].
+        self._recent = np.zeros((_RECENT, n_gauges))
+        self._changes, self._lengths = list(self._recent), list[float]()
         # Times of the quiet cycles that the times of change do not hold yet.
         self._times: list[float] = []
         self._all = np.ones(n_gauges, dtype=bool)
@@ -79,7 +92,7 @@ class GaugeChecks:
         self._changed_at = np.nan
         self.faults: dict[str, BoolArray] = {}
         """Gauges (n_d,) that failed each check of the last cycle, by its words."""
-        self._watch = self.new_watch(noise or like_gauges(n_gauges))
+        self._watch = self.new_watch(noise)
         self._counted_on: FloatArray | None = None
         self._count_on(self._watch.noise_ratio)
         self.has_frozen = False
@@ -122,13 +135,17 @@ class GaugeChecks:
         nothing is changed, False is returned and the checks decide.
         """
         difference = strain - self._last_strain
-        size, change = np.abs(strain), np.abs(difference)
+        change = np.abs(difference, out=self._changes[len(self._lengths)])
         # Looked for in its bytes, which takes a quarter of the time of all() of so few; False of NaN.
-        if b"\0" in (change <= self._largest_change).tobytes() or b"\0" in (size <= self._largest).tobytes():
+        if b"\0" in (change <= self._largest_change).tobytes():
+            return False
+        if not self._never_beyond and b"\0" in (np.abs(strain) <= self._largest).tobytes():
             return False
         zeros = None
-        if np.count_nonzero(raw) < len(raw) or b"\0" in (size > self._round_off).tobytes():
-            zero = (raw == 0) | (size <= _ROUND_OFF)
+        if np.count_nonzero(raw) < len(raw) or not (
+            self._only_raw_zero or b"\0" not in (np.abs(strain) > self._round_off).tobytes()
+        ):
+            zero = (raw == 0) | (np.abs(strain) <= _ROUND_OFF)
             zeros = (self._zeros + 1) * zero
             # A change within this has not fallen to zero, whatever the gauge's pace.
             if np.count_nonzero(zero & ((change > self._settings.zero_jump) | (zeros >= self._zero_cycles))):
@@ -139,7 +156,7 @@ class GaugeChecks:
             self._zeros, self._has_zeros = zeros, True
         elif self._has_zeros:
             self._zeros, self._has_zeros = np.zeros_like(self._zeros), False
-        differs, repeats, pace = raw != self._last_raw, self._repeats, self._pace
+        differs, repeats = raw != self._last_raw, self._repeats
         if b"\1" in differs.tobytes():
             self._changed_at = now
         np.add(repeats, self._one, out=repeats)
@@ -148,13 +165,25 @@ class GaugeChecks:
         if len(self._times) == _LONGEST_QUIET:
             self._date_changes()
         cycles = (now - self._last_time) / self._cycle_time
-        np.multiply(pace, self._fading, out=pace)
-        np.maximum(change / cycles if cycles > 1.0 else change, pace, out=pace)
+        self._lengths.append(cycles if cycles > 1.0 else 1.0)
+        if len(self._lengths) == _RECENT:
+            self._add_changes()
         self._difference = difference
         self._last_raw, self._last_strain, self._last_good = raw, strain, strain
         self._last_time = now
         self._cycles_since += 1
         return True
+
+    def _add_changes(self) -> None:
+        """Bring the pace up to the last quiet cycle."""
+        n = len(self._lengths)
+        if n == 0:
+            return
+        recent = self._recent[:n]
+        weights = [_FADING ** (n - 1 - index) / length for index, length in enumerate(self._lengths)]
+        np.multiply(recent, np.array(weights)[:, None], out=recent)
+        self._pace = np.maximum(np.maximum.reduce(recent, axis=0), _FADING**n * self._pace)
+        self._lengths.clear()
 
     def _date_changes(self) -> None:
         """Bring the times of change, and of the last good value, up to the last quiet cycle."""
@@ -211,6 +240,7 @@ class GaugeChecks:
     ) -> BoolArray:
         """Apply every check to a cycle; parameters and result as of :meth:`update`."""
         self._date_changes()
+        self._add_changes()
         finite = np.isfinite(strain)
         self._difference = strain - self._last_strain
         bad = refused | ~finite

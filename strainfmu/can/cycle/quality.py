@@ -8,6 +8,8 @@ from enum import IntEnum, IntFlag
 class Quality(IntEnum):
     """Verdict on one result. The numbers go over the bus and never change; 15 is kept for "not available"."""
 
+    __hash__ = int.__hash__  # in C; Enum's own is a Python function
+
     NO_DATA = 0
     """Nothing trustworthy has been received since the start. No coefficients."""
     VALID = 1

@@ -147,6 +147,7 @@ class SampleClock:
         self._pace, self._tolerance, self._hidden = 1.0 - limits.rate, limits.tolerance, limits.hidden
         self._jump_tolerance, self._sums_hide = limits.jump_tolerance, limits.hidden - _ROUND_OFF
         self._minima: deque[tuple[float, float]] = deque(maxlen=_WINDOWS)
+        self._window_start = self._window_min = np.inf
         self.reset()
 
     def reset(self) -> None:

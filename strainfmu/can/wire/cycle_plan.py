@@ -91,7 +91,9 @@ class InnerRange:
         ranges = [_inner(signal) for signal in signals]
         self._low, self._high = np.array(ranges, dtype=np.int64).T
         self._is_common = len(set(ranges)) == 1
-        self._first, self._span = ranges[0][0], np.uint64(max(ranges[0][1] - ranges[0][0], 0))
+        # Arrays, as numpy makes one of a single number in every call.
+        n, (first, last) = len(ranges), ranges[0]
+        self._first, self._span = np.full(n, first), np.full(n, max(last - first, 0), dtype=np.uint64)
         self._is_empty = any(first > last for first, last in ranges)
 
     def holds(self, raw: IntArray) -> bool:
@@ -100,7 +102,7 @@ class InnerRange:
             return False
         if self._is_common:
             # A negative distance from the first number is a huge one without sign.
-            return int(np.count_nonzero((raw - self._first).view(np.uint64) <= self._span)) == len(raw)
+            return b"\0" not in ((raw - self._first).view(np.uint64) <= self._span).tobytes()
         return bool(((raw >= self._low) & (raw <= self._high)).all())
 
 
