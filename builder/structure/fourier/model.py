@@ -20,6 +20,8 @@ from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow, Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
+CANNOT = "the Fourier model cannot do that, structure.model = 'solid' and `strainfmu structure` can"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StructuralModel:
@@ -92,17 +94,27 @@ def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
     InputError
         Names the entry, and the model that can.
     """
-    cannot = "the Fourier model cannot do that, structure.model = 'solid' and `strainfmu structure` can"
     support = vehicle.structure.support
     if support != "clamped_aft":
-        raise InputError(f"structure.support: '{support}' found, {cannot}")
+        raise InputError(f"structure.support: '{support}' found, {CANNOT}")
+    refuse_gauges_beyond_fourier(vehicle, layouts)
+
+
+def refuse_gauges_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
+    """Refuse gauges that the Fourier model cannot do: outside or of a length.
+
+    Raises
+    ------
+    InputError
+        Names the entry, and the model that can.
+    """
     for name in layouts:
         entry = vehicle.gauges.layouts[name]
         for where, one in _with_surface_and_length(name, entry):
             if one.surface == "outer":
-                raise InputError(f"{where}.surface: 'outer' found, {cannot}")
+                raise InputError(f"{where}.surface: 'outer' found, {CANNOT}")
             if one.length_mm:
-                raise InputError(f"{where}.length_mm: {one.length_mm:g} found, {cannot}")
+                raise InputError(f"{where}.length_mm: {one.length_mm:g} found, {CANNOT}")
 
 
 def _with_surface_and_length(

@@ -157,6 +157,25 @@ def test_point_mass_weighs(cantilever: FourierStructure) -> None:
     np.testing.assert_allclose(read(loaded, Weight()), read(cantilever, Weight(), force), rtol=1e-9)
 
 
+def test_point_mass_resists_angular_acceleration(cantilever: FourierStructure) -> None:
+    """Its inertia is -m alpha x r."""
+    loaded = replace(
+        cantilever, properties=replace(PROPERTIES, masses=(PointMass(station=0.2, roll_angle=1.0, mass=3.0),))
+    )
+    turning = [Acceleration(angular=(4.0, 5.0, 6.0))]
+    found = load_resultant(loaded, turning) - load_resultant(cantilever, turning)
+    place = np.array([0.2, B * np.sin(1.0), B * np.cos(1.0)])
+    force = -3.0 * np.cross([4.0, 5.0, 6.0], place)
+    np.testing.assert_allclose(found, [*force, *np.cross(place, force)], rtol=1e-6)
+
+
+def test_distributed_force_keeps_its_sum_between_the_nodes(cantilever: FourierStructure) -> None:
+    ends = np.array([0.1234, 0.3456])
+    load = DistributedForce(station=ends, force_per_length=np.array([[10.0, 0.0, 20.0], [20.0, 0.0, 60.0]]))
+    expected = np.array([15.0, 0.0, 40.0]) * np.diff(ends)
+    np.testing.assert_allclose(load_resultant(cantilever, [load])[:3], expected, rtol=1e-9, atol=1e-9)
+
+
 def test_internal_pressure() -> None:
     """Lame, open ends, inner face: hoop p/E [(a^2 + b^2)/(b^2 - a^2) + nu], axial -2 nu p/E a^2/(b^2 - a^2)."""
     a, b = 0.10, 0.13

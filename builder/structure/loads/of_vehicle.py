@@ -1,0 +1,112 @@
+"""The structure of a vehicle file, solved for the gauges of a layout, ready for known loads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from builder.reporting import Progress
+from builder.structure.fourier.gauges import place_gauges
+from builder.structure.fourier.meridian_mesh import NO_NODES
+from builder.structure.fourier.model import refuse_gauges_beyond_fourier
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.gauge_placement import gauge_layout
+from builder.structure.loads.fourier import MAX_HARMONIC, FourierStructure, fourier_structure
+from builder.structure.loads.loaded_structure import LoadProperties
+from builder.structure.loads.solid import SolidStructure, solid_structure
+from builder.structure.solid.case import solid_case
+from builder.structure.solid.mesh_choice import MeshChoice, make_mesh, whole_mesh
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.sections import Resolution
+from strainfmu.errors import InputError
+
+
+def fourier_structure_of(
+    vehicle: Vehicle,
+    layout: str,
+    resolution: Resolution | None = None,
+    properties: LoadProperties | None = None,
+    max_harmonic: int = MAX_HARMONIC,
+    progress: Progress | None = None,
+) -> FourierStructure:
+    """Return the semi-analytic model of a vehicle, clamped aft or in free flight as its file says.
+
+    Parameters
+    ----------
+    vehicle, layout : the vehicle and the name of one of its layouts.
+    resolution : mesh; that of the vehicle's map by default.
+    properties : what loads need; the density of the vehicle file by default.
+    max_harmonic : highest harmonic in roll angle; concentrated loads need more of them than air loads.
+    progress : called with (harmonics done, harmonics in all).
+
+    Raises
+    ------
+    InputError
+        The layout does not exist, the wall does not fit the body, or the Fourier model cannot do the support or a
+        gauge.
+    """
+    _refuse_unknown(vehicle, layout)
+    support = vehicle.structure.support
+    if support not in ("clamped_aft", "free_flight"):
+        raise InputError(
+            f"structure.support: '{support}' found, the Fourier model has clamped_aft and free_flight"
+        )
+    refuse_gauges_beyond_fourier(vehicle, [layout])
+    resolution = resolution or vehicle.resolution.map
+    wall = wall_of(vehicle)
+    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    found = gauge_layout(vehicle, layout, mesh)
+    if support == "free_flight":
+        mesh = replace(mesh, clamped_node=NO_NODES)
+    return fourier_structure(
+        mesh=mesh,
+        material=wall.material,
+        gauges=place_gauges(mesh, found.position, found.direction, found.names),
+        properties=properties or _properties(vehicle),
+        max_harmonic=max_harmonic,
+        progress=progress,
+    )
+
+
+def solid_structure_of(
+    vehicle: Vehicle,
+    layout: str,
+    mesh: MeshChoice | None = None,
+    properties: LoadProperties | None = None,
+    solver_name: str | None = None,
+) -> SolidStructure:
+    """Return the three-dimensional model of a vehicle with its support.
+
+    Parameters
+    ----------
+    vehicle, layout : the vehicle and the name of one of its layouts.
+    mesh : which mesh; a swept one by default.
+    properties : what loads need; the density of the vehicle file by default.
+    solver_name : name of a solver, or None for the best installed one.
+
+    Raises
+    ------
+    InputError
+        The layout does not exist, the wall does not fit the body, or a gauge is not on its surface.
+    SolverError
+        The solution's residual is too large.
+    """
+    _refuse_unknown(vehicle, layout)
+    case = solid_case(vehicle, [layout], mesh, solver_name)
+    return solid_structure(
+        mesh=whole_mesh(make_mesh(case.body, case.wall, case.mesh)),
+        material=case.wall.material,
+        gauges=case.layouts[layout],
+        supports=None if case.support is None else [case.support],
+        properties=properties or _properties(vehicle),
+        solver_name=solver_name,
+    )
+
+
+def _properties(vehicle: Vehicle) -> LoadProperties:
+    return LoadProperties(density=vehicle.material.density_kg_per_m3)
+
+
+def _refuse_unknown(vehicle: Vehicle, layout: str) -> None:
+    if layout not in vehicle.gauges.layouts:
+        raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
