@@ -89,4 +89,9 @@ def aims(entries: Sequence[Mapping[str, Any]], is_shipped: bool) -> list[Aim]:
 
 
 def _words(key: str) -> str:
-    return key.replace("_percent", " [%]").replace("_deg", " [deg]").replace("_", " ")
+    return (
+        key.replace("example_field_p95", "field p95 at the example")
+        .replace("_percent", " [%]")
+        .replace("_deg", " [deg]")
+        .replace("_", " ")
+    )

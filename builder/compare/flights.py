@@ -11,7 +11,7 @@ import numpy as np
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
 from builder.truth.flows import with_knots
 from builder.truth.held_out import largest_incidence
-from builder.truth.strain import TrueFlights, TrueStructure, true_strain
+from builder.truth.strain import TrueFlights, TrueStructure, some_flights, true_strain
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
@@ -32,6 +32,10 @@ ALTITUDES_KM = (15.0, 28.0)
 
 EXAMPLE_DRAWS, EXAMPLE_ALTITUDE = 100, 20e3
 """Draws of noise, and altitude [m], of the example."""
+
+VEHICLES = 10
+"""Vehicles of each draw: each flies a part of the conditions. Errors of one vehicle are the same in all its flights,
+so that the mean square depends on the number of vehicles more than on that of conditions."""
 
 CYCLES = 20
 """Readings of each flight, one after another at the same condition. Filters take all, the others the last one."""
@@ -143,7 +147,7 @@ def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Readings:
-    """What one vehicle reads at k conditions.
+    """What is read at k conditions.
 
     Attributes
     ----------
@@ -175,21 +179,25 @@ def readings(
     draws: int,
     random: np.random.Generator,
 ) -> Iterator[Readings]:
-    """Return the readings of ``draws`` vehicles, errors drawn at the sizes of the section [noise].
+    """Return ``draws`` readings of all conditions, each by :data:`VEHICLES` vehicles.
 
-    ``noise_std`` (n_d,) is that of the gauges [m/m].
+    Their errors are drawn at the sizes of the section [noise]. ``noise_std`` (n_d,) is that of the gauges [m/m].
     """
     n_d, k = len(noise_std), len(flights.conditions)
     mach = np.array([one.mach_number for one in flights.conditions])
-    navigation = vehicle.noise
+    navigation, exact = vehicle.noise, errors == GAUGE_NOISE
+    groups = np.array_split(np.arange(k), 1 if exact else min(VEHICLES, k))
     for _ in range(draws):
-        exact = errors == GAUGE_NOISE
-        built: AsBuilt = exactly_built(n_d) if exact else drawn(navigation, n_d, random)
-        strain = true_strain(structure, flights, built)
+        strain, dynamic = np.empty((k, n_d)), flights.dynamic_pressure.copy()
+        for rows in groups:
+            built: AsBuilt = exactly_built(n_d) if exact else drawn(navigation, n_d, random)
+            own = slice(int(rows[0]), int(rows[-1]) + 1)
+            strain[own] = true_strain(structure, some_flights(flights, own), built)
+            dynamic[own] *= 1.0 + float(built.dynamic_pressure)
         pressure_error = 0.01 * navigation.navigation_static_pressure_percent * random.standard_normal(k)
         yield Readings(
             strain=strain + noise_std * random.standard_normal((CYCLES, k, n_d)),
-            dynamic_pressure=flights.dynamic_pressure * (1.0 + float(built.dynamic_pressure)),
+            dynamic_pressure=dynamic,
             dynamic_pressure_std=0.0 if exact else np.nan,
             mach_number=mach + navigation.navigation_mach_number * random.standard_normal(k),
             static_pressure=flights.ambient_pressure * (1.0 + pressure_error),

@@ -276,13 +276,17 @@ def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFl
 
 def one_flight(flights: TrueFlights, number: int) -> TrueFlights:
     """Return flight ``number`` alone."""
-    one = slice(number, number + 1)
+    return some_flights(flights, slice(number, number + 1))
+
+
+def some_flights(flights: TrueFlights, rows: slice) -> TrueFlights:
+    """Return the flights ``rows``."""
     return TrueFlights(
-        conditions=flights.conditions[one],
-        strain=flights.strain[:, :, one],
+        conditions=flights.conditions[rows],
+        strain=flights.strain[:, :, rows],
         unit_strain=flights.unit_strain,
-        coefficients=flights.coefficients[one],
-        ambient_pressure=flights.ambient_pressure[one],
-        dynamic_pressure=flights.dynamic_pressure[one],
-        internal_pressure=flights.internal_pressure[one],
+        coefficients=flights.coefficients[rows],
+        ambient_pressure=flights.ambient_pressure[rows],
+        dynamic_pressure=flights.dynamic_pressure[rows],
+        internal_pressure=flights.internal_pressure[rows],
     )

@@ -14,17 +14,19 @@ from builder.compare.candidate import Answer
 from builder.compare.flights import (
     GAUGE_NOISE,
     HARDWARE,
+    VEHICLES,
     drawn_angle,
     drawn_incidence,
     example_conditions,
     random_conditions,
+    readings,
     vehicle_that_flies,
     with_errors,
 )
 from builder.compare.run import table_csv
 from builder.compare.score import AIR_DATA_KEYS, Tally
 from builder.figures.compare import compare_figure
-from builder.truth.strain import TrueFlights
+from builder.truth.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
@@ -167,6 +169,40 @@ def test_the_example_is_that_of_the_source(shipped: Vehicle) -> None:
     assert len(found) == 100
     assert (one.mach_number, one.altitude) == (5.0, 20e3)
     assert np.degrees([one.angle_of_attack, one.sideslip_angle]) == pytest.approx([6.0, 6.0])
+
+
+def test_every_vehicle_flies_some_of_the_conditions(vehicle: Vehicle, true_model: TrueStructure) -> None:
+    """Errors of the hardware are those of VEHICLES vehicles; gauge noise alone leaves q_inf exact."""
+    k, n_d = 30, len(true_model.names)
+    one = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.02, altitude=20e3)
+    flown = TrueFlights(
+        conditions=(one,) * k,
+        strain=np.ones((5, 3, k, n_d, 2)) * 1e-9,
+        unit_strain=np.zeros((5, 3, n_d, 1)),
+        coefficients=np.ones((k, 5)),
+        ambient_pressure=np.full(k, one.ambient_pressure),
+        dynamic_pressure=np.full(k, one.dynamic_pressure),
+        internal_pressure=np.zeros(k),
+    )
+    drawn = {
+        errors: next(
+            readings(
+                vehicle=vehicle,
+                structure=true_model,
+                flights=flown,
+                errors=errors,
+                noise_std=np.zeros(n_d),
+                draws=1,
+                random=np.random.default_rng(1),
+            )
+        )
+        for errors in (GAUGE_NOISE, HARDWARE)
+    }
+    exact, whole = drawn[GAUGE_NOISE], drawn[HARDWARE]
+    assert len(np.unique(exact.last, axis=0)) == len(np.unique(exact.dynamic_pressure)) == 1
+    assert len(np.unique(whole.last, axis=0)) == len(np.unique(whole.dynamic_pressure)) == VEHICLES
+    assert (exact.dynamic_pressure_std, np.isnan(whole.dynamic_pressure_std)) == (0.0, True)
+    assert len(np.unique(whole.mach_number)) == k
 
 
 def test_maps_know_of_the_errors_that_are_drawn(shipped: Vehicle) -> None:

@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -46,8 +47,8 @@ def compare(
 ) -> None:
     """Score estimators of eight kinds on the same readings of an independent, finer model of the vehicle.
 
-    The linear maps of both cases, the nonlinear estimator, a Kalman filter with a random walk and, with
-    strainfmu\\[rivals], regression tree, random forest, gradient boosting and multi-layer perceptron: rms errors,
+    The linear maps of both cases, the nonlinear estimator, a Kalman filter with a random walk and, with the extra
+    `rivals`, regression tree, random forest, gradient boosting and multi-layer perceptron: rms errors,
     coverage of 3 sigma, error of the pressure field, air data, cost of a step in Python. With gauge noise alone,
     and with errors of the hardware drawn at their stated sizes; with navigation, and with q_inf only.
 
@@ -83,15 +84,15 @@ def compare(
 def _show(console: Console, result: CompareResult) -> None:
     coefficients = list(result.entries[0]["rms"])
     for errors in dict.fromkeys(one["errors"] for one in result.entries):
-        title = f"{result.vehicle}, {errors}: rms of {', '.join(coefficients)} [1e-4]; least coverage, field [%]"
-        table = Table(title=escape(title))
-        for heading in ("estimator", "navigation"):
-            table.add_column(heading)
-        for heading in ("rms", "coverage", "field median", "p95", "a, b p95 [deg]", "step [us]"):
-            table.add_column(heading, justify="right")
+        title = f"{result.vehicle}, {errors}: rms errors [1e-4]; least coverage, field error [%]; angles p95 [deg]"
+        table = Table(title=escape(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        table.add_column("estimator")
+        for heading in (*coefficients, "inside 3 sigma", "field median", "field p95", "a", "b", "step [us]"):
+            table.add_column(heading, justify="right", min_width=4)
         for one in result.entries:
             if one["errors"] == errors:
-                table.add_row(escape(one["estimator"]), one["navigation"], *_cells(one))
+                known = "" if one["navigation"] == "given" else f", {one['navigation']}"
+                table.add_row(escape(one["estimator"] + known), *_cells(one))
         console.print(table)
     for aim in result.aims:
         console.print(f"aim of the nonlinear estimator {aim.line}", highlight=False, markup=False, soft_wrap=True)
@@ -100,11 +101,11 @@ def _show(console: Console, result: CompareResult) -> None:
 def _cells(one: dict[str, Any]) -> list[str]:
     air = one["air_data_p95"]
     return [
-        " ".join(_text(None if value is None else 1e4 * value, "{:.1f}") for value in one["rms"].values()),
+        *(_text(None if value is None else 1e4 * value, "{:.1f}") for value in one["rms"].values()),
         _text(min(one["coverage_percent"].values()), "{:.1f}"),
         _text(one["field_median_percent"], "{:.2f}"),
         _text(one["field_p95_percent"], "{:.2f}"),
-        " ".join(_text(air[name], "{:.2f}") for name in ("angle_of_attack_deg", "sideslip_deg")),
+        *(_text(air[name], "{:.2f}") for name in ("angle_of_attack_deg", "sideslip_deg")),
         _text(one["step_microseconds"], "{:.0f}"),
     ]
 
