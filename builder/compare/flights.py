@@ -34,8 +34,8 @@ EXAMPLE_DRAWS, EXAMPLE_ALTITUDE = 100, 20e3
 """Draws of noise, and altitude [m], of the example."""
 
 VEHICLES = 10
-"""Vehicles of each draw: each flies a part of the conditions. Errors of one vehicle are the same in all its flights,
-so that the mean square depends on the number of vehicles more than on that of conditions."""
+"""Vehicles of each draw: each flies a part of the conditions. Errors of one vehicle are the same in its flights:
+the mean square depends on the number of vehicles more than on that of conditions."""
 
 CYCLES = 20
 """Readings of each flight, one after another at the same condition. Filters take all, the others the last one."""
