@@ -75,7 +75,9 @@ class BridgeCore:
         A cycle that ends with it while ``is_answered`` is False has no result, because there is no time for one:
         its counters and CRCs are checked, so that later cycles are trusted, but the estimator is not stepped.
         """
-        results = self.advance(frame.time) if frame.time >= self.next_event else []
+        time, deadline = frame.time, self._assembler.deadline
+        is_due = time >= self._next_status or (deadline is not None and time >= deadline)
+        results = self.advance(time) if is_due else []
         if not is_answered or self._skipping:
             self._remember(frame.time, is_answered)
         self.account.received += 1

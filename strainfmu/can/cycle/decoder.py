@@ -56,6 +56,9 @@ class StrainDecoder:
         self._inner = InnerRange(signals)
         self._slot = np.array([slot for slot, _, _ in by_gauge], dtype=np.intp)
         self._to_strain = np.array([factor for _, _, factor in by_gauge])
+        # Where the scale is exact, one multiplication gives what two do, to the last bit.
+        scale = self._plan.exact_scale()
+        self._raw_to_strain = None if scale is None else scale * self._to_strain
         self._low = np.array([-np.inf if s.minimum is None else s.minimum for s in signals])
         self._high = np.array([np.inf if s.maximum is None else s.maximum for s in signals])
         ends = [raw_ends(signal) for signal in signals]
@@ -87,18 +90,19 @@ class StrainDecoder:
         for arrival in arrivals:
             data[arrival.slot] = arrival.frame.data
         raw = self._plan.raw(data)
-        value = self._plan.physical(raw)
-        strain = value * self._to_strain
         is_whole = len(arrivals) == self._n_frames
         if is_whole and status <= STATUS_DEGRADED and self._inner.holds(raw):
+            at_once = self._raw_to_strain
             return DecodedCycle(
-                strain=strain,
+                strain=self._plan.physical(raw) * self._to_strain if at_once is None else raw * at_once,
                 raw=raw,
                 present=self._everywhere,
                 refused=self._nowhere,
                 status=status,
                 is_clean=True,
             )
+        value = self._plan.physical(raw)
+        strain = value * self._to_strain
         refused = self._without_value(raw) | self._out_of_range(raw, value)
         present = self._everywhere
         if not is_whole:

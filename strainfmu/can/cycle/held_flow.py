@@ -147,8 +147,9 @@ class HeldValue:
         """Return whether a sample time is that of the strains, as far as the clock's range tells."""
         if strain_time is None:
             return False
-        half = 0.5 * clock.range
-        difference = (clock.seconds(ticks) - strain_time.seconds + half) % clock.range - half
+        whole = clock.range
+        half = 0.5 * whole
+        difference = (clock.seconds(ticks) - strain_time.seconds + half) % whole - half
         return abs(difference) <= strain_time.tolerance
 
     def _accept(self, clock: SenderClock) -> None:

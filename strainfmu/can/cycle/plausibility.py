@@ -73,6 +73,8 @@ class GaugeChecks:
         self._largest = np.full(n_gauges, settings.sensor_range)
         self._largest_change = np.full(n_gauges, settings.rate_limit)
         self._round_off = np.full(n_gauges, _ROUND_OFF)
+        self._zero_jump = np.full(n_gauges, settings.zero_jump)
+        self._nothing = np.zeros(n_gauges, dtype=np.int64)
         self._one = np.ones(n_gauges, dtype=np.int64)
         # What no raw number of the layout can be need not be looked for.
         noise = noise or like_gauges(n_gauges)
@@ -141,14 +143,14 @@ class GaugeChecks:
             return False
         if not self._never_beyond and b"\0" in (np.abs(strain) <= self._largest).tobytes():
             return False
-        zeros = None
-        if np.count_nonzero(raw) < len(raw) or not (
-            self._only_raw_zero or b"\0" not in (np.abs(strain) > self._round_off).tobytes()
-        ):
-            zero = (raw == 0) | (np.abs(strain) <= _ROUND_OFF)
-            zeros = (self._zeros + 1) * zero
+        zero, zeros = raw == self._nothing, None
+        if not self._only_raw_zero:
+            zero |= np.abs(strain) <= self._round_off
+        if b"\1" in zero.tobytes():
+            zeros = (self._zeros + self._one) * zero
             # A change within this has not fallen to zero, whatever the gauge's pace.
-            if np.count_nonzero(zero & ((change > self._settings.zero_jump) | (zeros >= self._zero_cycles))):
+            fell = (change > self._zero_jump) & zero
+            if b"\1" in fell.tobytes() or b"\1" in (zeros >= self._zero_cycles).tobytes():
                 return False
         if not self._none_is_stuck(now):
             return False
@@ -231,9 +233,10 @@ class GaugeChecks:
             stuck = np.full(n, stated.stuck_cycles or np.inf)
         self._longest_unchanged = (stuck - 0.5) * self._periods
         self._shortest_stuck = float(self._longest_unchanged.min())
-        self._zero_cycles = np.maximum(by_noise, MIN_ZERO_CYCLES)
+        # At least 1: none is reached where there is no zero. Integers, as the counts are that they limit.
+        self._zero_cycles = np.maximum(by_noise, MIN_ZERO_CYCLES).astype(np.int64)
         if stated.zero_cycles is not None:
-            self._zero_cycles = np.full(n, float(stated.zero_cycles))
+            self._zero_cycles = np.full(n, stated.zero_cycles, dtype=np.int64)
 
     def _checked(
         self, strain: FloatArray, raw: IntArray, present: BoolArray, refused: BoolArray, now: float

@@ -66,6 +66,13 @@ class CyclePlan:
         bits = np.unpackbits(np.frombuffer(joined + b"\0", dtype=np.uint8), bitorder="little")
         return np.packbits(bits[self._bits], bitorder="little").view("<i8").astype(np.int64)
 
+    def exact_scale(self) -> FloatArray | None:
+        """Return (n,) the scales if values are raw numbers times these, without round-off; None of others."""
+        mantissa, _ = np.frexp(self._scale)
+        is_exact = self._is_linear and not self._has_offset and bool((np.abs(mantissa) == 0.5).all())
+        is_short = all(signal.length <= _LONGEST_EXACT for signal in self.signals)
+        return self._scale if is_exact and is_short else None
+
     def physical(self, raw: IntArray) -> FloatArray:
         """Return the (n,) values of ``raw`` in the signals' units; NaN of a float that is NaN."""
         if self._is_linear:

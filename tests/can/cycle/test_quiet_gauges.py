@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.gauge_noise import gauge_noise, like_gauges
+from strainfmu.can.cycle.plausibility import _LONGEST_QUIET, _RECENT, GaugeChecks
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.profiles import profile_layout
 
 pytestmark = pytest.mark.fast
 
@@ -35,11 +39,15 @@ def cycles(seed: int, n_cycles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return raw, present, times
 
 
+@pytest.mark.parametrize("bounded", [False, True], ids=["any strain", "strains of the layout"])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_short_way_finds_what_the_checks_find(seed: int) -> None:
+def test_the_short_way_finds_what_the_checks_find(seed: int, bounded: bool) -> None:
     n_cycles = 1200
     raw, present, times = cycles(seed, n_cycles)
-    short, full = (GaugeChecks(N, CYCLE, BridgeSettings()) for _ in range(2))
+    noise = like_gauges(N)
+    if bounded:
+        noise = replace(noise, largest=2**15 * QUANTUM, smallest=QUANTUM)
+    short, full = (GaugeChecks(N, CYCLE, BridgeSettings(), noise) for _ in range(2))
     refused = np.zeros(N, dtype=bool)
     short_ways = 0
     for k in range(n_cycles):
@@ -52,3 +60,31 @@ def test_the_short_way_finds_what_the_checks_find(seed: int) -> None:
         assert short.frozen(present[k], now) == full.frozen(present[k], now)
         short_ways += found is short._all
     assert short_ways > n_cycles / 3, "and it is the usual way"
+
+
+def test_what_the_short_way_puts_off_is_what_the_checks_keep() -> None:
+    """A run longer than any that is put off: the same pace, and the same time of change of a gauge that stays."""
+    random, n_cycles = np.random.default_rng(7), 3 * _LONGEST_QUIET + _RECENT // 2
+    raw = 400 + np.cumsum(random.integers(-3, 4, size=(n_cycles, N)), axis=0)
+    raw[-9:, 2] = raw[-10, 2]
+    short, full = (GaugeChecks(N, CYCLE, BridgeSettings()) for _ in range(2))
+    everywhere, nowhere = np.ones(N, dtype=bool), np.zeros(N, dtype=bool)
+    for k, numbers in enumerate(raw):
+        given = {"present": everywhere, "refused": nowhere, "now": (k + 0.3 * (k % 2)) * CYCLE}
+        short.update(numbers * QUANTUM, numbers, **given, is_clean=True)
+        full.update(numbers * QUANTUM, numbers, **given)
+    short._add_changes()
+    np.testing.assert_allclose(short._pace, full._pace, rtol=1e-12)
+    now = n_cycles * CYCLE
+    np.testing.assert_array_equal(short._unchanged(now), full._unchanged(now))
+    np.testing.assert_array_equal(short._good_time, full._good_time)
+    assert short._unchanged(now)[2] > 9.0 * CYCLE
+
+
+def test_the_strains_that_a_layout_can_hold() -> None:
+    """16 bits of 0.25 um/m: up to 8192 um/m, and none but 0 below 0.25; floats hold any."""
+    known = gauge_noise(profile_layout("fd64", ["a", "b"], CYCLE), None)
+    assert known.largest == pytest.approx(2**15 * QUANTUM)
+    assert known.smallest == pytest.approx(QUANTUM)
+    unknown = gauge_noise(profile_layout("float2", ["a", "b"], CYCLE), None)
+    assert (unknown.largest, unknown.smallest) == (np.inf, 0.0)
