@@ -21,6 +21,27 @@ EVERYWHERE void subtract_columns(size_t first, size_t n, const double *restrict 
     }
 }
 
+/* The same for two of them at once, which takes fewer loads: the same sums. */
+EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *restrict columns, size_t stride,
+                                       const double *f, const double *g, double *restrict x, double *restrict y) {
+    const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
+                           *restrict c3 = c2 + stride;
+    const double f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], g0 = g[0], g1 = g[1], g2 = g[2], g3 = g[3];
+    for (size_t i = first; i < n; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
+            y[r] -= (g0 * c0[r] + g1 * c1[r]) + (g2 * c2[r] + g3 * c3[r]);
+        }
+    }
+}
+
+/* Elements (row, first) to (row, first + LANES) of a matrix by columns. */
+EVERYWHERE void take_factors(size_t n, const double *matrix, size_t row, size_t first, double *factor) {
+    for (size_t b = 0; b < LANES; b++) {
+        factor[b] = matrix[(first + b) * n + row];
+    }
+}
+
 EVERYWHERE void decompose(size_t n, double *restrict a) {
     for (size_t k = 0; k < n; k += LANES) {
         for (size_t c = k; c < k + LANES; c++) {
@@ -37,28 +58,41 @@ EVERYWHERE void decompose(size_t n, double *restrict a) {
                 column[i] *= scale;
             }
         }
-        for (size_t j = k + LANES; j < n; j++) {
-            double factor[LANES];
-            for (size_t b = 0; b < LANES; b++) {
-                factor[b] = a[(k + b) * n + j];
-            }
-            subtract_columns(j / LANES * LANES, n, a + k * n, n, factor, a + j * n);
+        for (size_t j = k + LANES; j < n; j += 2) {
+            double f[LANES], g[LANES];
+            take_factors(n, a, j, k, f);
+            take_factors(n, a, j + 1, k, g);
+            subtract_columns_twice(j / LANES * LANES, n, a + k * n, n, f, g, a + j * n, a + (j + 1) * n);
         }
+    }
+}
+
+/* Elements k to k + LANES of L^-1 x, where the LANES rows above have been subtracted. */
+EVERYWHERE void solve_block(size_t n, const double *restrict lower, size_t k, double *restrict x) {
+    for (size_t c = k; c < k + LANES; c++) {
+        for (size_t b = k; b < c; b++) {
+            x[c] -= lower[b * n + c] * x[b];
+        }
+        x[c] /= lower[c * n + c];
     }
 }
 
 EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
     for (size_t k = 0; k < n; k += LANES) {
         for (size_t v = 0; v < count; v++) {
-            double *restrict vector = x + v * n;
-            for (size_t c = k; c < k + LANES; c++) {
-                for (size_t b = k; b < c; b++) {
-                    vector[c] -= lower[b * n + c] * vector[b];
-                }
-                vector[c] /= lower[c * n + c];
-            }
-            const double factor[LANES] = {vector[k], vector[k + 1], vector[k + 2], vector[k + 3]};
-            subtract_columns(k + LANES, n, lower + k * n, n, factor, vector);
+            solve_block(n, lower, k, x + v * n);
+        }
+        size_t v = 0;
+        for (; v + 2 <= count; v += 2) {
+            double f[LANES], g[LANES], *first = x + v * n, *second = first + n;
+            memcpy(f, first + k, sizeof f);
+            memcpy(g, second + k, sizeof g);
+            subtract_columns_twice(k + LANES, n, lower + k * n, n, f, g, first, second);
+        }
+        for (; v < count; v++) {
+            double factor[LANES];
+            memcpy(factor, x + v * n + k, sizeof factor);
+            subtract_columns(k + LANES, n, lower + k * n, n, factor, x + v * n);
         }
     }
 }
@@ -84,12 +118,11 @@ EVERYWHERE void invert(size_t n, const double *restrict lower, double *restrict 
                 row[j] *= scale;
             }
         }
-        for (size_t i = end; i < n; i++) {
-            double factor[LANES];
-            for (size_t b = 0; b < LANES; b++) {
-                factor[b] = lower[(k + b) * n + i];
-            }
-            subtract_columns(0, end, inverse + k * n, n, factor, inverse + i * n);
+        for (size_t i = end; i < n; i += 2) {
+            double f[LANES], g[LANES];
+            take_factors(n, lower, i, k, f);
+            take_factors(n, lower, i + 1, k, g);
+            subtract_columns_twice(0, end, inverse + k * n, n, f, g, inverse + i * n, inverse + (i + 1) * n);
         }
     }
 }
