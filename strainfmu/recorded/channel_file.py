@@ -28,7 +28,7 @@ class ChannelFile:
     units : of the channels that state one.
     values : returns (n,) values of a channel; an error of numpy's where they are no numbers.
     clock : returns (n,) times [s] that a channel has itself, None where a channel of time is needed.
-    own_time : channels of time that ``clock`` takes into account already.
+    time_of : returns the channel of time that belongs to a channel, None where there is none of its group.
     notes : lines for the user on channels of dates and times, which ``values`` returns as seconds.
     """
 
@@ -37,7 +37,7 @@ class ChannelFile:
     units: Mapping[str, str] = field(default_factory=dict)
     values: Callable[[str], Any]
     clock: Callable[[str], FloatArray | None] = lambda _: None
-    own_time: frozenset[str] = frozenset()
+    time_of: Callable[[str], str | None] = lambda _: None
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def numbers(self, name: str) -> FloatArray:

@@ -114,16 +114,13 @@ def tdms_channels(path: Path, stated: Collection[str]) -> Iterator[ChannelFile]:
             held = channels[name][:]
             return seconds_of(held) if held.dtype.kind == "M" else held
 
+        def time_of(name: str) -> str | None:
+            group = channels[name].group_name
+            return next((at for at, time in times.items() if time.group_name == group), None)
+
         def clock(name: str) -> FloatArray | None:
             channel = channels[name]
-            own = next(
-                (time for at, time in times.items() if at.rpartition("/")[0] == name.rpartition("/")[0]), None
-            )
-            if own is not None:
-                return (
-                    None if len(times) == 1 else np.asarray(numbers(f"{own.group_name}/{own.name}"), dtype=float)
-                )
-            if "wf_increment" not in channel.properties:
+            if time_of(name) is not None or "wf_increment" not in channel.properties:
                 return None
             start = channel.properties.get("wf_start_time")
             ahead = 0.0 if start is None or not starts else float((start - min(starts)) / np.timedelta64(1, "s"))
@@ -139,7 +136,7 @@ def tdms_channels(path: Path, stated: Collection[str]) -> Iterator[ChannelFile]:
             },
             values=numbers,
             clock=clock,
-            own_time=frozenset(times) if len(times) > 1 else frozenset(),
+            time_of=time_of,
         )
 
 
@@ -160,7 +157,7 @@ def hdf5_channels(path: Path, stated: Collection[str], is_matlab: bool = False) 
             name = at.replace("%2F", "/")
             if item.dtype.names:
                 held.update({f"{name}/{f}": partial(_field, item, f) for f in item.dtype.names})
-            elif item.dtype.kind in "fiub" and _class(item) != "char":
+            elif item.ndim and _class(item) != "char":  # what are no numbers is refused where it is read
                 turned = is_matlab and item.ndim == 2
                 shape = item.shape[::-1] if turned else item.shape
                 columns = matrix_columns(name, shape)
@@ -225,7 +222,7 @@ def _add_entry(held: dict[str, Any], name: str, value: Any) -> None:
             _add_entry(held, f"{name}.{key}", inner)
         return
     array = np.asarray(value)
-    if array.dtype.kind in "fiub" and array.ndim:
+    if array.ndim and array.size != 1:  # what are no numbers is refused where it is read
         columns = matrix_columns(name, array.shape)
         values = [np.ravel(array)] if len(columns) == 1 else list(array.T)
         held.update(zip(columns, values, strict=False))

@@ -97,25 +97,24 @@ class _Clock:
 
     def __init__(self, file: ChannelFile, mapping: ChannelMap, found: _Found) -> None:
         self._file, self._mapping, self._found = file, mapping, found
-        self._common: FloatArray | None = None
+        self._times: dict[str, FloatArray] = {}
 
     def of(self, name: str, n: int) -> FloatArray:
         """Return (n,) times [s] of a channel of n samples."""
         own = None if self._mapping.time is not None else self._file.clock(name)
         if own is None and self._mapping.rate is not None:
             return np.arange(n) / self._mapping.rate
-        time = self._time() if own is None else own
+        time = self._time(self._name(name)) if own is None else own
         if len(time) != n:
             raise InputError(
                 f"{self._file.path}: channel '{name}': expected {len(time)} values, as many as times, got {n}"
             )
         return time
 
-    def _time(self) -> FloatArray:
-        """Return the channel of time [s], read once."""
-        if self._common is None:
+    def _time(self, name: str) -> FloatArray:
+        """Return a channel of time [s], read once."""
+        if name not in self._times:
             file, mapping = self._file, self._mapping
-            name = self._name()
             unit = mapping.time_unit or file.units.get(name) or "s"
             if unit not in TIME_UNITS:
                 raise InputError(
@@ -129,10 +128,11 @@ class _Clock:
                 )
             self._found.used.add(name)
             self._found.notes += [file.notes[name]] if name in file.notes else []
-            self._common = values * (1.0 if name in file.notes else TIME_UNITS[unit])
-        return self._common
+            self._times[name] = values * (1.0 if name in file.notes else TIME_UNITS[unit])
+        return self._times[name]
 
-    def _name(self) -> str:
+    def _name(self, channel: str) -> str:
+        """Return the channel of time for a channel: the stated one, that of its group, or the only one."""
         file, mapping = self._file, self._mapping
         if mapping.time is not None:
             name = matched(file.path, "channel of time", mapping.time, file.names)
@@ -142,7 +142,10 @@ class _Clock:
                     f"{file.path}: no channel '{mapping.time}' of {mapping.path}: time.channel, {near}"
                 )
             return name
-        held = [name for name in file.time_channels() if name not in file.own_time]
+        own = file.time_of(channel)
+        if own is not None:
+            return own
+        held = file.time_channels()
         if len(held) != 1:
             got = " and ".join(f"'{name}'" for name in held) or "none"
             raise InputError(
@@ -265,6 +268,9 @@ def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: 
         if raster is None:
             near = suggestion(mapping.raster, [*found.channels])
             raise InputError(f"{mapping.path}: join.raster: no channel '{mapping.raster}' in use, {near}")
+    empty = [name for name, channel in found.channels.items() if not len(channel.time)]
+    if 0 < len(empty) < len(found.channels):
+        raise InputError(f"{file.path}: channel '{empty[0]}': expected samples, got none")
     strains = set(found.strain.values())
     merged = on_one_raster(file.path, found.channels, strains, join=mapping.join, raster=raster)
     strain = {gauge: merged.values[name] for gauge, name in found.strain.items()}
@@ -285,7 +291,7 @@ def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: 
         )
     columns |= {quantity: merged.values[name] for quantity, name in found.flow.items()}
     opened = column_file(file.path, columns, units=units, wanted=wanted, notes=(*found.notes, *merged.notes))
-    unused = tuple(name for name in file.names if name not in found.used and name not in file.own_time)
+    unused = tuple(name for name in file.names if name not in found.used)
     return replace(opened, plan=replace(opened.plan, unused=(*unused, *opened.plan.unused)))
 
 

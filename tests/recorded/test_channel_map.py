@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -192,3 +193,41 @@ def test_the_raster_can_be_stated_and_mostly_empty_columns_are_slower(tmp_path: 
     assert "1 channels of 3000 ms ('b') interpolated at the samples of 'a', every 1000 ms" in notes[0]
     block, _ = read(tmp_path, "\n".join(["time,a,c,b", *rows]), f"join.raster = 'b'\n{toml}", "A", "B", "C")
     np.testing.assert_allclose(block.time, [0.0, 3.0, 6.0, 9.0])
+
+
+def test_groups_of_a_tdms_file_have_times_of_their_own(tmp_path: Path) -> None:
+    """Two groups with a channel of time each, in the unit stated; two waveforms that start at different times."""
+    nptdms = pytest.importorskip("nptdms")
+    data, channels = tmp_path / "d.tdms", tmp_path / "channels.toml"
+    ramp = np.arange(5.0)
+    start = np.datetime64("2026-03-01T12:00:00")
+    waves = [{"wf_increment": 1.0, "wf_start_time": start + np.timedelta64(s, "s")} for s in (0, 2)]
+    grouped = [("g", "Time", ramp, {}), ("g", "a", ramp, {}), ("h", "Time", 0.5 * np.arange(10.0), {})]
+    grouped += [("h", "b", np.arange(10.0), {})]
+    started = [("g", "a", ramp, waves[0]), ("h", "b", ramp, waves[1])]
+    for objects, unit, time, expected in (
+        (grouped, "time.unit = 'ms'\n", 1e-3 * ramp, 2.0 * ramp),
+        (started, "", ramp, np.array([np.nan, np.nan, 0.0, 1.0, 2.0])),
+    ):
+        with nptdms.TdmsWriter(data) as writer:
+            writer.write_segment([nptdms.ChannelObject(*one) for one in objects])
+        channels.write_text(unit + entry("a", "A") + entry("b", "B"), encoding="utf-8")
+        with open_strains(data, Wanted(gauge_names=("A", "B"), fixed_pressure=9e4), channels) as opened:
+            ((block, _),) = opened.blocks
+        np.testing.assert_allclose(block.time, time, rtol=1e-12)
+        np.testing.assert_allclose(block.strain[:, 1], 1e-6 * expected, rtol=1e-12)
+
+
+def test_a_channel_that_is_there_without_numbers_is_refused_not_left_out(tmp_path: Path) -> None:
+    data, channels = tmp_path / "d.h5", tmp_path / "channels.toml"
+    channels.write_text(entry("a", "A") + entry("b", "B"), encoding="utf-8")
+    for value, line in (
+        (np.array([b"x"] * 4), "channel 'b': values that are no numbers"),
+        (np.ones(4) * 1j, "channel 'b': values that are no numbers"),
+        (np.empty(0), "channel 'b': expected 4 values, as many as times, got 0"),
+    ):
+        with h5py.File(data, "w") as file:
+            file["time"], file["a"], file["b"] = np.arange(4.0), np.arange(4.0), value
+        wanted = Wanted(gauge_names=("A", "B"), fixed_pressure=9e4)
+        with pytest.raises(InputError, match=line), open_strains(data, wanted, channels):
+            pass
