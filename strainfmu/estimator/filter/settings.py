@@ -8,8 +8,7 @@ from math import isfinite
 from strainfmu.errors import InputError
 
 SLOW = 100.0
-"""Time constant of the errors of navigation, and of hardware errors that all gauges have in common, over that of
-the discrepancy [1]."""
+"""Time constant of navigation errors, and of errors in common of a linear map, over that of the others [1]."""
 
 RATE_TIME = 0.05
 """Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without
@@ -30,7 +29,8 @@ class FilterSettings:
     angle_rate : the same of u and w, components of the total incidence [rad/s]. 0.1 is 6 deg/s.
     log_pressure_rate : the same of ln p_inf [1/s]. 0.1 is a climb of 640 m/s.
     white_navigation : part of the variance of navigation that is independent from sample to sample, up to 1; the
-        rest lasts as hardware errors do. Navigation that is filtered itself has nearly none.
+        rest lasts
+        100 time constants. Navigation that is filtered itself has nearly none.
     """
 
     time_constant: float
