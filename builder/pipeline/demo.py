@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -42,10 +42,13 @@ from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.system import System
 from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
 from strainfmu.fmu.native_package import shipped_libraries
+
+Estimators = Literal["linear", "manifold"]
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
@@ -85,11 +88,12 @@ def run_demo(
     reporter: Reporter,
     given: FilesGiven | None = None,
     as_built: int | None = AS_BUILT_SEED,
+    estimator: Estimators | None = None,
 ) -> DemoResult:
     """Run all stages for one vehicle file and return the result; files as :func:`run_build` takes them.
 
     ``as_built`` is the seed that the hardware errors of the vehicle that flies are drawn with, at the sizes of the
-    section [noise]; with None it is exactly that of the file.
+    section [noise]; with None it is exactly that of the file. ``estimator`` replaces that of the section [map].
 
     Raises
     ------
@@ -98,7 +102,8 @@ def run_demo(
     StrainfmuError
         A file could not be written or an FMU failed.
     """
-    pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
+    vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
+    pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     vehicle = pipeline.vehicle
     check_before_long_work(vehicle, conditions)
     # The Fourier model plays the vehicle that flies, whatever model the map is built on.
@@ -127,6 +132,25 @@ def run_demo(
         errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
         estimators=estimators,
     )
+
+
+def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
+    """Return ``vehicle`` with another estimator in its section [map]; None leaves it.
+
+    Raises
+    ------
+    InputError
+        The section does not fit the nonlinear estimator.
+    """
+    entry = vehicle.map
+    if estimator == "manifold" and (entry.form, entry.symmetry) != ("dynamic_pressure", "full"):
+        raise InputError(
+            f"--estimator manifold: needs map.form 'dynamic_pressure' and map.symmetry 'full', "
+            f"got '{entry.form}' and '{entry.symmetry}'"
+        )
+    if estimator is None:
+        return vehicle
+    return vehicle.model_copy(update={"map": entry.model_copy(update={"estimator": estimator})})
 
 
 def _flight_model(pipeline: Pipeline, built: AsBuilt) -> None:

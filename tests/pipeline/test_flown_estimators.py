@@ -10,8 +10,11 @@ from scaled_maps import scaled_map
 
 from builder.figures.canvas import save
 from builder.figures.estimators import estimator_errors
+from builder.pipeline.demo import with_estimator
 from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
+from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.cosim.recording import Recording
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.fmi_variables import strain_names
@@ -60,3 +63,14 @@ def test_the_nonlinear_estimator_is_beside_the_linear_one(tmp_path: Path) -> Non
 
 def test_a_map_without_tables_has_the_linear_one_alone() -> None:
     assert list(flown_estimators(scaled_map(2, 1, N_D), flight())) == ["linear"]
+
+
+def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
+    vehicle = load_vehicle(IC3X)
+    assert with_estimator(vehicle, "manifold").map.estimator == "manifold"
+    assert with_estimator(vehicle, None) is vehicle
+    listed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": "listed"})})
+    with pytest.raises(
+        InputError, match="--estimator manifold: needs map.form 'dynamic_pressure' and map.symmetry"
+    ):
+        with_estimator(listed, "manifold")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import degrees
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -20,6 +20,8 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.pipeline.demo import DemoResult
+
+Estimator = Literal["linear", "manifold"]
 
 VehicleArgument = Annotated[
     Path | None,
@@ -56,6 +58,10 @@ def demo(
             help="Seed of the hardware errors of the vehicle that flies.",
         ),
     ] = 1,
+    estimator: Annotated[
+        Estimator | None,
+        typer.Option(help="Instead of the vehicle file's: linear, or manifold, the nonlinear one."),
+    ] = None,
 ) -> None:
     """From a vehicle file to an FMU flying in a system simulation.
 
@@ -70,6 +76,8 @@ def demo(
         strainfmu demo -o results --vehicle my_vehicle.toml
 
         strainfmu demo --perfect
+
+        strainfmu demo --estimator manifold -o nonlinear
 
         strainfmu demo --can
     """
@@ -88,7 +96,7 @@ def demo(
         check_multicast(private_port())
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
     seed = None if perfect else as_built
-    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given, seed)
+    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given, seed, estimator)
     _show_result(console, result)
     if can:
         _fly_over_bus(console, output, can_duration, can_authenticated)
