@@ -70,7 +70,5 @@ def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
     assert with_estimator(vehicle, "manifold").map.estimator == "manifold"
     assert with_estimator(vehicle, None) is vehicle
     listed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": "listed"})})
-    with pytest.raises(
-        InputError, match="--estimator manifold: needs map.form 'dynamic_pressure' and map.symmetry"
-    ):
+    with pytest.raises(InputError, match="--estimator manifold: needs map"):
         with_estimator(listed, "manifold")
