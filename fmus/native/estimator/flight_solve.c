@@ -326,31 +326,21 @@ static void set_loads(FlightSolver *solver) {
     }
 }
 
-/* (P r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
+/* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
 static void set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
     Solution *found = &solver->solution;
-    double *back = solver->turned, pull[N_STATES], moved[N_STATES];
+    double *back = solver->turned;
     invert_lower(solver->wide, n, solver->factor, solver->inverse);
     turn_back(solver->wide, n, solver->inverse, solver->right, back, solver->squares);
-    for (size_t k = 0; k < N_STATES; k++) {
-        pull[k] = lane_dot(n, solver->right + (1 + k) * n, solver->right);
-    }
-    for (size_t k = 0; k < N_STATES; k++) {
-        moved[k] = 0.0;
-        for (size_t l = 0; l < N_STATES; l++) {
-            moved[k] += found->state_covariance[k * N_STATES + l] * pull[l];
-        }
-    }
     for (size_t g = 0; g < solver->n_gauges; g++) {
-        double row[N_STATES], product = back[g];
+        double row[N_STATES];
         for (size_t k = 0; k < N_STATES; k++) {
             row[k] = back[(1 + k) * n + g];
-            product -= row[k] * moved[k];
         }
         const double diagonal = solver->squares[g] - quadratic(N_STATES, row, found->state_covariance, row);
         found->standardised_residual[g] =
-            solver->sample.used[g] && diagonal > 0.0 ? product / sqrt(diagonal) : 0.0;
+            solver->sample.used[g] && diagonal > 0.0 ? back[g] / sqrt(diagonal) : 0.0;
     }
 }
 

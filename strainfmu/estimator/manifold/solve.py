@@ -126,14 +126,15 @@ def _spread(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:
-    """Return (k, n_d) (P r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1."""
+    """Return (k, n_d) (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1: leave-one-out residuals.
+
+    P times the strain that nobody expected, which :mod:`strainfmu.estimator.isolation` takes, is S^-1 r of the
+    solution.
+    """
     inverse = np.linalg.inv(at.factor)
     back = np.swapaxes(inverse, 1, 2)
     of_state = back @ at.whitened_jacobian
-    # At the solution J' S^-1 r is what the measurement holds against it, so that P r = S^-1 r but for that.
-    weighted = (back @ at.whitened[:, :, None])[:, :, 0]
-    pull = np.einsum("knx,kn->kx", at.whitened_jacobian, at.whitened)
-    product = weighted - np.einsum("knx,kxy,ky->kn", of_state, covariance, pull)
+    product = (back @ at.whitened[:, :, None])[:, :, 0]
     diagonal = np.einsum("kmn,kmn->kn", inverse, inverse)
     diagonal = diagonal - np.einsum("knx,kxy,kny->kn", of_state, covariance, of_state)
     checked = used & (diagonal > 0.0)

@@ -116,6 +116,31 @@ def test_a_lost_gauge_is_as_one_that_is_not_there() -> None:
     assert np.all(found.standardised_residual[:, lost] == 0.0)
 
 
+@pytest.mark.parametrize("known", [(True, True, True), (False, False, False)])
+def test_residuals_are_those_of_a_prediction_by_all_other_gauges(known: tuple[bool, bool, bool]) -> None:
+    manifold, state = flight_map(discrepancy=1e-3, hardware=True), flights(1, 19)
+    strain, nav = strains(state, 20), navigation(state, 21, known)
+    given = samples(manifold, strain, nav)
+    at = solve_cold(manifold, search_table(manifold), given)
+    found = solution(manifold, at, given.used)
+    covariance = at.factor[0] @ at.factor[0].T
+    for gauge in (0, 5, 20):
+        used = np.ones((1, N_D), dtype=bool)
+        used[:, gauge] = False
+        others = used[0]
+        without = linearise(
+            manifold, at.state, strain_factor(manifold, at.state, used), samples(manifold, strain, nav, used)
+        )
+        step = np.linalg.solve(without.hessian[0], without.gradient[0])
+        left = at.residual[0] - at.strain_jacobian[0] @ step
+        weights = np.linalg.solve(covariance[np.ix_(others, others)], covariance[others, gauge])
+        rows = at.strain_jacobian[0, gauge] - weights @ at.strain_jacobian[0, others]
+        variance = covariance[gauge, gauge] - weights @ covariance[others, gauge]
+        variance += rows @ np.linalg.inv(without.hessian[0]) @ rows
+        expected = (left[gauge] - weights @ left[others]) / np.sqrt(variance)
+        np.testing.assert_allclose(found.standardised_residual[0, gauge], expected, atol=2e-3)
+
+
 def test_one_linearisation_is_the_bayes_estimate_of_the_linear_problem() -> None:
     manifold, state = flight_map(discrepancy=1e-3), flights(1, 13)
     given = samples(manifold, strains(state, 14), navigation(state, 15, (True, True, True)))
