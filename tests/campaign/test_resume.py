@@ -17,6 +17,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="process groups and S
 KILLS = 5
 
 
+@pytest.mark.slow
 def test_five_kills_leave_no_trace(undisturbed: Undisturbed, tmp_path: Path) -> None:
     """SIGKILL to the whole group, the k-th at a random moment of the k-th sixth; in processes and in threads."""
     moments = random.Random(4)
@@ -37,7 +38,7 @@ def test_five_kills_leave_no_trace(undisturbed: Undisturbed, tmp_path: Path) -> 
     assert list(tmp_path.iterdir()) == [output]
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_ctrl_c_keeps_what_is_finished(workers: int, undisturbed: Undisturbed, tmp_path: Path) -> None:
     """SIGINT to the whole group, as a terminal sends it: one line, exit code 130, and no word of the workers."""
     output = tmp_path / "snapshots.h5"

@@ -63,7 +63,7 @@ def test_tables_give_the_snapshots_and_correct_what_is_off_them(
     noise_only: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     problem = inverse_problem(noise_only, snapshots, structure)
-    manifold = manifold_map(vehicle=noise_only, snapshots=snapshots, structure=structure, problem=problem)
+    manifold, _ = manifold_map(vehicle=noise_only, snapshots=snapshots, structure=structure, problem=problem)
     field = table_field(vehicle=noise_only, snapshots=snapshots, structure=structure, problem=problem)
     conditions = snapshots.conditions()
     rows = [number for number, one in enumerate(conditions) if one.sideslip_angle > 0.0][::9]

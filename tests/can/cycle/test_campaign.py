@@ -54,7 +54,7 @@ def mixed_campaign(n_faults: int, seed: int) -> Campaign:
 
 def test_random_faults_on_frames_of_two_rates() -> None:
     """One frame of strains comes at a fifth of the rate and is held."""
-    run = mixed_campaign(25, seed=12)
+    run = mixed_campaign(8, seed=12)
     assert run.false_valid == []
     assert run.late_recovery == []
     assert run.core.account.unaccounted == 0
