@@ -97,6 +97,7 @@ def test_a_second_run_reuses_everything_and_says_so(ic3x_demo: Path, run: Run) -
         assert (ic3x_demo / name).stat().st_mtime_ns == before[name]
 
 
+@pytest.mark.slow
 def test_a_damaged_result_is_made_again(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
     folder = tmp_path / "demo"
     shutil.copytree(ogive_demo, folder)

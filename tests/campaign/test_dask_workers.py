@@ -48,6 +48,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
             process.wait()
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_does_not_matter(
     cluster: Cluster, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -64,6 +65,7 @@ def test_a_worker_that_is_killed_does_not_matter(
     assert stored_hash(output) == undisturbed.content_hash
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_goes_keeps_what_is_finished(undisturbed: Undisturbed, tmp_path: Path) -> None:
     output = tmp_path / "snapshots.h5"
     scheduler = dask(tmp_path, "scheduler", "--port", "0")

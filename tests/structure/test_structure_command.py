@@ -213,6 +213,7 @@ def test_full_mesh_gives_the_same(run: Run, tmp_path: Path) -> None:
     np.testing.assert_allclose(whole.strain_operator, by_sectors.strain_operator, rtol=0.0, atol=1e-8 * size)
 
 
+@pytest.mark.slow
 def test_nothing_is_computed_twice(run: Run, tmp_path: Path) -> None:
     path, output = small(tmp_path), tmp_path / "structure.h5"
 
@@ -480,6 +481,7 @@ def test_maps_of_both_models_agree(both_maps: tuple[Path, Path]) -> None:
     assert "swept_hexahedra" in solid.provenance["structural_model"]
 
 
+@pytest.mark.slow
 def test_build_folder_reuses_its_structure(both_maps: tuple[Path, Path], run: Run, tmp_path: Path) -> None:
     vehicle = both_maps[0].parent / "solid.toml"
     folder = tmp_path / "again"
