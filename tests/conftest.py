@@ -23,7 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 hypothesis.settings.register_profile("strainfmu", deadline=None)
 hypothesis.settings.load_profile("strainfmu")
 
-pytest_plugins = ["coarse_vehicle"]
+pytest_plugins = ["coarse_vehicle", "as_built_case"]
 
 TESTS = Path(__file__).parent
 OGIVE = TESTS / "acceptance" / "ogive" / "ogive.toml"
@@ -39,6 +39,7 @@ FIRST = (
     "campaign/test_resume.py",
     "campaign/test_dask_workers.py",
     "structure/test_structure_command.py",
+    "structure/test_solid_model_maps.py",
     "campaign/test_reuse.py",
     "acceptance/test_bad_input.py",
     "can/tools/test_demo_bus.py",

@@ -12,6 +12,7 @@ from strainfmu.errors import InputError
 if TYPE_CHECKING:
     from builder.aero.engine import Engine
     from builder.aero.euler.marching_grid import MarchingGrid
+    from builder.aero.surface_mesh import SurfaceMesh
     from builder.vehicle.file import Vehicle
     from builder.vehicle.geometry import SurfaceGrid
     from builder.vehicle.sections import Resolution
@@ -66,6 +67,11 @@ def _euler(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, not
     from builder.aero.euler_engine import EulerEngine
 
     grid = marching_grid_of(resolution) if grid_level is None else _level(grid_level)
+    if vehicle.shape_kind == "sections":
+        from builder.aero.full_body_engine import FullBodyEngine
+
+        n_x, n_roll = resolution.surface_stations, resolution.surface_roll_angles
+        return FullBodyEngine(vehicle.sectioned_body(), grid, n_x, n_roll)
     return EulerEngine(vehicle.body(), grid, own_surface(vehicle, resolution))
 
 
@@ -81,7 +87,6 @@ def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None,
     from builder.aero.cfd.surface_files import read_surface
     from builder.aero.cfd.units import METRES
     from builder.aero.newtonian import NewtonianEngine, newtonian_engine
-    from builder.aero.surface_mesh import mesh_of_grid
 
     _refuse_level("newtonian", grid_level)
     entries = vehicle.aerodynamics
@@ -91,7 +96,7 @@ def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None,
         if value is not None
     }
     if entries.surface is None:
-        return NewtonianEngine(mesh_of_grid(own_surface(vehicle, resolution)), **options)
+        return NewtonianEngine(_noted_surface(vehicle, resolution, note), **options)
     path = vehicle.beside(entries.surface)
     mesh = read_surface(path, METRES[entries.surface_length_unit])
     try:
@@ -105,13 +110,22 @@ def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None,
 
 def _table(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, note: Note) -> Engine:
     from builder.aero.cfd.table import table_engine
-    from builder.aero.surface_mesh import mesh_of_grid
 
     _refuse_level("table", grid_level)
     manifest = vehicle.aerodynamics.manifest
     if manifest is None:
         raise InputError("aerodynamics.manifest: entry is missing, the table engine reads its results from there")
-    return table_engine(vehicle.beside(manifest), mesh_of_grid(own_surface(vehicle, resolution)))
+    return table_engine(vehicle.beside(manifest), _noted_surface(vehicle, resolution, note))
+
+
+def _noted_surface(vehicle: Vehicle, resolution: Resolution, note: Note) -> SurfaceMesh:
+    """Return the vehicle's surface; ``note`` takes what was changed on that of a file."""
+    from builder.aero.shapes import outer_surface
+
+    surface, notes = outer_surface(vehicle, resolution)
+    for text in notes:
+        note(text)
+    return surface
 
 
 def _refuse_level(engine: str, grid_level: str | None) -> None:

@@ -16,18 +16,21 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _POINTS, _WEIGHTS = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS
 
 
-def load_operator(grid: SurfaceGrid, moment_station: float) -> FloatArray:
+def load_operator(grid: SurfaceGrid, moment_station: float, ahead_of: float = np.inf) -> FloatArray:
     """Return the loads per nodal pressure, (5, n_nodes) [m2, m2, m2, m3, m3].
 
     Rows: axial force F_x, normal force F_z, side force F_y, pitching moment (nose-up), yawing moment (nose
     to starboard) about the point (moment_station, 0, 0). F = integral of -p n dS with n outward (paper, eq. for
     q_coeff: G C_map); apply it to p - p_internal. Pressure is linear in x and trigonometric in roll; the
-    meridian is linear between stations.
+    meridian is linear between stations. With ``ahead_of`` [m]: of the part ahead of that station.
     """
     x, r = grid.x, grid.radius
     axial, lateral, moment = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
     dx, dr = np.diff(x), np.diff(r)
-    for t, weight in zip(_POINTS, _WEIGHTS, strict=True):
+    part = np.clip(np.divide(ahead_of - x[:-1], dx, out=np.ones_like(dx), where=dx > 0.0), 0.0, 1.0)
+    part[(dx == 0.0) & (x[:-1] >= ahead_of)] = 0.0
+    for point, share in zip(_POINTS, _WEIGHTS, strict=True):
+        t, weight = part * point, part * share
         at_x, at_r = x[:-1] + t * dx, r[:-1] + t * dr
         for shape, shift in ((1.0 - t, 0), (t, 1)):
             k = np.arange(len(dx)) + shift

@@ -22,13 +22,23 @@ from scipy import sparse
 
 from builder.aero.closest_points import ClosestPoints, closest_points
 from builder.aero.loads import load_operator
-from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, roll_moment_operator
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 _RANK_CUT = 1e-10
 _LOST_LOAD = 1e-8
+LEAST_ROLL = 0.05
+"""Rolling moment over lateral force times span, of random pressure: below it a surface is one of revolution."""
+LOAD_NAMES = (
+    "axial force",
+    "normal force",
+    "side force",
+    "pitching moment",
+    "yawing moment",
+    "rolling moment",
+)
 
 
 def consistent_map(source: SurfaceMesh, target_point: FloatArray, target_normal: FloatArray) -> sparse.csr_array:
@@ -112,15 +122,16 @@ def _cross_matrix(vector: FloatArray) -> FloatArray:
 class PressureMap:
     """Transfer of nodal pressure from a source surface to a target surface, made once for many fields.
 
-    The five loads are those of :func:`builder.aero.surface_mesh.mesh_load_operator`: axial, normal and side force,
-    pitching and yawing moment. Equal about one point of the x axis, they are equal about every one.
+    The loads are those of :func:`builder.aero.surface_mesh.mesh_load_operator`: axial, normal and side force,
+    pitching and yawing moment; equal about one point of the x axis, they are equal about every one. To a surface
+    that is not of revolution the rolling moment is the sixth.
 
     Attributes
     ----------
     found : where the target's nodes lie on the source.
     interpolation : sparse (n_target, n_source), consistent.
-    source_loads, target_loads : (5, n) loads per nodal pressure, about the middle of the target's length.
-    correction : (n_target, 5) pressure per missing load.
+    source_loads, target_loads : (5 or 6, n) loads per nodal pressure, about the middle of the target's length.
+    correction : (n_target, 5 or 6) pressure per missing load.
     """
 
     found: ClosestPoints
@@ -135,7 +146,7 @@ class PressureMap:
         return mapped.reshape(*pressure.shape[:-1], -1)
 
     def conservative(self, pressure: FloatArray) -> FloatArray:
-        """Return the pressure (..., n_target) closest to the interpolated one that has the source's five loads.
+        """Return the pressure (..., n_target) closest to the interpolated one that has the source's loads.
 
         "Closest" is least squares weighted with nodal area. ``pressure`` (..., n_source) must be the net one, that
         is less its reference (p - p_inf, or p/p_inf - 1): over a surface that is open at the base a constant has
@@ -152,8 +163,7 @@ class PressureMap:
         size = np.abs(pressure) @ np.abs(self.source_loads).T
         lost = np.abs(expected - mapped @ self.target_loads.T) > _LOST_LOAD * size.max(axis=-1, keepdims=True)
         if lost.any():
-            names = ("axial force", "normal force", "side force", "pitching moment", "yawing moment")
-            which = names[int(np.argwhere(lost)[0][-1])]
+            which = LOAD_NAMES[int(np.argwhere(lost)[0][-1])]
             raise InputError(f"mapping: the target surface cannot carry the {which} of the source by pressure")
         return mapped
 
@@ -171,11 +181,14 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
     middle = float(0.5 * (target.point[:, 0].min() + target.point[:, 0].max()))
     own_loads = mesh_load_operator(source, middle)
     loads = mesh_load_operator(target, middle) if grid is None else load_operator(grid, middle)
+    if grid is None and _carries_roll(target, loads):
+        own_loads = np.vstack([own_loads, roll_moment_operator(source)])
+        loads = np.vstack([loads, roll_moment_operator(target)])
     area = target.node_area
     per_area = np.divide(loads, area, out=np.zeros_like(loads), where=area > 0.0)
     # A moment is measured by the body's length, so that the rank is judged in one unit.
     length = float(np.ptp(target.point, axis=0).max())
-    scale = np.array([1.0, 1.0, 1.0, 1.0 / length, 1.0 / length])
+    scale = np.array([1.0, 1.0, 1.0, *[1.0 / length] * (len(loads) - 3)])
     gram = (scale[:, None] * loads) @ (scale[:, None] * per_area).T
     inverse = np.linalg.pinv(gram, rcond=_RANK_CUT, hermitian=True)
     correction = per_area.T @ (scale[:, None] * inverse * scale)
@@ -186,6 +199,19 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
         target_loads=loads,
         correction=correction,
     )
+
+
+def _carries_roll(mesh: SurfaceMesh, loads: FloatArray) -> bool:
+    """Return whether pressure on ``mesh`` has a rolling moment worth the name.
+
+    On a body of revolution it has only that of flat facets, which vanishes with their size. ``loads`` (5, n) are
+    the mesh's own.
+    """
+    area = mesh.node_area
+    used = area > 0.0
+    size = np.sqrt(np.sum(np.vstack([loads[1:3], roll_moment_operator(mesh)])[:, used] ** 2 / area[used], axis=1))
+    span = float(np.hypot(mesh.point[:, 1], mesh.point[:, 2]).max())
+    return bool(size[2] > LEAST_ROLL * span * size[:2].max())
 
 
 def conservative_pressure(source: SurfaceMesh, target: SurfaceMesh, pressure: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.aero.closest_points import closest_points
 from builder.aero.mapping import PressureMap
 from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
@@ -13,6 +14,8 @@ from strainfmu.errors import InputError
 
 MIN_LOAD = 0.01
 """Fraction of the integral of |p| dS below which a force is a difference of large numbers, not a measure."""
+NEGLIGIBLE_AREA = 1e-3
+"""Fraction of the source's area on which a distance from the target is not looked at."""
 OPEN_SURFACE = 1e-6
 """A surface is open if its vector areas sum to more than this fraction of its area."""
 
@@ -29,11 +32,12 @@ class MappingReport:
     force_residual, moment_residual : largest over the fields, of consistently mapped loads less the source's.
     force_residual_relative : largest ratio to the load's size.
     moment_residual_relative : the same, to the load's size times ``length``.
-    largest_gap : from a target node to the source [m].
+    largest_gap : from a node of one surface to the other, both ways [m].
     largest_gap_point : (3,) that node [m].
     length : the largest extent of the target [m].
     area_mismatch : source area over target area, less 1.
-    unfitted_fraction : fraction of target nodes with no source triangle within 60 deg of their normal nearby.
+    unfitted_fraction : fraction of the target's area whose nodes have no source triangle within 60 deg of their
+        normal nearby.
     source_box, target_box : (2, 3) minimum and maximum coordinates [m].
     source_centre, target_centre : (3,) centroids of the surfaces [m].
     source_closed, target_closed : the surface has no opening.
@@ -74,7 +78,7 @@ class MappingTolerances:
     ----------
     gap_relative : largest gap over length.
     area_mismatch : relative, either sign.
-    unfitted_fraction : fraction of target nodes.
+    unfitted_fraction : fraction of the target's area.
     force_residual_relative, moment_residual_relative : of the consistent transfer; the conservative one has none.
     """
 
@@ -96,17 +100,17 @@ def mapping_report(
     length = float(np.ptp(target.point, axis=0).max())
     size = np.maximum(np.linalg.norm(source_loads[:, :3], axis=1), MIN_LOAD * np.abs(fields) @ source.node_area)
     size = np.where(size > 0.0, size, 1.0)
-    node = int(np.argmax(transfer.found.gap))
+    gap, where = _largest_gap(transfer, source, target)
     return MappingReport(
         force_residual=float(force.max()),
         force_residual_relative=float((force / size).max()),
         moment_residual=float(moment.max()),
         moment_residual_relative=float((moment / size).max()) / length,
-        largest_gap=float(transfer.found.gap[node]),
-        largest_gap_point=target.point[node],
+        largest_gap=gap,
+        largest_gap_point=where,
         length=length,
         area_mismatch=float(source.area.sum() / target.area.sum()) - 1.0,
-        unfitted_fraction=float(np.mean(~transfer.found.fits)),
+        unfitted_fraction=float(target.node_area[~transfer.found.fits].sum() / target.area.sum()),
         source_box=_box(source),
         target_box=_box(target),
         source_centre=_centre(source),
@@ -114,6 +118,21 @@ def mapping_report(
         source_closed=_is_closed(source),
         target_closed=_is_closed(target),
     )
+
+
+def _largest_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh) -> tuple[float, FloatArray]:
+    """Return the largest distance [m] of a node of one surface from the other, and that node (3,) [m].
+
+    The source may stand proud of the target, as a fin that the target lacks: target nodes alone do not show it.
+    """
+    back = closest_points(target, source.point, np.zeros_like(source.point))
+    # Of the source's nodes those on hardly any area are left out: the target's tip may be cut.
+    order = np.argsort(-back.gap, kind="stable")
+    beyond = np.cumsum(source.node_area[order]) > NEGLIGIBLE_AREA * source.area.sum()
+    there, here = int(np.argmax(transfer.found.gap)), int(order[np.argmax(beyond)])
+    if back.gap[here] > transfer.found.gap[there]:
+        return float(back.gap[here]), source.point[here]
+    return float(transfer.found.gap[there]), target.point[there]
 
 
 def _box(mesh: SurfaceMesh) -> FloatArray:
@@ -149,7 +168,7 @@ def check_mapping(report: MappingReport, tolerances: MappingTolerances) -> None:
         (
             report.unfitted_fraction,
             tolerances.unfitted_fraction,
-            "{} of the nodes find no triangle that faces their way",
+            "on {} of the area no triangle of the source faces the target's way",
         ),
         (
             report.force_residual_relative,

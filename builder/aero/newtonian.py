@@ -90,7 +90,8 @@ class NewtonianEngine:
         return tuple(round(value, 9) for value in values)
 
     def solve(self, key: FlowKey) -> Flow:
-        mach_number, angle_of_attack, sideslip = key
+        # Two numbers are Mach number and angle of attack, without sideslip.
+        mach_number, angle_of_attack, sideslip = (*key, 0.0)[:3]
         wind = np.array(
             [cos(angle_of_attack) * cos(sideslip), -sin(sideslip), sin(angle_of_attack) * cos(sideslip)]
         )

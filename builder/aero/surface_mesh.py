@@ -138,3 +138,16 @@ def mesh_load_operator(mesh: SurfaceMesh, moment_station: float) -> FloatArray:
         np.add.at(moment.T, mesh.triangle[:, k], -np.cross(arm, mesh.vector_area))
     # Nose-up: the nose at -x goes to +z, a rotation about +y. Nose to starboard: -x to +y, a rotation about -z.
     return np.stack([force[0], force[2], force[1], moment[1], -moment[2]])
+
+
+def roll_moment_operator(mesh: SurfaceMesh) -> FloatArray:
+    """Return the moment about the x axis per nodal pressure, (n,) [m3], of F = integral of -p n dS.
+
+    Positive from +y to +z; exact for pressure linear over each triangle, as :func:`mesh_load_operator`.
+    """
+    row = np.zeros(mesh.n_nodes)
+    corner = mesh.point[mesh.triangle]
+    for k in range(3):
+        arm = (corner.sum(axis=1) + corner[:, k]) / 12.0
+        np.add.at(row, mesh.triangle[:, k], -np.cross(arm, mesh.vector_area)[:, 0])
+    return row

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from builder.aero.engines import make_engine
+from builder.aero.shapes import outer_surface
 from builder.campaign.failures import failed_conditions
 from builder.campaign.run import Campaign
 from builder.campaign.snapshots import Snapshots, load_snapshots
@@ -27,6 +28,19 @@ from strainfmu.flight_condition import FlightCondition
 
 SAME_SURFACE = 1e-6  # of the length: nodes on the meridian
 SAME_LENGTH = 0.02  # of the length: surfaces of other programs may be cut at the tip
+
+
+def vehicle_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
+    """Return in what the body of ``snapshots`` is not that of ``vehicle``; of free surfaces their extents."""
+    if vehicle.is_of_revolution:
+        return body_misfits(snapshots, vehicle.body())
+    surface = outer_surface(vehicle, vehicle.resolution.map)[0]
+    expected, found = (np.ptp(one, axis=0) for one in (surface.point, snapshots.point))
+    return [
+        Misfit(entry=f"extent of the surface along {axis}", expected=f"{wanted:.6g} m", found=f"{held:.6g} m")
+        for axis, wanted, held in zip("xyz", expected, found, strict=True)
+        if abs(held - wanted) > SAME_LENGTH * expected.max()
+    ]
 
 
 def body_misfits(snapshots: Snapshots, body: BodyOfRevolution) -> list[Misfit]:

@@ -37,12 +37,12 @@ def vehicle_campaign(
         conditions=conditions,
         internal_pressure=np.array([vehicle.internal_pressure(condition) for condition in conditions]),
         reference=vehicle.reference_quantities(),
-        grid=own_surface(vehicle, vehicle.resolution.map),
+        grid=own_surface(vehicle, vehicle.resolution.map) if vehicle.is_of_revolution else None,
         settings={
             "strainfmu_version": __version__,
             "sets": [{"name": one.name, "conditions": len(one.conditions)} for one in chosen],
             "options": dict(options or {}),
-            "profile": profile_record(vehicle.body()),
+            **({"profile": profile_record(vehicle.body())} if vehicle.is_of_revolution else {}),
         },
     )
 

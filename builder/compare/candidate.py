@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from builder.compare.field import TableField, is_vented, linear_field
+from builder.compare.field import estimated_fields
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import InverseMap
@@ -65,7 +65,7 @@ class Candidate(Protocol):
 
 
 class LinearCandidate:
-    """A linear map. Navigation decides on its health alone, but p_inf is part of the field of a vented body."""
+    """A linear map. Navigation decides on its health alone, but a field of p - p_inf needs p_inf."""
 
     has_field = True
 
@@ -74,18 +74,13 @@ class LinearCandidate:
         self.estimator = Estimator(inverse_map)
 
     def answer(self, read: Readings, navigation: str) -> Answer:
-        """Return the estimates; without navigation a vented body has no field."""
-        q = read.dynamic_pressure
-        found = self.estimator.estimate(read.last, q, dynamic_pressure_std=read.dynamic_pressure_std)
+        """Return the estimates; without navigation there is no field where the map's is p - p_inf."""
+        found = self.estimator.estimate(
+            read.last, read.dynamic_pressure, dynamic_pressure_std=read.dynamic_pressure_std
+        )
         assert isinstance(found, LoadEstimates)
-        field = None
-        if self.inverse_map.field_modes is not None and (navigation == GIVEN or not is_vented(self.inverse_map)):
-            field = linear_field(
-                inverse_map=self.inverse_map,
-                strain=read.last,
-                dynamic_pressure=q,
-                static_pressure=read.static_pressure,
-            )
+        is_known = navigation == GIVEN or not self.inverse_map.field_is_net
+        field = estimated_fields(found, read.static_pressure) if is_known else None
         return Answer(coefficients=found.coefficients, std=found.coefficients_std, field=field)
 
     def step_microseconds(self, read: Readings, navigation: str) -> float:
@@ -103,10 +98,10 @@ class ManifoldCandidate:
     name = "manifold"
     has_field = True
 
-    def __init__(self, inverse_map: InverseMap, field: TableField) -> None:
+    def __init__(self, inverse_map: InverseMap) -> None:
         found = estimator_of(inverse_map)
         assert isinstance(found, ManifoldEstimator)
-        self.estimator, self.field = found, field
+        self.estimator = found
 
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return the estimates of a search of the tables."""
@@ -123,7 +118,7 @@ class ManifoldCandidate:
             coefficients=found.coefficients,
             std=found.coefficients_std,
             air_data=found.air_data.value[:, columns],
-            field=self.field.pressure(self.estimator.manifold, found.state, read.last),
+            field=estimated_fields(found, read.static_pressure),
         )
 
     def step_microseconds(self, read: Readings, navigation: str) -> float:

@@ -77,7 +77,9 @@ def with_errors(vehicle: Vehicle, errors: str, case: int) -> Vehicle:
     if errors == GAUGE_NOISE:
         noise = noise.without_hardware_errors()
         entry.update(
-            discrepancy_percent=DISCREPANCY_PERCENT, discrepancy_of_prior_percent=DISCREPANCY_OF_PRIOR_PERCENT
+            discrepancy_percent=DISCREPANCY_PERCENT,
+            discrepancy_of_prior_percent=DISCREPANCY_OF_PRIOR_PERCENT,
+            discrepancy_of_overpressure_percent=DISCREPANCY_OF_PRIOR_PERCENT,
         )
     return vehicle.model_copy(update={"map": MapEntry(**entry), "noise": noise})
 

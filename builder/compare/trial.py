@@ -16,7 +16,7 @@ from builder.compare.candidate import (
     LinearCandidate,
     ManifoldCandidate,
 )
-from builder.compare.field import table_field, true_field
+from builder.compare.field import true_field
 from builder.compare.flights import (
     ERRORS,
     GAUGE_NOISE,
@@ -31,7 +31,7 @@ from builder.compare.random_walk import RandomWalkCandidate
 from builder.compare.rivals import RIVALS, RivalCandidate
 from builder.compare.score import scored
 from builder.compare.training import training_flights
-from builder.inverse.build import AnyStructure, build_inverse_map, inverse_problem
+from builder.inverse.build import AnyStructure, build_inverse_map
 from builder.manifold.build import with_manifold
 from builder.reporting import Progress, Reporter
 from builder.truth.flow_table import FlowTable
@@ -176,9 +176,7 @@ def candidates_of(
     full = with_manifold(
         inverse_map=maps[1], vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure
     )
-    problem = inverse_problem(of_case[1], trial.snapshots, trial.structure)
-    field = table_field(vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure, problem=problem)
-    manifold = ManifoldCandidate(full, field)
+    manifold = ManifoldCandidate(full)
     known: list[Candidate] = [
         LinearCandidate("linear Case 1", maps[1]),
         LinearCandidate("linear Case 2", maps[2]),

@@ -9,24 +9,32 @@ from typing import Any
 import numpy as np
 
 from builder.aero.loads import coefficients_of, load_operator
+from builder.aero.section_loads import further_load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.ensemble import Ensemble, ensemble_of
+from builder.inverse.further import further_loads
 from builder.inverse.gauge_noise import gauge_covariance, nuisance_terms
 from builder.inverse.hardware_errors import HardwareError, error_model, hardware_errors, hardware_terms
 from builder.inverse.map_envelope import coefficient_half_spaces, flight_ranges
+from builder.inverse.mesh_error import MeshError, mesh_error
 from builder.inverse.noise_model import NoiseTerm, gauge_noise
 from builder.inverse.observable_states import on_observable_states
 from builder.inverse.score_limit import with_score_limit
+from builder.inverse.sensors import SensorSet, joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem, Solution, solve
-from builder.structure.fourier.model import StructuralModel
+from builder.inverse.thermal import modulus_std, thermal_map, thermal_terms, with_further_rows, with_isothermal
+from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.reference_loads import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
+from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.validity import condition_ranges
 from strainfmu.version import __version__
@@ -65,7 +73,7 @@ def check_noise(vehicle: Vehicle) -> None:
         As :func:`gauge_noise_covariance` and :func:`builder.inverse.gauge_noise.nuisance_terms`.
     """
     entry, layout = vehicle.noise, vehicle.gauges.layout
-    names = solid_case(vehicle, [layout]).layouts[layout].name
+    names = structure_case(vehicle, [layout]).layouts[layout].name
     gauge_covariance(entry, len(names), 1.0, vehicle.beside(""))
     if entry.nuisance_file is not None:
         nuisance_terms(vehicle.beside(entry.nuisance_file), names)
@@ -129,17 +137,66 @@ def inverse_problem(
     snapshots = on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
     ensemble = ensemble_of(vehicle, snapshots)
-    errors = hardware_errors(vehicle, structure, z_p, ensemble)
+    mesh = _mesh_error(vehicle, snapshots, structure, ensemble)
+    thermal = thermal_map(vehicle)
+    errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
+    if mesh is not None and vehicle.noise.model == "default":
+        errors += mesh.terms()
+    terms = [
+        *noise_terms(vehicle, snapshots, structure, ensemble, errors),
+        *thermal_terms(vehicle, thermal),
+        *nuisance,
+    ]
+    own = gauge_noise_covariance(vehicle, snapshots, structure)
+    sensors = sensor_set(vehicle, structure.surface, ensemble, own)
+    if sensors is not None:
+        terms, errors = joined_terms(terms, sensors), joined_errors(errors, sensors, len(z_p))
+        z_p = np.vstack([z_p, sensors.operator])
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
         load_operator=_load_operator(structure.surface, vehicle.reference_quantities().moment_station),
         node_area=_mesh(structure.surface).node_area,
-        noise=(*noise_terms(vehicle, snapshots, structure, ensemble, errors), *nuisance),
+        noise=tuple(terms),
         errors=tuple(errors),
         with_truncated_modes=vehicle.noise.with_truncated_modes,
         entry=vehicle.map,
+        mesh=mesh,
+        sensors=sensors,
+        further_operator=further_load_operator(
+            structure.surface, vehicle.map.section_stations_m, vehicle.reference_quantities().moment_station
+        ),
+        thermal=thermal if sensors is None else with_further_rows(thermal, len(sensors.rows)),
     )
+
+
+def _mesh_error(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, ensemble: Ensemble
+) -> MeshError | None:
+    """Return the error by the structure's mesh, None where nothing is known of it."""
+    layout, against = vehicle.gauges.layout, structure.checked_against
+    operator = structure.error_operator(layout)
+    if operator is None and isinstance(structure, MappedStructure) and not structure.is_external:
+        operator, against = _difference_of_fourier_model(vehicle, structure), "the Fourier model"
+    if operator is None:
+        return None
+    std = np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure)))
+    return mesh_error(operator, against, ensemble, std)
+
+
+def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -> FloatArray | None:
+    """Return what the Fourier model's Z_p (n_d, n_p) [1/Pa] adds to ``structure``; None where it cannot do it."""
+    layout, surface = vehicle.gauges.layout, structure.surface
+    if not isinstance(surface, SurfaceGrid) or layout not in vehicle.gauges.layouts:
+        return None
+    own = vehicle.resolution.map
+    length = min(own.element_length_mm, 1e3 * ELEMENT_FRACTION * vehicle.body().length)
+    fine = own.model_copy(update={"element_length_mm": length, "wall_layers": max(2, own.wall_layers)})
+    try:
+        other = structural_model_on(vehicle, surface, fine, [layout])
+    except InputError:
+        return None
+    return other.strain_operator(layout) - structure.strain_operator(layout)
 
 
 def inverse_map_of(
@@ -155,9 +212,7 @@ def inverse_map_of(
     return InverseMap(
         vehicle=vehicle.name,
         case=problem.entry.case,
-        gauge_names=gauges.names,
-        gauge_position=gauges.position,
-        gauge_direction=gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True),
+        **_rows(gauges, problem.sensors),
         noise_std=np.linalg.norm(problem.noise[0].strain, axis=1),
         state_operator=solved.state_operator,
         noise_covariance=solved.noise_covariance,
@@ -172,7 +227,7 @@ def inverse_map_of(
         mean_strain=solved.mean_strain,
         residual_whitening=solved.residual_whitening,
         residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
-        strain_range=np.abs(ensemble.responses(z_p)).max(axis=0),
+        strain_range=np.abs(ensemble.responses(z_p) + problem.offset).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
         reference_area=reference.area,
         reference_length=reference.length,
@@ -185,21 +240,41 @@ def inverse_map_of(
         dynamic_pressure_range=ranges.dynamic_pressure,
         mach_number_range=ranges.mach_number,
         altitude_range=ranges.altitude,
-        **(_scaled_parts(problem, solution, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
+        thermal=with_isothermal(problem.thermal, solution.noise.terms),
+        **(
+            _scaled_parts(problem, solution, coefficients)
+            if problem.entry.form == "dynamic_pressure"
+            else {"further": further_loads(problem, solution, None)}
+        ),
         **(_field(problem, solution, _mesh(structure.surface)) if problem.entry.keep_field else {}),
     )
+
+
+def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
+    """Return names, positions and directions of the map's rows, and what those that are no gauges measure."""
+    direction = gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True)
+    if sensors is None:
+        return {"gauge_names": gauges.names, "gauge_position": gauges.position, "gauge_direction": direction}
+    return {
+        "gauge_names": (*gauges.names, *(row.name for row in sensors.rows)),
+        "gauge_position": np.vstack([gauges.position, *(row.position for row in sensors.rows)]),
+        "gauge_direction": np.vstack([direction, *(row.direction for row in sensors.rows)]),
+        "sensors": sensors.described(len(gauges.names)),
+    }
 
 
 def _scaled_parts(problem: Problem, solution: Solution, coefficients: FloatArray) -> dict[str, Any]:
     """Return the fields of a map in form "dynamic_pressure" that one in form "absolute" does not have."""
     scaling = [term for term in solution.noise.terms if term.scales]
     fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
-    strain, load = _compressed(scaling, len(problem.strain_operator))
+    m = 0 if problem.further_operator is None else len(problem.further_operator)
+    strain, load = _compressed(scaling, len(problem.strain_operator), m)
     parts: dict[str, Any] = {
         "form": "dynamic_pressure",
         "gauge_covariance": np.sum(fixed, axis=0),
         "error_strain": strain,
-        "error_load": load,
+        "error_load": load[:5],
+        "further": further_loads(problem, solution, load[5:]),
     }
     inside = problem.ensemble.fixed_pressure
     if inside != 0.0:
@@ -213,22 +288,27 @@ def _scaled_parts(problem: Problem, solution: Solution, coefficients: FloatArray
     return parts
 
 
-def _compressed(terms: list[NoiseTerm], n_gauges: int) -> tuple[FloatArray, FloatArray]:
-    """Return strain (n_d, k) and load (5, k) columns with the covariance of all ``terms``, k at most n_d + 5."""
+def _compressed(terms: list[NoiseTerm], n_gauges: int, n_further: int) -> tuple[FloatArray, FloatArray]:
+    """Return strain (n_d, k) and load (5 + m, k) columns with the covariance of all ``terms``.
+
+    k is at most n_d + 5 + m with m = ``n_further`` further loads.
+    """
     if not terms:
-        return np.zeros((n_gauges, 0)), np.zeros((5, 0))
-    joint = np.hstack(
-        [
-            np.vstack([term.strain, np.zeros((5, term.strain.shape[1])) if term.load is None else term.load])
-            for term in terms
-        ]
-    )
+        return np.zeros((n_gauges, 0)), np.zeros((5 + n_further, 0))
+    joint = np.hstack([np.vstack([term.strain, _loads_of(term, n_further)]) for term in terms])
     # Rows of one size: strain and newtons differ by many orders of magnitude.
     size = np.linalg.norm(joint, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     upper: FloatArray = np.asarray(np.linalg.qr((joint / size).T, mode="r"))
     triangle = size * upper.T
     return triangle[:n_gauges], triangle[n_gauges:]
+
+
+def _loads_of(term: NoiseTerm, n_further: int) -> FloatArray:
+    """Return (5 + m, k) loads of the columns of ``term``, zero where it has none."""
+    parts = ((term.load, 5), (term.further, n_further))
+    k = term.strain.shape[1]
+    return np.vstack([np.zeros((rows, k)) if part is None else part for part, rows in parts])
 
 
 def on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
@@ -258,7 +338,12 @@ def _provenance(
         "moment_station_m": vehicle.reference_quantities().moment_station,
         "resolution": vehicle.resolution.map.model_dump(),
         "structural_model": structure.description,
+        **({} if problem.mesh is None else {"mesh_error": problem.mesh.record(_gauge_names(vehicle, structure))}),
     }
+
+
+def _gauge_names(vehicle: Vehicle, structure: AnyStructure) -> tuple[str, ...]:
+    return structure.layouts[vehicle.gauges.layout].names
 
 
 def _incidence_range(ensemble: Ensemble) -> list[float]:

@@ -93,12 +93,13 @@ def wall_thickness_derivative(
 ) -> FloatArray:
     """Return the derivative of Z_p (n_d, n_p) by the relative wall thickness [1/Pa].
 
-    By the semi-analytic model, which for a solid structure stands in with a clamped ring and gauges at a point
-    inside: what counts is how strain changes, and that follows from membrane and bending alike. On a surface
-    without stations, or with gauges off the wall, strain goes with 1 / t.
+    By the semi-analytic model, which for a solid structure stands in with gauges at a point inside: what counts is
+    how strain changes, and that follows from membrane and bending alike. On a surface without stations, with
+    gauges off the wall, or of a structure of another code, strain goes with 1 / t.
     """
     surface = structure.surface
-    if not isinstance(surface, SurfaceGrid):
+    foreign = isinstance(structure, MappedStructure) and structure.is_external
+    if foreign or not isinstance(surface, SurfaceGrid):
         return -structure.strain_operator(layout)
     try:
         thin, thick = (
@@ -113,13 +114,13 @@ def wall_thickness_derivative(
 
 
 def _with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Return the vehicle with another wall, clamped, and gauges at a point on the inner surface."""
-    thickness = factor * vehicle.structure.wall_thickness_mm
+    """Return the vehicle with a wall ``factor`` as thick, and gauges at a point on the inner surface."""
     changed = {
-        "wall_thickness_mm": thickness,
-        "support": "clamped_aft",
-        "foundation_normal_N_per_m3": None,
-        "foundation_tangential_N_per_m3": None,
+        "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,
+        "wall_thickness_at": [
+            one.model_copy(update={"thickness_mm": factor * one.thickness_mm})
+            for one in vehicle.structure.wall_thickness_at
+        ],
     }
     layouts = {
         name: entry.model_copy(

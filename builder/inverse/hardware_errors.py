@@ -32,12 +32,14 @@ class HardwareError:
     operator : (n_d, n_p) strain per pressure at one standard deviation [1/Pa].
     strain : (n, n_d) its strain at the members of the ensemble [m/m].
     common : whether all gauges have the same error, or each its own.
+    of_mesh : whether it is an error of the structure's mesh, not of the hardware.
     """
 
     name: str
     operator: FloatArray
     strain: FloatArray
     common: bool
+    of_mesh: bool = False
 
 
 def hardware_errors(
@@ -45,10 +47,12 @@ def hardware_errors(
     structure: StructuralModel | MappedStructure,
     strain_operator: FloatArray,
     ensemble: Ensemble,
+    modulus_std: float = 0.0,
 ) -> list[HardwareError]:
     """Return the errors of the section [noise] that are in proportion to strain; those of size 0 are left out.
 
-    ``strain_operator`` is Z_p (n_d, n_p) [1/Pa] of the layout in use.
+    ``strain_operator`` is Z_p (n_d, n_p) [1/Pa] of the layout in use, ``modulus_std`` the relative error of
+    Young's modulus by the wall's temperature.
 
     Raises
     ------
@@ -58,6 +62,7 @@ def hardware_errors(
     entry, layout = vehicle.noise, vehicle.gauges.layout
     each = {"gauge gain": 0.01 * entry.gauge_gain_percent * strain_operator}
     common = {"common gain": 0.01 * entry.common_gain_percent * strain_operator}
+    common["modulus with temperature"] = modulus_std * strain_operator
     if entry.moves_gauges:
         by = gauge_derivatives(vehicle, structure, layout)
         position = 1e-3 * entry.gauge_position_mm
@@ -83,20 +88,31 @@ def hardware_terms(
     vehicle: Vehicle, errors: list[HardwareError], ensemble: Ensemble, strain_operator: FloatArray
 ) -> list[NoiseTerm]:
     """Return the noise terms of ``errors``, averaged over the ensemble, and of those that do not follow strain."""
-    entry, weight = vehicle.noise, ensemble.member_weight
-    terms = []
-    for error in errors:
-        term = common_error if error.common else gauge_errors
-        terms.append(term(error.name, error.strain, 1.0, weight))
+    entry, terms = vehicle.noise, error_terms(errors, ensemble)
     if entry.apparent_strain_um_per_m > 0.0:
         column, std = np.ones((len(strain_operator), 1)), np.array([MICRO * entry.apparent_strain_um_per_m])
         terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))
     if entry.internal_pressure_percent > 0.0:
-        rms = np.sqrt(np.average(ensemble.ambient_pressure**2, weights=ensemble.weight))
+        rms = rms_ambient_pressure(ensemble)
         column = strain_operator.sum(axis=1)[:, None]
         std = np.array([0.01 * entry.internal_pressure_percent * rms])
         terms.append(replace(nuisance_modes("internal pressure", column, std), hardware=True, scales=True))
     return terms
+
+
+def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTerm]:
+    """Return the noise terms of ``errors``, averaged over the ensemble."""
+    terms = []
+    for error in errors:
+        term = common_error if error.common else gauge_errors
+        found = term(error.name, error.strain, 1.0, ensemble.member_weight)
+        terms.append(replace(found, hardware=not error.of_mesh))
+    return terms
+
+
+def rms_ambient_pressure(ensemble: Ensemble) -> float:
+    """Return the root mean square of p_inf over the flows [Pa]."""
+    return float(np.sqrt(np.average(ensemble.ambient_pressure**2, weights=ensemble.weight)))
 
 
 def error_model(errors: list[HardwareError], ensemble: Ensemble, coefficients: FloatArray) -> ErrorModel | None:

@@ -27,6 +27,7 @@ class NoiseTerm:
     name : for reports.
     strain : (n_d, k) columns of strain at one standard deviation [m/m].
     load : (5, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
+    further : (m, k) the same of the further loads, or None.
     scales : whether the term grows with the dynamic pressure, as errors in proportion to strain do.
     hardware : whether it is an error of the vehicle and its gauges as built.
     """
@@ -34,6 +35,7 @@ class NoiseTerm:
     name: str
     strain: FloatArray
     load: FloatArray | None = None
+    further: FloatArray | None = None
     scales: bool = False
     hardware: bool = False
 
@@ -104,7 +106,11 @@ def gauge_noise(covariance: FloatArray) -> NoiseTerm:
 
 
 def truncated_modes(
-    strain_of_modes: FloatArray, load_of_modes: FloatArray, modes: PressureModes, kept: int
+    strain_of_modes: FloatArray,
+    load_of_modes: FloatArray,
+    modes: PressureModes,
+    kept: int,
+    further_of_modes: FloatArray | None = None,
 ) -> NoiseTerm:
     """Return the term of the POD modes beyond the first ``kept``, at their spread over the snapshots.
 
@@ -114,11 +120,12 @@ def truncated_modes(
     load_of_modes : (5, k) G C_map V of all modes [N/Pa, N m/Pa].
     modes : POD of the snapshots.
     kept : number of modes that are states.
+    further_of_modes : (m, k) the same of the further loads, or None.
     """
     std = modes.coefficient_std()[kept:]
-    return NoiseTerm(
-        "truncated modes", strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std, scales=True
-    )
+    further = None if further_of_modes is None else further_of_modes[:, kept:] * std
+    strain, load = strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std
+    return NoiseTerm("truncated modes", strain, load, further, scales=True)
 
 
 def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:

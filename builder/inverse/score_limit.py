@@ -27,7 +27,7 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
     """
     random = np.random.default_rng(SEED)
     ensemble, nominal = problem.ensemble, inverse_map.nominal_dynamic_pressure
-    strain = ensemble.responses(problem.strain_operator)
+    strain = ensemble.responses(problem.strain_operator) + problem.offset
     n = len(strain)
     rows = random.choice(n, size=SAMPLES, p=ensemble.member_weight)
     samples = strain[rows] + _errors(problem, solution, rows, random)
@@ -37,7 +37,8 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
     else:
         q = np.full(SAMPLES, nominal)
     stated = q * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(SAMPLES))
-    score = np.asarray(Estimator(inverse_map).estimate(samples, stated).envelope_score)
+    readings = samples if inverse_map.sensors is None else samples * inverse_map.sensors.scale
+    score = np.asarray(Estimator(inverse_map).estimate(readings, stated).envelope_score)
     limit = max(tail_quantile(score[np.isfinite(score)], FALSE_OUTSIDE), SMALLEST_LIMIT)
     return replace(inverse_map, envelope_score_limit=limit)
 

@@ -11,16 +11,19 @@ from builder.inverse.case_1 import least_squares_map, relative_condition
 from builder.inverse.case_2 import gaussian_map, whitened_spectrum
 from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.mesh_error import MeshError
 from builder.inverse.mode_phase import turned_to_gauges
 from builder.inverse.noise_model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
 from builder.inverse.regularisation import expected_data, select_gamma
+from builder.inverse.sensors import SensorSet
 from builder.inverse.state_map import StateMap
 from builder.vehicle.gamma_rules import Rule
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.temperature import ThermalMap
 
 MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS = 10.0, 3.0
 """Strain of a mode over the gauges' noise, and over all errors together, from which it is a free state [1].
@@ -44,6 +47,10 @@ class Problem:
     errors : those of the terms that follow the current strain.
     with_truncated_modes : whether these count as noise.
     entry : section [map] of the vehicle file.
+    mesh : error of strain by the structure's mesh, where it is known; what counts of it is among ``errors``.
+    sensors : those beside the strain gauges, whose rows follow the gauges'; None for none.
+    further_operator : (m, n_p) the same of rolling moment and section loads; None for none.
+    thermal : modes of the wall's temperature, which are among ``noise``; None for none.
     """
 
     ensemble: Ensemble
@@ -54,6 +61,18 @@ class Problem:
     errors: tuple[HardwareError, ...]
     with_truncated_modes: bool
     entry: MapEntry
+    mesh: MeshError | None = None
+    sensors: SensorSet | None = None
+    further_operator: FloatArray | None = None
+    thermal: ThermalMap | None = None
+
+    @property
+    def offset(self) -> FloatArray:
+        """(n_d,) readings at the nominal dynamic pressure that no surface pressure makes [m/m]."""
+        offset = np.zeros(len(self.strain_operator))
+        if self.sensors is not None:
+            offset[-len(self.sensors.rows) :] = self.sensors.offset
+        return offset
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -229,7 +248,8 @@ def _with_truncated(problem: Problem, modes: PressureModes, kept: int, strain_of
     if not problem.with_truncated_modes or kept == modes.modes.shape[1]:
         return NoiseModel(problem.noise)
     load_of_modes = problem.load_operator @ modes.modes
-    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept)))
+    further = None if problem.further_operator is None else problem.further_operator @ modes.modes
+    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept, further)))
 
 
 def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray | None:
@@ -242,4 +262,4 @@ def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray
 
 def _mean_strain(problem: Problem, mean: FloatArray) -> FloatArray:
     strain: FloatArray = problem.strain_operator @ (mean - problem.ensemble.fixed_pressure)
-    return strain
+    return strain + problem.offset

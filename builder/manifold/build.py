@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,8 +12,9 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem, on_structure
 from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
-from builder.manifold.discrepancy import gaussian_process_shapes, response_of_shapes
+from builder.manifold.discrepancy import gaussian_process_shapes, response_of_shapes, tested_shapes
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
 from builder.manifold.interpolation import interpolation_errors
@@ -31,23 +33,33 @@ MIN_FLOWS = (2, 4)
 
 
 def with_manifold(
-    inverse_map: InverseMap, vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure
+    inverse_map: InverseMap,
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    nuisance: Sequence[NoiseTerm] = (),
 ) -> InverseMap:
     """Return ``inverse_map`` with the tables of the nonlinear estimator, made from the same inputs.
+
+    ``nuisance`` holds the further noise terms of the map.
 
     Raises
     ------
     InputError
         The body is no body of revolution, or the flows do not suffice for tables.
     """
-    problem = inverse_problem(vehicle, snapshots, structure)
-    manifold, terms = manifold_map(vehicle, snapshots, structure, problem)
+    problem = inverse_problem(vehicle, snapshots, structure, nuisance)
+    manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}
     return replace(inverse_map, manifold=manifold, provenance=provenance)
 
 
 def manifold_map(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    problem: Problem,
+    nuisance: Sequence[NoiseTerm] = (),
 ) -> tuple[ManifoldMap, list[dict[str, Any]]]:
     """Return the tables and errors of ``problem``, and what pressure off the tables strains, term by term.
 
@@ -64,6 +76,7 @@ def manifold_map(
     snapshots = on_structure(snapshots, structure)
     flows = flow_amplitudes(snapshots)
     _check_flows(flows)
+    overpressure = np.repeat(flows.overpressure(), grid.n_roll)
     operator = np.vstack([problem.strain_operator, problem.load_operator])
     fixed = np.zeros(len(operator))
     inside = vehicle.structure.internal_pressure_Pa
@@ -74,6 +87,10 @@ def manifold_map(
     response = ring_response(operator, grid, flows.amplitude.shape[-1])
     knots, coefficients = _tables(flows, response)
     terms, n_d = _scaled_errors(vehicle, problem, flows, grid, response), len(problem.strain_operator)
+    terms |= _scaled_nuisance(nuisance, problem)
+    if vehicle.map.discrepancy_of_overpressure_percent > 0.0:
+        level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * (operator @ overpressure)
+        terms["fraction of the overpressure"] = level[:, None]
     error = _compressed(np.hstack(list(terms.values())))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     products, common = _followed_errors(vehicle, problem)
@@ -100,6 +117,7 @@ def manifold_map(
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
         pressure_field=flight_field(vehicle, snapshots, problem, grid) if vehicle.map.keep_field else None,
     )
+    found = replace(found, discrepancy_shapes=tested_shapes(found))
     return found, _terms_of(terms, problem.ensemble, n_d)
 
 
@@ -166,6 +184,18 @@ def _compressed(columns: FloatArray) -> FloatArray:
     size[size == 0.0] = 1.0
     upper = np.asarray(np.linalg.qr((columns / size).T, mode="r"))
     return np.asarray(size * upper.T)
+
+
+def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:
+    """Return columns (n_d + 5, k) per p_inf of the further terms that scale, by name."""
+    ensemble = problem.ensemble
+    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    found = {}
+    for term in nuisance:
+        if term.scales:
+            load = np.zeros((5, term.strain.shape[1])) if term.load is None else term.load
+            found[term.name] = np.vstack([term.strain, load]) / pressure
+    return found
 
 
 def _followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Pressure off the tables: interpolation, a fraction of the snapshots' spread, and a Gaussian process.
+"""Pressure off the tables: interpolation, fractions of the snapshots' spread and level, and a Gaussian process.
 
 Each is a set of pressure fields of one standard deviation, per p_inf; what the estimator needs are their strain
 and loads.
@@ -10,6 +10,9 @@ import numpy as np
 
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U
+from strainfmu.estimator.manifold.gauss_newton import strain_factor
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 
 _NEGLIGIBLE = 1e-3
 """Eigenvalue relative to the largest below which a shape of the Gaussian process is left out."""
@@ -45,3 +48,27 @@ def response_of_shapes(operator: FloatArray, along: FloatArray, around: FloatArr
     (n_roll, b)."""
     rings = operator.reshape(len(operator), len(along), len(around))
     return np.einsum("nxr,xa,rb->nab", rings, along, around, optimize=True).reshape(len(operator), -1)
+
+
+TESTED = 6
+"""Shapes of pressure off the tables that are tested one by one."""
+
+
+def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:
+    """Return the strain (n_d, n_s) of the shapes of pressure off the tables that gauges see best, None for none.
+
+    Chi-square spreads over all gauges what such a pressure strains in a few directions, and hardly notices it. The
+    directions are those of the largest variance relative to that of all else, in the middle of the ranges; shapes
+    below it are left out.
+    """
+    state = np.zeros((1, 4))
+    state[0, MACH], state[0, U] = manifold.mach_range.mean(), 0.5 * manifold.incidence_limit
+    state[0, LOG_PRESSURE] = np.log(manifold.pressure_range).mean()
+    factor = strain_factor(manifold, state, np.ones((1, manifold.tables.n_gauges), dtype=bool))[0]
+    of_shapes = float(np.exp(2.0 * state[0, LOG_PRESSURE])) * manifold.scaled_covariance
+    root = np.linalg.cholesky(factor @ factor.T - of_shapes)
+    half = np.linalg.solve(root, of_shapes)
+    value, vector = np.linalg.eigh(np.linalg.solve(root, half.T))
+    kept = np.argsort(-value)[:TESTED]
+    kept = kept[value[kept] > 1.0]
+    return np.asarray(root @ vector[:, kept]) if len(kept) else None

@@ -38,13 +38,15 @@ def flight_field(vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid:
     process, process_std = _of_process(vehicle, grid, response)
     prior, prior_std = _of_prior(vehicle, problem, grid, n_h)
     covariance = _of_interpolation(error[..., :n_h], response) + process + prior
+    level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * flows.overpressure()
+    covariance[:, 0, 0] += np.outer(level, response[:, :, 0, 0] @ level)
     return FlightField(
         station=grid.x,
         radius=grid.radius,
         roll_angle=grid.roll_angle,
         amplitude=coefficients[..., 0].astype(np.float32),
         strain_covariance=covariance.astype(np.float32),
-        error_std=np.hypot(process_std, prior_std),
+        error_std=np.hypot(np.hypot(process_std, prior_std), level),
         table_error_std=_table_error(snapshots, error, grid).astype(np.float32),
     )
 

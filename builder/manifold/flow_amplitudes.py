@@ -30,6 +30,10 @@ class FlowAmplitudes:
     incidence: FloatArray
     amplitude: FloatArray
 
+    def overpressure(self) -> FloatArray:
+        """Return (n_x,) p / p_inf - 1 round the body at the least incidence, its mean over the Mach numbers."""
+        return np.asarray(self.amplitude[:, 0, :, 0].mean(axis=0) - 1.0)
+
     def less_ambient(self) -> FlowAmplitudes:
         """Return the amplitudes of p / p_inf - 1, what loads a body whose internal pressure is ambient."""
         amplitude = self.amplitude.copy()

@@ -20,8 +20,10 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.figures.estimators import estimator_errors
+from builder.pipeline.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.free_demo import fly_free_shape
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.pipeline.map_files import FLOWS, make_independent_flows, make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
@@ -71,6 +73,8 @@ class DemoResult:
     errors_in_sigma : names of the errors that the stated sigmas hold.
     estimators : of a map with tables over the flight state, the accuracy of each estimator on the flown strains,
         by name, as in ``summary.json``; empty for others.
+    states : of a vehicle that was tested on the ground, the accuracy of its map before and after the test and if
+        all were known, by name, as in ``summary.json``; empty for others.
     """
 
     vehicle: str
@@ -80,6 +84,7 @@ class DemoResult:
     score: FlightScore
     errors_in_sigma: tuple[str, ...]
     estimators: dict[str, Any]
+    states: dict[str, Any]
 
 
 def run_demo(
@@ -89,11 +94,14 @@ def run_demo(
     given: FilesGiven | None = None,
     as_built: int | None = AS_BUILT_SEED,
     estimator: Estimators | None = None,
+    ground_test: int | None = None,
 ) -> DemoResult:
     """Run all stages for one vehicle file and return the result; files as :func:`run_build` takes them.
 
     ``as_built`` is the seed that the hardware errors of the vehicle that flies are drawn with, at the sizes of the
     section [noise]; with None it is exactly that of the file. ``estimator`` replaces that of the section [map].
+    ``ground_test`` is the seed of a vehicle drawn from the section [calibration] in its place, which is tested on
+    the ground and flies with the map that the test calibrates.
 
     Raises
     ------
@@ -106,6 +114,13 @@ def run_demo(
     pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     vehicle = pipeline.vehicle
     check_before_long_work(vehicle, conditions)
+    if vehicle.structure.external is not None:
+        raise InputError(
+            f"structure.{vehicle.structure.external}: no demonstration flies it, the vehicle that flies needs a "
+            "wall of the vehicle file; `strainfmu build` makes its map"
+        )
+    if not vehicle.is_of_revolution:
+        return _free_demo(pipeline, as_built)
     # The Fourier model plays the vehicle that flies, whatever model the map is built on.
     refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
@@ -116,21 +131,54 @@ def run_demo(
     flown = load_trajectory(manoeuvre)
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), of_revolution):
         reporter.note(warning)
-    _flight_model(pipeline, vehicle_as_built(vehicle, as_built))
-    _fmus(pipeline)
-    recording = _flight(pipeline)
+    run = (
+        None if ground_test is None else AsBuiltRun(pipeline=pipeline, vehicle_path=vehicle_path, seed=ground_test)
+    )
+    if run is None:
+        _flight_model(pipeline, vehicle_as_built(vehicle, as_built))
+    else:
+        run.make_test()
+        run.make_maps()
+        make_independent_flows(pipeline)
+        run.make_flight_model()
+    _fmus(pipeline, MAP if run is None else CALIBRATED)
+    recording = _flight(pipeline, {} if run is None else run.start_values())
     score = score_flight(recording)
     _figures(pipeline, recording)
-    estimators = _estimators(pipeline, recording)
-    _summary(pipeline, score, estimators)
+    estimators = _estimators(pipeline, recording) if run is None else {}
+    states = {} if run is None else run.score(recording)
+    _summary(pipeline, score, {"estimators": estimators, "as_built": states})
     return DemoResult(
         vehicle=vehicle.name,
         folder=folder,
         files=pipeline.files,
         reused=tuple(pipeline.reused),
         score=score,
-        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
+        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))),
         estimators=estimators,
+        states=states,
+    )
+
+
+def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
+    """Run the demonstration of a vehicle given by sections or by a surface."""
+    vehicle = pipeline.vehicle
+    recording = fly_free_shape(pipeline, vehicle_as_built(vehicle, as_built))
+    snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
+    flown = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
+        pipeline.reporter.note(warning)
+    score = score_flight(recording)
+    _summary(pipeline, score, {"estimators": {}})
+    return DemoResult(
+        vehicle=vehicle.name,
+        folder=pipeline.workspace.path("summary.json").parent,
+        files=pipeline.files,
+        reused=tuple(pipeline.reused),
+        score=score,
+        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
+        estimators={},
+        states={},
     )
 
 
@@ -143,6 +191,8 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
         The section does not fit the nonlinear estimator.
     """
     entry = vehicle.map
+    if vehicle.sensors is not None:
+        raise InputError("sensors: expected none for a demo, whose plant and FMU have strain gauges alone")
     if estimator == "manifold" and (entry.form, entry.symmetry) != ("dynamic_pressure", "full"):
         raise InputError(
             f"--estimator manifold: needs map.form 'dynamic_pressure' and map.symmetry 'full', "
@@ -185,15 +235,15 @@ def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
     return drawn(vehicle.noise, n, np.random.default_rng(seed))
 
 
-def _fmus(pipeline: Pipeline) -> None:
+def _fmus(pipeline: Pipeline, map_name: str) -> None:
     workspace, vehicle = pipeline.workspace, pipeline.vehicle
     trajectory = vehicle.beside(vehicle.truth.manoeuvre)
     with pipeline.reporter.stage("FMUs") as progress:
         pipeline.make(
             "estimator.fmu",
             "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
-            {"map": pipeline.made_from(MAP), "kind": "native", "library": _digest("estimator")},
-            lambda path: export_estimator(workspace.path("map.h5"), path),
+            {"map": pipeline.made_from(map_name), "kind": "native", "library": _digest("estimator")},
+            lambda path: export_estimator(workspace.path(map_name), path),
         )
         progress(1, 2)
         pipeline.make(
@@ -215,13 +265,13 @@ def _digest(library: str) -> str:
     return sha256(b"".join(content for _, (_, content) in sorted(found.items()))).hexdigest()
 
 
-def _flight(pipeline: Pipeline) -> Recording:
+def _flight(pipeline: Pipeline, start_values: dict[str, float]) -> Recording:
     workspace, vehicle = pipeline.workspace, pipeline.vehicle
     trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
     fmus = {name: workspace.path(f"{name}.fmu") for name in ("plant", "estimator")}
 
     def make(path: Path) -> None:
-        system = System(fmus, matching_connections("plant", "estimator", fmus))
+        system = System(fmus, matching_connections("plant", "estimator", fmus), start_values)
         stop_time = trajectory.stop_time
         with pipeline.reporter.stage("System simulation: plant -> estimator") as progress:
             recording = simulate(
@@ -232,7 +282,11 @@ def _flight(pipeline: Pipeline) -> Recording:
             )
         save_hdf5(recording, path)
 
-    inputs = {"fmus": pipeline.made_from("plant.fmu", "estimator.fmu"), "step": COMMUNICATION_STEP_SIZE}
+    inputs = {
+        "fmus": pipeline.made_from("plant.fmu", "estimator.fmu"),
+        "step": COMMUNICATION_STEP_SIZE,
+        "start": start_values,
+    }
     pipeline.make("flight.h5", "every signal of the system simulation", inputs, make)
     recording = load_recording(workspace.path("flight.h5"))
     pipeline.make(
@@ -329,7 +383,7 @@ def _without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and np.isnan(value) else value
 
 
-def _summary(pipeline: Pipeline, score: FlightScore, estimators: dict[str, Any]) -> None:
+def _summary(pipeline: Pipeline, score: FlightScore, more: dict[str, dict[str, Any]]) -> None:
     def make(path: Path) -> None:
         values = {
             key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True))
@@ -337,9 +391,8 @@ def _summary(pipeline: Pipeline, score: FlightScore, estimators: dict[str, Any])
             else value
             for key, value in asdict(score).items()
         }
-        if estimators:
-            values["estimators"] = estimators
+        values |= {name: entry for name, entry in more.items() if entry}
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
-    inputs = {"flight": pipeline.made_from("flight.h5"), "estimators": estimators}
+    inputs = {"flight": pipeline.made_from("flight.h5"), **more}
     pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

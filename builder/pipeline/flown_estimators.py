@@ -51,13 +51,15 @@ class FlownEstimates:
 
 
 def flown_estimators(
-    inverse_map: InverseMap, recording: Recording, plant: str = "plant"
+    inverse_map: InverseMap, recording: Recording, plant: str = "plant", zeros: FloatArray | None = None
 ) -> dict[str, FlownEstimates]:
     """Return the estimates of both estimators of ``inverse_map``, by name, on the strains of ``recording``.
 
-    The nonlinear one steps from state to state, with Mach number, altitude and dynamic pressure of the plant.
+    ``zeros`` (n_d,) are taken off what the gauges read [m/m]. The nonlinear one steps from state to state, with
+    Mach number, altitude and dynamic pressure of the plant.
     """
     strain = np.stack([recording[f"{plant}.{name}"] for name in strain_names(inverse_map.n_gauges)], axis=1)
+    strain = strain if zeros is None else strain - zeros
     truth = np.stack([recording[f"{plant}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
     q, mach, altitude = (recording[f"{plant}.{name}"] for name in ("dynamic_pressure", "mach_number", "altitude"))
     linear = Estimator(inverse_map).estimate(strain, q)

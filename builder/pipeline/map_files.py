@@ -33,9 +33,10 @@ from builder.reports import build_page, hover_scripts
 from builder.reports.build_report import BuildReport, build_report
 from builder.reports.build_sections import blind_line
 from builder.structure import structure_file
-from builder.structure.solid.case import solid_case
+from builder.structure.external.structure import external_inputs, external_structure
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.model import update_structure
-from builder.structure.structure_file import Structure, load_structure
+from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.truth import flow_table as flow_table_file
 from builder.truth.flow_table import load_flow_table, save_flow_table
 from builder.truth.flows import independent_flows, truth_inputs
@@ -76,6 +77,10 @@ def make_map(pipeline: Pipeline) -> None:
 
 def make_map_parts(pipeline: Pipeline) -> None:
     """Make or take the files that a map is made from: snapshots, and the structure if it is a file of its own."""
+    if pipeline.vehicle.structure.external is not None:
+        _snapshots(pipeline)
+        _external_structure(pipeline)
+        return
     if pipeline.vehicle.structure.model == "solid":
         _solid_structure(pipeline)
     _snapshots(pipeline)
@@ -117,15 +122,19 @@ def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
         file = getattr(vehicle.noise, name)
         if file is not None and vehicle.beside(file).is_file():
             tables[f"noise.{name}"] = vehicle.beside(file).read_bytes().hex()
-    parts = vehicle.model_dump(include={"name", "structure", "material", "reference", "gauges", "noise", "map"})
-    return {**parts, "tables": tables}
+    parts = vehicle.model_dump(
+        include={"name", "structure", "material", "materials", "reference", "gauges", "noise", "map", "sensors"}
+    )
+    temperature = vehicle.temperature
+    warm = {} if temperature is None else {"temperature": temperature.model_dump()}
+    return {**parts, **warm, "tables": tables}
 
 
 def _solid_structure(pipeline: Pipeline) -> None:
     holds = "strain per pressure of the three-dimensional structure"
     if pipeline.take(STRUCTURE, holds):
         return
-    case = solid_case(pipeline.vehicle, used_layouts(pipeline.vehicle))
+    case = structure_case(pipeline.vehicle, used_layouts(pipeline.vehicle))
 
     def write(path: Path) -> None:
         used = update_structure(path, case, pipeline.reporter)[0].statistics
@@ -133,6 +142,25 @@ def _solid_structure(pipeline: Pipeline) -> None:
         pipeline.reporter.note(f"{size} dofs; solver {solver}, licence {used['licence']}")
 
     inputs = {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
+    pipeline.make(STRUCTURE, holds, inputs, write)
+
+
+def _external_structure(pipeline: Pipeline) -> None:
+    """Make the structure of another code's file, on the snapshots' surface."""
+    holds = "strain per pressure, of another structural code"
+    if pipeline.take(STRUCTURE, holds):
+        return
+    vehicle = pipeline.vehicle
+
+    def write(path: Path) -> None:
+        save_structure(external_structure(vehicle, load_snapshots(pipeline.path(SNAPSHOTS))), path)
+
+    inputs = {
+        "schema_version": structure_file.SCHEMA_VERSION,
+        "files": external_inputs(vehicle),
+        "snapshots": pipeline.made_from(SNAPSHOTS),
+        **_structural_inputs(vehicle),
+    }
     pipeline.make(STRUCTURE, holds, inputs, write)
 
 

@@ -7,7 +7,7 @@ here is the map that ``strainfmu build`` writes, bit for bit.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,21 +19,29 @@ from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
-from builder.campaign.snapshot_fit import as_flown, body_misfits, flow_record
+from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
+from builder.inverse.mesh_error import mesh_error_notes
 from builder.manifold.build import with_manifold
 from builder.reporting import Reporter, Silent
-from builder.structure.fourier.model import StructuralModel, refuse_beyond_fourier, structural_model
+from builder.structure.external.structure import external_structure
+from builder.structure.fourier.model import (
+    StructuralModel,
+    refuse_beyond_fourier,
+    structural_model,
+    with_mesh_error,
+)
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.truth.alarm_levels import with_alarm_levels
+from builder.truth.flight_alarm_levels import with_flight_alarm_levels
 from builder.truth.flow_table import FlowTable
 from builder.truth.flows import independent_flows
 from builder.truth.strain import TrueStructure, true_structure
@@ -112,9 +120,11 @@ def solve_structure(
         The vehicle file is wrong, the wall does not fit the body, or a gauge is not on its surface.
     """
     vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    if vehicle.structure.external is not None:
+        raise InputError(f"structure.{vehicle.structure.external}: needs the snapshots; build_map takes it itself")
     chosen = used_layouts(vehicle) if layouts is None else list(layouts)
     if vehicle.structure.model == "solid":
-        return solve_solid_structure(solid_case(vehicle, chosen), reporter)
+        return solve_solid_structure(structure_case(vehicle, chosen), reporter)
     return fourier_structure(vehicle, chosen, reporter)
 
 
@@ -143,13 +153,15 @@ def build_map(
     """
     vehicle, reporter = _vehicle(vehicle), _reporter(progress)
     if snapshots is not None:
-        refuse_misfits("snapshots", body_misfits(snapshots, vehicle.body()))
+        refuse_misfits("snapshots", vehicle_misfits(snapshots, vehicle))
     if isinstance(structure, Structure):
         vehicle = on_solid_model(vehicle)
         refuse_misfits("structure", structure_misfits(structure, vehicle))
     check_before_long_work(vehicle, None if snapshots is None else len(snapshots.condition))
     if snapshots is None:
         snapshots = take_snapshots(vehicle, progress=reporter)
+    if structure is None and vehicle.structure.external is not None:
+        structure = external_structure(vehicle, snapshots)
     if structure is None:
         structure = solve_structure(vehicle, progress=reporter)
     solid = structure if isinstance(structure, Structure) else None
@@ -190,7 +202,8 @@ def note_campaign(result: CampaignResult, reporter: Reporter) -> None:
 def fourier_structure(vehicle: Vehicle, layouts: list[str], reporter: Reporter) -> StructuralModel:
     """Return strain per pressure of the semi-analytic model at the map's resolution."""
     with reporter.stage(STRUCTURE_TITLE) as progress:
-        return structural_model(vehicle, vehicle.resolution.map, layouts, progress)
+        model = structural_model(vehicle, vehicle.resolution.map, layouts, progress)
+        return with_mesh_error(model, vehicle, vehicle.resolution.map)
 
 
 def on_snapshots(
@@ -238,8 +251,10 @@ def map_from(
         f"{inverse_map.n_gauges} gauges, sigma {1e6 * noise_std:.3g} um/m; "
         f"{held['modes']} modes hold {held['energy_of_modes']:.2%} of the energy"
     )
-    if solid is not None:
+    if solid is not None and "mesh_error" not in held:
         reporter.note(mesh_error_line(solid, noise_std))
+    for line in mesh_error_notes(held):
+        reporter.note(line)
     return inverse_map
 
 
@@ -272,7 +287,13 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
     if vehicle.map.alarm_levels == "nominal":
         return False
     why = ""
-    if vehicle.aerodynamics.engine != "euler":
+    if vehicle.sensors is not None:
+        why = "its readings are those of strain gauges alone"
+    elif vehicle.structure.external is not None:
+        why = "the structure is another code's"
+    elif not vehicle.is_of_revolution:
+        why = f"the shape is given by a {vehicle.shape_kind}"
+    elif vehicle.aerodynamics.engine != "euler":
         why = f"the snapshots' engine is '{vehicle.aerodynamics.engine}'"
     elif _no_overlap(vehicle.truth.mach_number, vehicle.conditions.mach_number):
         why = "truth.mach_number and the snapshots' Mach numbers have none in common"
@@ -292,6 +313,10 @@ def calibrated_map(
     """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
     with reporter.stage("Alarm levels: flights of the independent model"):
         found = with_alarm_levels(inverse_map, vehicle, structure, flows)
+    if found.manifold is not None:
+        with reporter.stage("Alarm levels of the nonlinear estimator"):
+            found = with_flight_alarm_levels(found, vehicle, structure, flows)
+        reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))
     facts = found.provenance["alarm_levels"]
     if not facts["used"]:
         reporter.note(
@@ -304,6 +329,18 @@ def calibrated_map(
         f"{found.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms ({facts['samples']} samples)"
     )
     return found
+
+
+def _flight_levels_line(facts: Mapping[str, Any]) -> str:
+    if not facts["used"]:
+        return (
+            "warning: alarm levels of the nonlinear estimator: those of the theory; map and independent model "
+            f"differ, {facts['rate_before']:.2g} of its flights raise an alarm"
+        )
+    factors = dict(zip(("chi-square", "largest |z|", "largest shape"), facts["scales"], strict=False))
+    factors.update({name: value**0.5 for name, value in factors.items() if name != "chi-square"})
+    text = ", ".join(f"{name} times {value:.3g}" for name, value in factors.items())
+    return f"nonlinear estimator: {text} ({facts['samples']} samples)"
 
 
 def solved_true_structure(vehicle: Vehicle, reporter: Reporter) -> TrueStructure:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.failures import failed_conditions, missing_line
-from builder.campaign.snapshot_fit import as_flown, body_misfits, flow_line, option_misfits
+from builder.campaign.snapshot_fit import as_flown, flow_line, option_misfits, vehicle_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.reporting import Reporter
@@ -91,7 +91,7 @@ def _use_snapshots(pipeline: Pipeline, path: Path) -> int:
     """Use a file of snapshots if it fits; return the number of its conditions."""
     vehicle, given = pipeline.vehicle, pipeline.given.snapshots is not None
     snapshots = load_snapshots(path)
-    refuse_misfits(path, body_misfits(snapshots, vehicle.body()), "" if given else REPLACE)
+    refuse_misfits(path, vehicle_misfits(snapshots, vehicle), "" if given else REPLACE)
     if not given:
         refuse_misfits(path, option_misfits(snapshots, vehicle), REPLACE)
     pipeline.use(SNAPSHOTS, path, content_hash_of(path, snapshots_file.SCHEMA, snapshots_file.SCHEMA_VERSION))

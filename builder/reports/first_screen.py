@@ -62,7 +62,7 @@ def first_screen(report: BuildReport) -> FirstScreen:
     (well if report.observability.removed >= PRESSURE_WELL else badly).append(_pressure(report))
     return FirstScreen(
         well=tuple(well),
-        badly=(*badly, *_hidden_area(report), *_weak_modes(report)),
+        badly=(*_rough_mesh(report), *badly, *_hidden_area(report), *_weak_modes(report)),
         unmeasured=(*lost, *_blind_classes(report), *_silent_modes(report)),
         helps=(*_largest_source(report), *_blind_gauges(report), *_other_map(report), *_costly_gauge(report)),
     )
@@ -81,6 +81,17 @@ def _coefficient(report: BuildReport, index: int) -> str:
 def _pressure(report: BuildReport) -> str:
     observed = report.observability
     return f"Surface pressure: the data remove {_percent(observed.removed)} of the variance of the snapshots."
+
+
+def _rough_mesh(report: BuildReport) -> list[str]:
+    """Return that no sigma is to be trusted, where the mesh's error is too large."""
+    held = report.inverse_map.provenance.get("mesh_error")
+    if held is None or held["sigmas_trusted"]:
+        return []
+    return [
+        f"All sigmas: the error of the structure's mesh is {held['rms_sigma']:.2g} sigma of gauge noise, against "
+        f"{held['against']}; they are not to be trusted."
+    ]
 
 
 def _hidden_area(report: BuildReport) -> list[str]:

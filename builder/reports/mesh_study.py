@@ -232,11 +232,14 @@ def _on_mesh(
     )
     surface, operator = mapped_operator(found.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)
     ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
+    operators = dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True))
+    # No error by the mesh in the noise: what it does is what is studied.
     structure = MappedStructure(
         surface=surface,
         description=f"{chosen.name}, {whole.n_dof} dofs",
         layouts={name: GaugeLayout(one.name, one.position, one.direction) for name, one in case.layouts.items()},
-        operators=dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True)),
+        operators=operators,
+        error_operators={name: np.zeros_like(one) for name, one in operators.items()},
     )
     return structure, whole.n_dof
 

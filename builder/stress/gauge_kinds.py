@@ -6,6 +6,7 @@ import numpy as np
 
 from builder.stress.hardware_kinds import thinner_middle
 from builder.stress.kind import Hardware, Kind, Readings
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray, IntArray
 
 MICRO = 1e-6
@@ -103,13 +104,13 @@ _OF_READINGS: tuple[tuple[str, str, str, Readings], ...] = (
 """Error, size, what is done, and how."""
 
 
-def gauge_kinds() -> list[Kind]:
+def gauge_kinds(noise: Noise) -> list[Kind]:
     """Return errors of the readings, and a wall that is thinner at some of the gauges."""
     found = [
         Kind(error=error, size=size, group="outside", what=f"{what} {SENSORS}".strip(), readings=readings)
         for error, size, what, readings in _OF_READINGS
     ]
-    found += unit_kinds()
+    found += unit_kinds(noise)
     found.append(
         Kind(
             error="wall thinner over the middle third",
@@ -122,8 +123,16 @@ def gauge_kinds() -> list[Kind]:
     return found
 
 
-def unit_kinds() -> list[Kind]:
-    """Return all strains in another unit than is stated."""
+LEAST_STRAIN_UM_PER_M = 1.0
+"""Strain [um/m] of a slender vehicle without incidence: 0.76 at most on the shipped one at 20 km."""
+
+
+def unit_kinds(noise: Noise) -> list[Kind]:
+    """Return all strains in another unit than is stated.
+
+    Strains that are nearly 0 are those of a flight without incidence where more apparent strain is expected.
+    """
+    hidden = noise.apparent_strain_um_per_m >= LEAST_STRAIN_UM_PER_M
     return [
         Kind(
             error="unit of all strains",
@@ -136,7 +145,7 @@ def unit_kinds() -> list[Kind]:
         Kind(
             error="unit of all strains",
             size="times 0.001",
-            group="outside",
+            group="unobservable" if hidden else "outside",
             what="Readings in mm/m taken for um/m, or an amplifier without supply: nearly the strain of a flight "
             f"without incidence, which is small. {SENSORS}",
             readings=scaled(None, 1e-3),

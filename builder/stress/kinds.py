@@ -16,7 +16,7 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *stated_kinds(vehicle.noise),
         *fixed_kinds(vehicle.noise),
         *beyond_kinds(vehicle.noise),
-        *gauge_kinds(),
+        *gauge_kinds(vehicle.noise),
         *envelope_kinds(vehicle),
         *flow_kinds(),
     ]

@@ -34,7 +34,7 @@ from strainfmu.files import content_hash_of, write_bytes_atomically
 
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
-VERSION = 1
+VERSION = 2
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 CSV_COLUMNS = ("error", "size", "class", "flagged_percent", "silent_percent", "wrong_percent", "samples", "missed")

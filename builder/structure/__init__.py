@@ -8,5 +8,6 @@ Read in this order: :mod:`~builder.structure.wall` (what the vehicle is made of)
 :mod:`~builder.structure.gauge_checks`; the models, each with its ``model.py`` first; then the results:
 :mod:`~builder.structure.structure_file` (``structure.h5``), :mod:`~builder.structure.mapped_structure` (the solid
 model's strain per pressure at the nodes of snapshots), :mod:`~builder.structure.observability` (what pressure a
-layout responds to); and :mod:`~builder.structure.loads`, known loads of a ground test on either model.
+layout responds to); :mod:`~builder.structure.loads`, known loads of a ground test on either model; and
+:mod:`~builder.structure.external`, structures of the user's own finite-element code.
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.model import check_gauges_on_mesh
 from builder.structure.wall import wall_of
@@ -19,6 +20,9 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
         The wall does not fit the body, a gauge is not on its surface, or the model cannot do what is requested.
     """
     names = list(vehicle.gauges.layouts)
+    if not vehicle.is_of_revolution:
+        layouts = structure_case(vehicle, names).layouts
+        return {name: len(layouts[name].name) for name in names}
     mesh = gauge_mesh(vehicle)
     if vehicle.structure.model == "solid":
         gauges = {name: solid_gauges(vehicle, name, mesh) for name in names}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 ROLL_REFINEMENT = 4
-CUT_FRONT = 1e-4  # of the length: how far behind the first node the front of a cut tip may reach
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,16 +29,27 @@ class MappedStructure:
     description : the structure's model and resolution.
     layouts : per layout name, the gauges in body axes.
     operators : per layout name Z_p H (n_d, n_p) [1/Pa], with H the interpolation from the snapshots' surface.
+    error_operators : per layout name the error (n_d, n_p) [1/Pa] by the mesh: what another one says of the same
+        gauges less this; empty where there is no other.
+    checked_against : that other one, in words.
+    is_external : whether another structural code made it, so that the vehicle file's wall is not its wall.
     """
 
     surface: SurfaceGrid | SurfaceMesh
     description: str
     layouts: dict[str, GaugeLayout]
     operators: dict[str, FloatArray]
+    error_operators: dict[str, FloatArray] = field(default_factory=dict)
+    checked_against: str = ""
+    is_external: bool = False
 
     def strain_operator(self, layout: str) -> FloatArray:
         """Return Z_p H (n_d, n_p) [1/Pa] of a layout."""
         return self.operators[layout]
+
+    def error_operator(self, layout: str) -> FloatArray | None:
+        """Return the error (n_d, n_p) [1/Pa] by the mesh, None where it is not known."""
+        return self.error_operators.get(layout)
 
 
 def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStructure:
@@ -52,9 +62,10 @@ def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStruct
     """
     surface, operator = mapped_operator(structure.strain_operator, structure.surface, snapshots)
     index = {name: structure.gauges_of(name) for name in structure.layouts}
+    error = _error_operator(structure, snapshots, operator)
     return MappedStructure(
         surface=surface,
-        description=f"{structure.model}, {structure.statistics['degrees_of_freedom']} dofs",
+        description=f"{structure.model}, {structure.size}",
         layouts={
             name: GaugeLayout(
                 tuple(structure.gauge_names[i] for i in gauges),
@@ -64,7 +75,21 @@ def mapped_structure(structure: Structure, snapshots: Snapshots) -> MappedStruct
             for name, gauges in index.items()
         },
         operators={name: operator[gauges] for name, gauges in index.items()},
+        error_operators={} if error is None else {name: error[gauges] for name, gauges in index.items()},
+        checked_against="" if structure.check is None else structure.check.against,
+        is_external=structure.is_external,
     )
+
+
+def _error_operator(structure: Structure, snapshots: Snapshots, operator: FloatArray) -> FloatArray | None:
+    """Return the difference of the structure's check from it, (n_d, n_p) [1/Pa] at the snapshots' nodes."""
+    check = structure.check
+    if check is None:
+        return None
+    surface = structure.surface
+    if check.point is not None and check.triangle is not None:
+        surface = SurfaceMesh(check.point, check.triangle)
+    return check.factor * (mapped_operator(check.strain_operator, surface, snapshots)[1] - operator)
 
 
 def mapped_operator(
@@ -75,7 +100,7 @@ def mapped_operator(
     Each node of the structure's surface takes the pressure of its closest point on the snapshots' surface
     (:func:`builder.aero.mapping.consistent_map`). Where their nodes are stations times roll angles, pressure is
     trigonometric in roll; a refined grid carries it there first, since linear interpolation over an angle h
-    reduces harmonic m by (m h)^2 / 12.
+    reduces harmonic m by (m h)^2 / 12. Where both surfaces are the same nothing is mapped.
 
     Parameters
     ----------
@@ -89,6 +114,8 @@ def mapped_operator(
         The two surfaces do not coincide; the message gives the distance and what was probably meant.
     """
     grid = snapshots.grid
+    if target.digest() == snapshots.surface.digest():
+        return snapshots.surface if grid is None else grid, strain_operator
     ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])[:, None]
     net = snapshots.pressure - ambient
     if grid is None:
@@ -98,7 +125,7 @@ def mapped_operator(
         carried = (grid.as_map(net) @ _roll_interpolation(grid.n_roll).T).reshape(len(net), -1)
     transfer = pressure_map(source, target)
     try:
-        check_mapping(mapping_report(transfer, source, target, carried), _tolerances(target))
+        check_mapping(mapping_report(transfer, source, target, carried), MappingTolerances())
     except InputError as error:
         raise InputError(f"structure: {error}") from error
     operator = strain_operator @ transfer.interpolation
@@ -114,14 +141,3 @@ def _roll_interpolation(n_roll: int) -> FloatArray:
     if n_roll % 2 == 0:
         spectrum[-1] *= 0.5  # the Nyquist harmonic is two in the longer spectrum
     return np.asarray(ROLL_REFINEMENT * np.fft.irfft(spectrum, n=ROLL_REFINEMENT * n_roll, axis=0))
-
-
-def _tolerances(target: SurfaceMesh) -> MappingTolerances:
-    """Return what the mapping may lose; nodes on the front of a cut tip face ahead, where no source does.
-
-    They take the pressure of the source's tip, on negligible area.
-    """
-    x = target.point[:, 0]
-    on_front = float(np.mean(x < x.min() + CUT_FRONT * np.ptp(x)))
-    usual = MappingTolerances()
-    return replace(usual, unfitted_fraction=usual.unfitted_fraction + on_front)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.structure.mesh_check import CHECK_UNITS, MeshCheck
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import schema_of
-from strainfmu.records import load_record, save_record
+from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.structure"
 SCHEMA_VERSION = 1
+
+EXTERNAL_MODELS = ("strain_per_snapshot", "influence")
+"""Models that are not meshes of ours: :mod:`builder.structure.external`."""
 
 UNITS = {
     "gauge_position": "m",
@@ -26,6 +30,9 @@ UNITS = {
 }
 
 
+_SIZES = (("degrees_of_freedom", "dofs"), ("load_cases", "load cases"), ("loaded_nodes", "loaded nodes"))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structure:
     """Z_p of a vehicle's gauges, with the surface it takes pressure on.
@@ -33,7 +40,8 @@ class Structure:
     Attributes
     ----------
     vehicle : name.
-    model : ``"swept_hexahedra"``, ``"gmsh_tetrahedra"`` or ``"imported"``.
+    model : ``"swept_hexahedra"``, ``"gmsh_tetrahedra"`` or ``"imported"``; of another structural code one of
+        :data:`EXTERNAL_MODELS`.
     settings : what it was made from: resolution, wall, material, support, locking ratios, rows of the mesh report,
         what the mesh error is measured against, and fingerprints (``made_from``) of mesh and gauges.
     statistics : elements, displacement components, solver, licence, relative residual; no times, so that equal
@@ -47,6 +55,7 @@ class Structure:
     strain_operator : (n_d, n_p) strain per pressure at each node [1/Pa].
     mesh_error : (n_d,) error of each gauge's strain by the mesh, per amplitude of the reference loads [1/Pa]
         (:mod:`builder.structure.solid.reference_loads`).
+    check : the same gauges on another mesh; None where there is none.
 
     Raises
     ------
@@ -69,6 +78,7 @@ class Structure:
     normal: FloatArray
     strain_operator: FloatArray
     mesh_error: FloatArray
+    check: MeshCheck | None = field(default=None, metadata=inner_record(MeshCheck, CHECK_UNITS))
 
     def __post_init__(self) -> None:
         n_d, n_p = len(self.gauge_names), len(self.point)
@@ -96,11 +106,26 @@ class Structure:
                 f"gauge_surface: {sorted(set(self.gauge_surface))} found, must be internal or external"
             )
         SurfaceMesh(self.point, self.triangle)
+        if self.check is not None and len(self.check.strain_operator) != n_d:
+            raise InputError(f"check: {len(self.check.strain_operator)} gauges found, must be {n_d}")
 
     @property
     def surface(self) -> SurfaceMesh:
         """The surface that carries the pressure."""
         return SurfaceMesh(self.point, self.triangle)
+
+    @property
+    def is_external(self) -> bool:
+        """Whether another structural code made it, so that body and gauges are known, wall and support are not."""
+        return self.model in EXTERNAL_MODELS
+
+    @property
+    def size(self) -> str:
+        """How large it is, in words."""
+        used = self.statistics
+        return next(
+            (f"{used[key]} {words}" for key, words in _SIZES if key in used), f"{len(self.point)} pressure nodes"
+        )
 
     @property
     def layouts(self) -> tuple[str, ...]:

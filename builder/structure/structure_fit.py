@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.displaced_gauges import is_displaced
+from builder.structure.solid.free_case import FreeCase
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.model import SolidCase, support_entries
+from builder.structure.solid.model import AnyCase, support_entries
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import BodyOfRevolution
@@ -34,7 +35,13 @@ def structure_misfits(structure: Structure, vehicle: Vehicle) -> list[Misfit]:
     InputError
         A layout of the vehicle file is wrong, or the wall does not fit the body.
     """
-    case = solid_case(vehicle, used_layouts(vehicle))
+    case = structure_case(vehicle, used_layouts(vehicle))
+    if isinstance(case, FreeCase):
+        return [
+            *_extent_misfits(structure, case),
+            *_entry_misfits(structure.settings, case),
+            *_gauges(structure, case),
+        ]
     return [
         *_body_misfits(structure, case.body),
         *_entry_misfits(structure.settings, case),
@@ -53,7 +60,11 @@ def structure_record(structure: Structure) -> dict[str, Any]:
     return {
         "model": structure.model,
         **{name: value for name, value in structure.settings.get("mesh", {}).items() if name != "model"},
-        **{name: used[name] for name in ("degrees_of_freedom", "solver") if name in used},
+        **{
+            name: used[name]
+            for name in ("degrees_of_freedom", "load_cases", "loaded_nodes", "solver")
+            if name in used
+        },
         "strainfmu_version": structure.settings.get("strainfmu_version", "unknown"),
     }
 
@@ -63,7 +74,7 @@ def structure_line(structure: Structure) -> str:
     mesh = structure.settings.get("mesh", {})
     source = mesh.get("file_name") or mesh.get("resolution")
     of = f" ({source})" if source else ""
-    return f"{structure.model.replace('_', ' ')}{of}, {structure.statistics['degrees_of_freedom']} dofs"
+    return f"{structure.model.replace('_', ' ')}{of}, {structure.size}"
 
 
 def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
@@ -81,20 +92,32 @@ def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
     ]
 
 
-def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]:
+def _extent_misfits(structure: Structure, case: FreeCase) -> list[Misfit]:
+    """Return the extents along x, y and z in which the surface of a free shape differs from its case's mesh."""
+    expected = np.ptp(case.mesh.node, axis=0)
+    found = np.ptp(structure.point, axis=0)
+    return [
+        Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", found=f"{held:.6g} m")
+        for axis, wanted, held in zip("xyz", expected, found, strict=True)
+        if abs(held - wanted) > SAME_BODY * expected.max()
+    ]
+
+
+def _entry_misfits(settings: Mapping[str, Any], case: AnyCase) -> list[Misfit]:
     """Return the entries of wall, material and support that differ; entries that a file lacks are not compared."""
     wall, material = settings.get("wall", {}), settings.get("material", {})
+    if isinstance(case, FreeCase):
+        own, thickness = case.material, case.thickness
+    else:
+        own, thickness = case.wall.material, case.wall.thickness
     numbers = [
-        ("structure.wall_thickness_mm", 1e3, case.wall.thickness, wall.get("thickness_m")),
-        ("structure.solid_tip_length_m", 1.0, case.wall.solid_tip_length, wall.get("solid_tip_length_m")),
-        (
-            "material.youngs_modulus_GPa",
-            1e-9,
-            case.wall.material.youngs_modulus,
-            material.get("youngs_modulus_Pa"),
-        ),
-        ("material.poisson_ratio", 1.0, case.wall.material.poisson_ratio, material.get("poisson_ratio")),
+        ("structure.wall_thickness_mm", 1e3, thickness, wall.get("thickness_m")),
+        ("material.youngs_modulus_GPa", 1e-9, own.youngs_modulus, material.get("youngs_modulus_Pa")),
+        ("material.poisson_ratio", 1.0, own.poisson_ratio, material.get("poisson_ratio")),
     ]
+    if not isinstance(case, FreeCase):
+        tip = ("structure.solid_tip_length_m", 1.0, case.wall.solid_tip_length, wall.get("solid_tip_length_m"))
+        numbers.insert(1, tip)
     if case.support is None and case.density is not None:
         numbers.append(("material.density_kg_per_m3", 1.0, case.density, material.get("density_kg_per_m3")))
     found = [
@@ -102,13 +125,18 @@ def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]
         for entry, factor, expected, held in numbers
         if held is not None and not isclose(held, expected, rel_tol=SAME)
     ]
+    profile = [] if isinstance(case, FreeCase) else [list(one) for one in case.wall.profile]
+    if wall and wall.get("profile", []) != profile:
+        found.append(
+            Misfit(entry="structure.wall_thickness_at", expected=f"{profile}", found=f"{wall.get('profile', [])}")
+        )
     support, held_support = support_entries(case.support), settings.get("support")
     if held_support is not None and held_support != support:
         found.append(Misfit(entry="structure.support", expected=_words(support), found=_words(held_support)))
     return found
 
 
-def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
+def _gauges(structure: Structure, case: AnyCase) -> list[Misfit]:
     """Return the first layout that is missing, or has another gauge.
 
     Others may follow from it: the gauges displaced of [noise] are layouts, too.

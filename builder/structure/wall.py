@@ -1,12 +1,14 @@
-"""Wall of the vehicle: an isotropic material and a constant thickness."""
+"""Wall of the vehicle: thickness along the body, isotropic materials by region, ring frames, what holds it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from builder.vehicle.file import Vehicle
+from builder.vehicle.sections import MaterialEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -53,6 +55,64 @@ class Material:
         return stiffness
 
 
+@dataclass(frozen=True, kw_only=True)
+class WallRegion:
+    """Part of the wall of another material.
+
+    Attributes
+    ----------
+    start, end : stations on the outer surface [m].
+    material : of wall and tip there.
+    density : [kg/m3], None where nothing needs it.
+    """
+
+    start: float
+    end: float
+    material: Material
+    density: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingFrame:
+    """A ring of rectangular section on the inner surface, or a bulkhead.
+
+    Attributes
+    ----------
+    station : middle, on the inner surface [m].
+    width : along the axis [m].
+    depth : from the inner surface towards the axis [m]; None for a closed bulkhead.
+    material : of the ring; None for that of the wall there.
+    density : of that material [kg/m3].
+    """
+
+    station: float
+    width: float
+    depth: float | None
+    material: Material | None = None
+    density: float | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Stations of its two sides [m]."""
+        return self.station - 0.5 * self.width, self.station + 0.5 * self.width
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightMasses:
+    """Masses of a body that nothing holds, beside those of wall and frames.
+
+    Attributes
+    ----------
+    density : of the wall's own material [kg/m3].
+    points : (station [m], mass [kg]) on the axis, carried by the wall there.
+    covers : (start, end [m], mass per outer area [kg/m2]) that stiffen nothing.
+    """
+
+    density: float
+    points: tuple[tuple[float, float], ...] = ()
+    covers: tuple[tuple[float, float, float], ...] = ()
+
+
 @dataclass(frozen=True)
 class Wall:
     """Wall of a pointed body: hollow behind a solid tip.
@@ -61,26 +121,90 @@ class Wall:
     ----------
     thickness : wall thickness along the outer normal [m], positive.
     solid_tip_length : station at which the hollow part begins [m], positive.
-    material : what wall and tip are made of.
+    material : what wall and tip are made of, but for ``regions``.
+    profile : (station on the outer surface [m], thickness over ``thickness``), linear in between, constant beyond.
+    regions : parts of another material; where several overlap the last counts.
+    frames : ring frames and bulkheads.
+    flight : masses, where nothing holds the body.
+    foundation : stiffness per area along and across the normal of the aft ring [N/m3], where that holds it.
 
     Raises
     ------
     InputError
-        A length is not positive.
+        A length is not positive, or stations do not rise.
     """
 
     thickness: float
     solid_tip_length: float
     material: Material
+    profile: tuple[tuple[float, float], ...] = ()
+    regions: tuple[WallRegion, ...] = ()
+    frames: tuple[RingFrame, ...] = ()
+    flight: FlightMasses | None = None
+    foundation: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("thickness", "solid_tip_length"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"wall {name} {value:g} m must be greater than 0")
+        stations = [station for station, _ in self.profile]
+        if any(b <= a for a, b in pairwise(stations)) or any(not share > 0.0 for _, share in self.profile):
+            raise InputError("wall profile: stations must rise and thicknesses be greater than 0")
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is of one material and without frames."""
+        return not (self.regions or self.frames)
+
+    def thickness_at(self, x: FloatArray | float) -> FloatArray:
+        """Return the thickness along the outer normal [m] at stations ``x`` [m] of the outer surface."""
+        x = np.asarray(x, dtype=float)
+        if not self.profile:
+            return np.full(x.shape, self.thickness)
+        station, share = np.array(self.profile).T
+        return np.asarray(self.thickness * np.interp(x, station, share))
 
 
 def wall_of(vehicle: Vehicle) -> Wall:
-    """Return the wall and its material."""
-    material = Material(1e9 * vehicle.material.youngs_modulus_GPa, vehicle.material.poisson_ratio)
-    return Wall(1e-3 * vehicle.structure.wall_thickness_mm, vehicle.structure.solid_tip_length_m, material)
+    """Return the wall, its materials and frames, and what holds it."""
+    entry, own = vehicle.structure, vehicle.material
+    assert entry.solid_tip_length_m is not None  # with a profile and with sections
+    material = {name: _material(one) for name, one in vehicle.materials.items()}
+    density = {name: one.density_kg_per_m3 for name, one in vehicle.materials.items()}
+    flight = None
+    if entry.support == "free_flight" and own.density_kg_per_m3 is not None:
+        flight = FlightMasses(
+            density=own.density_kg_per_m3,
+            points=tuple((one.x_m, one.mass_kg) for one in entry.point_masses),
+            covers=tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entry.covers),
+        )
+    return Wall(
+        thickness=1e-3 * entry.wall_thickness_mm,
+        solid_tip_length=entry.solid_tip_length_m,
+        material=_material(own),
+        profile=tuple((one.x_m, one.thickness_mm / entry.wall_thickness_mm) for one in entry.wall_thickness_at),
+        regions=tuple(
+            WallRegion(start=one.start_x_m, end=one.end_x_m, material=material[name], density=density[name])
+            for one in entry.regions
+            for name in (one.material,)
+        ),
+        frames=tuple(
+            RingFrame(
+                station=one.x_m,
+                width=1e-3 * one.width_mm,
+                depth=None if one.depth_mm == "closed" else 1e-3 * one.depth_mm,
+                material=None if one.material is None else material[one.material],
+                density=None if one.material is None else density[one.material],
+            )
+            for one in entry.frames
+        ),
+        flight=flight,
+        foundation=None
+        if entry.foundation_normal_N_per_m3 is None or entry.foundation_tangential_N_per_m3 is None
+        else (entry.foundation_normal_N_per_m3, entry.foundation_tangential_N_per_m3),
+    )
+
+
+def _material(entry: MaterialEntry) -> Material:
+    return Material(1e9 * entry.youngs_modulus_GPa, entry.poisson_ratio)

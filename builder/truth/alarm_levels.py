@@ -76,12 +76,20 @@ def with_alarm_levels(
     )
 
 
+def alarm_scales(ratios: FloatArray) -> FloatArray:
+    """Return factors (t,) on the levels of t tests that together meet the stated rate, each a like part of it.
+
+    ``ratios`` (t, n) are the tests of n samples, each over its present level.
+    """
+    each = FALSE_ALARM_PROBABILITY / len(ratios)
+    scales = np.array([tail_quantile(ratio, each) for ratio in ratios])
+    largest = np.max(ratios / scales[:, None], axis=0)
+    return np.asarray(scales * tail_quantile(largest, FALSE_ALARM_PROBABILITY))
+
+
 def alarm_levels(chi_square: FloatArray, outlier: FloatArray) -> AlarmLevels:
     """Return the levels from chi-square and the squared largest |z| (n,), each over its present level."""
-    half = 0.5 * FALSE_ALARM_PROBABILITY
-    scales = np.array([tail_quantile(chi_square, half), tail_quantile(outlier, half)])
-    either = np.maximum(chi_square / scales[0], outlier / scales[1])
-    scales = scales * tail_quantile(either, FALSE_ALARM_PROBABILITY)
+    scales = alarm_scales(np.stack([chi_square, outlier]))
     return AlarmLevels(
         chi_square_scale=float(scales[0]),
         outlier_scale=float(scales[1]),

@@ -7,7 +7,7 @@ changes by (-1)^m. So the spline has the correct symmetry at a_T = 0 without a k
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from math import factorial
 from typing import Any
 
@@ -17,10 +17,34 @@ from scipy.interpolate import CubicSpline
 from builder.aero.loads import load_operator
 from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueStructure, built_gauges, unit_pressure_strain
+from builder.truth.strain import TrueStructure, built_gauges
 from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.flight_model import FlightModel
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlantGauges:
+    """The gauges of the vehicle that flies.
+
+    Attributes
+    ----------
+    names : n_d names.
+    roll_angle : (n_d,) [rad].
+    response : (n_d, n_m, n_x, 2) reading per harmonic m of the pressure at a station, as cos and sin of m times
+        the roll angle from the pressure's crest to the gauge [1/Pa].
+    internal_pressure : error of the internal pressure over p_inf [1].
+    apparent_strain : (n_d,) reading without strain [m/m].
+    record : of the errors, for the provenance.
+    """
+
+    names: tuple[str, ...]
+    roll_angle: FloatArray
+    response: FloatArray
+    internal_pressure: float
+    apparent_strain: FloatArray
+    record: dict[str, Any]
 
 
 def flight_model(
@@ -34,24 +58,39 @@ def flight_model(
     structure : the independent structural model, with the layout in use.
     noise_std : gauge noise sigma [m/m].
     """
-    mach, incidence = table.mach_knots, table.incidence_knots
     gauges = built_gauges(structure, built)
     gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
+    plant = PlantGauges(
+        names=structure.names,
+        roll_angle=gauges.roll_angle,
+        response=np.stack([gauges.even, gauges.odd], axis=-1) * gain[:, None, None, None],
+        internal_pressure=float(built.internal_pressure),
+        apparent_strain=built.apparent_strain,
+        record=_as_numbers(built),
+    )
+    return plant_flight_model(vehicle, table, structure.surface, plant, noise_std)
+
+
+def plant_flight_model(
+    vehicle: Vehicle, table: FlowTable, surface: SurfaceGrid, gauges: PlantGauges, noise_std: float
+) -> FlightModel:
+    """Assemble the flight model of a vehicle whose gauges are known; ``surface`` holds the stations of both."""
+    mach, incidence = table.mach_knots, table.incidence_knots
     # Gauges with equal response share a channel; as built, every gauge has its own.
-    response = np.stack([gauges.even, gauges.odd], axis=-1) * gain[:, None, None, None]
-    flat = np.round(response.reshape(len(gain), -1) / np.abs(response).max(), 13)
+    response = gauges.response
+    flat = np.round(response.reshape(len(response), -1) / np.abs(response).max(), 13)
     _, first, channel = np.unique(flat, axis=0, return_index=True, return_inverse=True)
+    unit = response[:, 0, :, 0].sum(axis=1)
     response = response[first]
     max_harmonic = response.shape[1] - 1
     reference = vehicle.reference_quantities()
-    loads = load_operator(structure.surface, reference.moment_station).reshape(5, len(structure.surface.x), -1)
-    cosine = np.cos(structure.surface.roll_angle)
+    loads = load_operator(surface, reference.moment_station).reshape(5, len(surface.x), -1)
+    cosine = np.cos(surface.roll_angle)
 
     harmonic = table.harmonic
     strain = np.einsum("cmxp,ijxm->ijcmp", response, harmonic, optimize=True)
-    unit = gain * unit_pressure_strain(structure, gauges)
     # An error of the internal pressure is in proportion to p_inf, as the outer pressure is.
-    strain[:, :, :, 0, 0] -= built.internal_pressure * unit[first]
+    strain[:, :, :, 0, 0] -= gauges.internal_pressure * unit[first]
     area = reference.area * np.array([1.0, 1.0, reference.length])
     of_load = np.stack(
         [
@@ -66,7 +105,7 @@ def flight_model(
     parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
     return FlightModel(
         vehicle=vehicle.name,
-        gauge_names=structure.names,
+        gauge_names=gauges.names,
         gauge_roll_angle=gauges.roll_angle,
         gauge_channel=channel.astype(np.int64).reshape(-1),
         mach_knots=mach,
@@ -79,8 +118,8 @@ def flight_model(
         reference_area=reference.area,
         reference_length=reference.length,
         noise_std=noise_std,
-        apparent_strain=built.apparent_strain,
-        provenance={**table.provenance, "as_built": _as_numbers(built)},
+        apparent_strain=gauges.apparent_strain,
+        provenance={**table.provenance, "as_built": gauges.record},
     )
 
 

@@ -59,8 +59,16 @@ class FlowTable:
 def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
     """Return the amplitudes (n_x, max_harmonic + 1) of cos(m phi) in p/p_inf, phi from the leeward meridian.
 
-    The discrete cosine transform over the solver's cells; harmonics that they cannot resolve are zero.
+    The discrete cosine transform over the solver's cells; harmonics that they cannot resolve are zero. A flow by
+    local inclination holds pressures at the nodes, with the leeward meridian at +z.
     """
+    if "pressure_ratio" in flow.arrays:
+        spectrum = np.fft.rfft(surface.as_map(flow.arrays["pressure_ratio"]), axis=1).real / surface.n_roll
+        held = np.zeros((len(surface.x), max_harmonic + 1))
+        count = min(max_harmonic + 1, spectrum.shape[1])
+        held[:, :count] = spectrum[:, :count]
+        held[:, 1:] *= 2.0
+        return held
     ratio = pressure_at_stations(pieces(flow), surface)
     n_phi = ratio.shape[1]
     m = np.arange(max_harmonic + 1)

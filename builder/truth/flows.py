@@ -10,13 +10,15 @@ import numpy as np
 from builder.aero.engine import FlowKey
 from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine
+from builder.aero.newtonian import NewtonianEngine
+from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
 from builder.truth.flow_table import FlowTable, flow_table
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.geometry import SurfaceGrid, is_blunt, surface_grid
 from strainfmu.arrays import FloatArray
 
 
@@ -38,9 +40,20 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
     return surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
 
 
-def truth_engine(vehicle: Vehicle) -> EulerEngine:
-    """Return the flow solver of the independent model: Euler, whatever engine the map is built on."""
-    return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
+def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
+    """Return the flow solver of the independent model.
+
+    It is Euler, whatever engine the map is built on, but where the file says otherwise or the tip is blunt.
+    """
+    body, name = vehicle.body(), vehicle.truth.engine
+    if name == "newtonian" or (name is None and is_blunt(body)):
+        entries = vehicle.aerodynamics
+        return NewtonianEngine(
+            mesh_of_grid(truth_surface(vehicle)),
+            entries.stagnation or "rayleigh_pitot",
+            entries.leeward or "ambient",
+        )
+    return EulerEngine(body, marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
 
 
 def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:

@@ -240,11 +240,6 @@ def built_gauges(structure: TrueStructure, built: AsBuilt, states: FloatArray | 
     )
 
 
-def unit_pressure_strain(structure: TrueStructure, gauges: BuiltGauges) -> FloatArray:
-    """Return (n_d,) strain per uniform outer pressure [1/Pa]; ``gauges`` hold responses."""
-    return np.asarray(gauges.even[:, 0].sum(axis=-1))
-
-
 def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
     """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
+from functools import cache
 from typing import Annotated, Any, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -29,6 +30,9 @@ _UNITS = {
     "s",
     "m2",
     "um",
+    "N",
+    "kN",
+    "K",
 }
 
 _KINDS = {
@@ -72,10 +76,11 @@ def all_faults(error: ValidationError, model: type[BaseModel]) -> list[str]:
 
 def _lines(fault: ErrorDetails, model: type[BaseModel]) -> Iterator[str]:
     """Yield the lines of one fault; a check over several entries may find several."""
+    location, tags = fault["loc"], _tags(model)
     where = ".".join(
         str(part + 1) if isinstance(part, int) else part
-        for part in fault["loc"]
-        if part not in ("cone", "arc") and not _is_member(part)
+        for part, before in zip(location, (None, *location), strict=False)
+        if not _is_member(part) and not (part in tags and isinstance(before, int))
     )
     if fault["type"] == "value_error":
         error = fault["ctx"]["error"]
@@ -88,11 +93,25 @@ def _lines(fault: ErrorDetails, model: type[BaseModel]) -> Iterator[str]:
     elif fault["type"] == "missing":
         yield f"{where}: entry is missing"
     elif fault["type"] == "union_tag_not_found":
-        yield f"{where}.kind: entry is missing, expected 'cone' or 'arc'"
+        yield f"{where}.kind: entry is missing, expected {_kinds_at(location, model)}"
     elif fault["type"] == "union_tag_invalid":
-        yield f"{where}.kind: expected 'cone' or 'arc', got {fault['ctx']['tag']!r}"
+        yield f"{where}.kind: expected {_kinds_at(location, model)}, got {fault['ctx']['tag']!r}"
     else:
         yield f"{where}: expected {_expected(fault, model)}, got {_shown(fault['input'])}"
+
+
+@cache
+def _tags(model: type[BaseModel]) -> frozenset[str]:
+    """Return the kinds that tell the members of unions apart, of all sections of a file."""
+    own = get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
+    below = [_tags(one) for field in model.model_fields.values() for one in _models_in(field.annotation)]
+    return frozenset(own).union(*below)
+
+
+def _kinds_at(location: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    """Return the kinds of section allowed at ``location``."""
+    kinds = [repr(tag) for one in _models_at((*location, "kind"), model) for tag in _tags(one)]
+    return " or ".join(part for part in (", ".join(kinds[:-1]), kinds[-1]) if part)
 
 
 def _is_member(part: int | str) -> bool:

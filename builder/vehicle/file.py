@@ -6,41 +6,44 @@ file, the entry, what was found and what is allowed. ``vehicles/ic3x.toml`` is t
 
 from __future__ import annotations
 
-import tomllib
-from math import pi, radians
+from functools import partial
+from math import pi
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from builder.vehicle.faults import Faults, all_faults
+from builder.vehicle.calibration_options import Calibration
+from builder.vehicle.faults import Faults
 from builder.vehicle.flight_conditions import condition_grid
-from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.geometry import BodyOfRevolution, chain_pieces
 from builder.vehicle.limits import one_line
 from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.profile_entries import Piece
 from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.sectioned_body import SectionedBody
+from builder.vehicle.sectioned_body import read_sections as read_sections_of_body
 from builder.vehicle.sections import (
     Aerodynamics,
-    Arc,
     Conditions,
-    Cone,
     Gauges,
     MaterialEntry,
     Reference,
     Resolutions,
     Section,
-    Structure,
     Truth,
 )
+from builder.vehicle.sensor_entries import Sensors
+from builder.vehicle.shape_entries import Shape
 from builder.vehicle.sizes import size_faults
-from strainfmu.errors import FaultsError, InputError
+from builder.vehicle.structure_section import Structure
+from builder.vehicle.temperature_options import Temperature
+from builder.vehicle.toml_sections import read_sections
+from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 VEHICLES = Path(__file__).parents[1] / "vehicles"
 IC3X = VEHICLES / "ic3x.toml"
-
-_MOST_FAULTS = 40
-"""Lines of faults that are shown."""
 
 
 class Vehicle(Section):
@@ -48,49 +51,143 @@ class Vehicle(Section):
 
     name: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
     description: str = ""
-    profile: list[Annotated[Cone | Arc, Field(discriminator="kind")]] = Field(min_length=1)
+    profile: list[Annotated[Piece, Field(discriminator="kind")]] | None = Field(default=None, min_length=1)
+    shape: Shape | None = None
     structure: Structure
     material: MaterialEntry
+    materials: dict[str, MaterialEntry] = Field(default_factory=dict)
     reference: Reference
     gauges: Gauges
     conditions: Conditions
     aerodynamics: Aerodynamics = Aerodynamics()
     noise: Noise
     map: MapEntry
+    sensors: Sensors | None = None
+    calibration: Calibration = Calibration()
+    temperature: Temperature | None = None
     truth: Truth
     resolution: Resolutions
     _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
     def _sections_fit_each_other(self) -> Vehicle:
-        faults = []
+        faults = self._shape_faults()
         if self.structure.support == "free_flight" and self.material.density_kg_per_m3 is None:
             faults.append("structure.support 'free_flight' needs material.density_kg_per_m3")
+        faults += self._material_faults()
         if self.noise.of_layout is not None and self.noise.of_layout not in self.gauges.layouts:
             faults.append(
                 f"noise.of_layout '{self.noise.of_layout}' is not among the layouts {sorted(self.gauges.layouts)}"
             )
+        if self.sensors is not None and self.map.estimator == "manifold":
+            faults.append("sensors: expected map.estimator 'linear', got 'manifold'")
+        inside = self.structure.internal_pressure_Pa
+        if self.sensors is not None and inside != "ambient":
+            faults.append(f"sensors: expected structure.internal_pressure_Pa 'ambient', got {inside:g}")
         if faults:
             raise Faults(faults)
         return self
+
+    def _material_faults(self) -> list[str]:
+        """Return materials that are named and not there, or have no density where masses count."""
+        faults, flies = [], self.structure.support == "free_flight"
+        known = ", ".join(sorted(self.materials)) or "none"
+        named = [(f"regions.{n}", one.material) for n, one in enumerate(self.structure.regions, start=1)]
+        named += [
+            (f"frames.{n}", one.material) for n, one in enumerate(self.structure.frames, start=1) if one.material
+        ]
+        for where, name in named:
+            if name not in self.materials:
+                faults.append(f"structure.{where}.material: expected one of [materials], {known}, got '{name}'")
+            elif flies and self.materials[name].density_kg_per_m3 is None:
+                faults.append(f"structure.support 'free_flight' needs materials.{name}.density_kg_per_m3")
+        return list(dict.fromkeys(faults))
+
+    def _shape_faults(self) -> list[str]:
+        """Return what of the shape does not fit the rest of the file."""
+        if (self.profile is None) == (self.shape is None):
+            got = "neither" if self.profile is None else "both"
+            return [f"profile: expected the outer shape either as [[profile]] or in [shape], got {got}"]
+        kind, faults, entry = self.shape_kind, [], self.structure
+        if kind != "profile":
+            missing = [name for name in ("area_m2", "length_m") if getattr(self.reference, name) is None]
+            faults += [f"reference.{name}: entry is missing, it is required with shape.{kind}" for name in missing]
+            if self.map.estimator == "manifold":
+                faults.append(
+                    f"map.estimator: expected 'linear' with shape.{kind}, got 'manifold', which needs a profile"
+                )
+            if self.aerodynamics.surface is not None:
+                faults.append(f"aerodynamics.surface: expected none with shape.{kind}, which is the surface")
+            faults += [
+                f"structure.{name}: expected none with shape.{kind}, whose wall is of one thickness and material"
+                for name in ("wall_thickness_at", "regions", "frames", "point_masses", "covers")
+                if getattr(entry, name)
+            ]
+        if kind != "profile" and entry.model != "solid":
+            faults.append(f"structure.model: expected 'solid' with shape.{kind}, got '{entry.model}'")
+        if kind == "surface":
+            if self.aerodynamics.engine == "euler":
+                faults.append(
+                    "aerodynamics.engine: expected 'newtonian' or 'table' with shape.surface, got 'euler'"
+                )
+            if entry.mesh is None:
+                faults.append("structure.mesh: entry is missing, shape.surface needs a mesh of the structure")
+        if kind != "surface" and entry.mesh is not None:
+            faults.append(f"structure.mesh: expected with shape.surface alone, got it with {kind}")
+        if kind != "surface" and entry.solid_tip_length_m is None:
+            faults.append("structure.solid_tip_length_m: entry is missing")
+        if kind == "surface" and entry.solid_tip_length_m is not None:
+            faults.append(
+                "structure.solid_tip_length_m: expected none with shape.surface, whose mesh holds the tip"
+            )
+        return faults
+
+    @property
+    def shape_kind(self) -> str:
+        """How the outer shape is given: ``"profile"``, ``"sections"`` or ``"surface"``."""
+        return "profile" if self.shape is None else self.shape.kind
+
+    @property
+    def is_of_revolution(self) -> bool:
+        """Whether the outer shape is a profile turned round the axis."""
+        return self.shape_kind == "profile"
+
+    def sectioned_body(self) -> SectionedBody:
+        """Return the outer surface of a vehicle given by sections.
+
+        Raises
+        ------
+        InputError
+            The file of sections is missing or wrong.
+        """
+        assert self.shape is not None
+        assert self.shape.sections is not None
+        return read_sections_of_body(self.beside(self.shape.sections), self.shape.interpolation)
 
     def beside(self, name: str) -> Path:
         """Return the path of a file named in the vehicle file, relative to it."""
         return self._folder / name
 
     def body(self) -> BodyOfRevolution:
-        """Return the outer surface."""
-        pieces = []
-        for entry in self.profile:
-            if isinstance(entry, Cone):
-                pieces.append((entry.end_x_m, radians(entry.half_angle_deg), radians(entry.half_angle_deg)))
-            else:
-                angles = radians(entry.start_half_angle_deg), radians(entry.end_half_angle_deg)
-                pieces.append((entry.end_x_m, *angles))
-        return chain_segments(pieces)
+        """Return the outer surface of a vehicle given by its profile.
+
+        Raises
+        ------
+        InputError
+            A piece is wrong, or the vehicle is given by sections or a surface.
+        """
+        folder, pieces = self._folder, self.profile if self.shape is None else self.shape.profile
+        if pieces is None:
+            raise InputError(f"shape: expected a profile, which this needs, got {self.shape_kind}")
+        return chain_pieces([partial(entry.segment, folder=folder) for entry in pieces])
 
     def reference_quantities(self) -> ReferenceQuantities:
         """Return S, L and the moment point."""
+        entry = self.reference
+        if entry.area_m2 is not None and entry.length_m is not None:
+            return ReferenceQuantities(
+                area=entry.area_m2, length=entry.length_m, moment_station=entry.moment_station_m
+            )
         radius = self.body().base_radius
         return ReferenceQuantities(
             area=self.reference.area_m2 or pi * radius**2,
@@ -137,26 +234,9 @@ def load_vehicle(path: str | Path) -> Vehicle:
     IC3X surrogate, 3.6 m, 90 conditions
     """
     path = Path(path)
-    try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number with thousands of digits
-        raise InputError(f"{path}: not a TOML file: {error}") from error
-    try:
-        vehicle = Vehicle.model_validate(entries)
-        faults = size_faults(vehicle)
-    except ValidationError as error:
-        faults = all_faults(error, Vehicle)
-    if faults:
-        raise FaultsError("\n".join(f"{path}: {line}" for line in _limited(faults)))
-    vehicle._folder = path.parent
-    return vehicle
 
+    def size_faults_beside_file(vehicle: Vehicle) -> list[str]:
+        vehicle._folder = path.parent  # sizes follow from files that the vehicle file names, too
+        return size_faults(vehicle)
 
-def _limited(faults: list[str]) -> list[str]:
-    """Return ``faults``, or the first of them and how many more there are."""
-    more = len(faults) - _MOST_FAULTS
-    return faults if more <= 0 else [*faults[:_MOST_FAULTS], f"{more} more entries are wrong"]
+    return read_sections(path, Vehicle, size_faults_beside_file)

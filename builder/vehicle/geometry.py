@@ -1,11 +1,13 @@
-"""Outer shape of a pointed body of revolution and the pressure nodes on it.
+"""Outer shape of a body of revolution and the pressure nodes on it.
 
-The meridian r(x) consists of segments, cones and circular arcs, from the pointed tip at x = 0 to the base. Slope
-breaks between segments are kept as such: the surface pressure may jump there.
+The meridian r(x) consists of segments from the tip at x = 0 to the base: cones, circular arcs, and the curves of
+:mod:`builder.vehicle.profile_curves`. Slope breaks between segments are kept as such: the surface pressure may
+jump there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -17,11 +19,17 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 SMALLEST_SLOPE_BREAK = np.deg2rad(0.01)
+STEEP = np.deg2rad(60.0)
+"""Angle of a tip above which stations follow the meridian's length and turning, not x."""
+TURN_PER_STATION = np.deg2rad(5.0)
+BLUNT = np.deg2rad(45.5)
+CUT_TIP = 0.01
+"""Share of the first segment's length whose chord measures how blunt a tip is."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One piece of the meridian: a straight line or a circular arc.
+    """One piece of the meridian: a straight line or a circular arc, or a curve of a derived class.
 
     Attributes
     ----------
@@ -71,7 +79,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class BodyOfRevolution:
-    """Outer surface of a pointed body of revolution around the x axis, tip at x = 0."""
+    """Outer surface of a body of revolution around the x axis, tip at x = 0."""
 
     segments: tuple[Segment, ...]
 
@@ -89,6 +97,12 @@ class BodyOfRevolution:
     def tip_angle(self) -> float:
         """Half-angle of the tip [rad]."""
         return self.segments[0].start_angle
+
+    @property
+    def cut_tip_angle(self) -> float:
+        """Half-angle [rad] of the cone from the tip to a hundredth of the first segment; near 90 deg if blunt."""
+        x = CUT_TIP * self.segments[0].end_x
+        return float(np.arctan2(self.radius(x), x))
 
     @cached_property
     def slope_breaks(self) -> FloatArray:
@@ -142,21 +156,48 @@ def chain_segments(pieces: list[tuple[float, float, float]]) -> BodyOfRevolution
     >>> print(f"{body.length} m long, base radius {1e3 * body.base_radius:.1f} mm")
     3.6 m long, base radius 185.4 mm
     """
+    return chain_pieces([_arc_maker(*piece) for piece in pieces])
+
+
+SegmentMaker = Callable[[float, float], Segment]
+"""Makes a segment that begins at a station [m] and a radius [m]."""
+
+
+def _arc_maker(end_x: float, start_angle: float, end_angle: float) -> SegmentMaker:
+    return lambda x, radius: Segment(
+        start_x=x, end_x=end_x, start_radius=radius, start_angle=start_angle, end_angle=end_angle
+    )
+
+
+def chain_pieces(makers: list[SegmentMaker]) -> BodyOfRevolution:
+    """Build a body from makers of its segments, tip first; each begins where the last one ended.
+
+    Raises
+    ------
+    InputError
+        Stations do not increase, the tip has no angle, the radius falls to zero, or a maker refuses.
+    """
     segments: list[Segment] = []
     x, radius = 0.0, 0.0
-    for number, (end_x, start_angle, end_angle) in enumerate(pieces, start=1):
-        if end_x <= x:
-            raise InputError(f"profile segment {number}: end_x_m {end_x:g} must lie aft of {x:g}")
-        segment = Segment(
-            start_x=x, end_x=end_x, start_radius=radius, start_angle=start_angle, end_angle=end_angle
-        )
+    for number, make in enumerate(makers, start=1):
+        try:
+            segment = make(x, radius)
+        except InputError as error:
+            raise InputError(f"profile segment {number}: {error}") from error
+        if segment.end_x <= x:
+            raise InputError(f"profile segment {number}: end_x_m {segment.end_x:g} must lie aft of {x:g}")
         if segment.min_radius <= 0.0:
-            raise InputError(f"profile segment {number}: the radius falls to zero before x = {end_x:g} m")
+            raise InputError(f"profile segment {number}: the radius falls to zero before x = {segment.end_x:g} m")
         segments.append(segment)
-        x, radius = end_x, segment.end_radius
+        x, radius = segment.end_x, segment.end_radius
     if not segments or segments[0].start_angle <= 0.0:
         raise InputError("profile segment 1: the tip must be pointed, its half-angle greater than 0 deg")
     return BodyOfRevolution(tuple(segments))
+
+
+def is_blunt(body: BodyOfRevolution) -> bool:
+    """Return whether the tip of ``body`` is too blunt for a march, which begins with a cone."""
+    return body.cut_tip_angle > BLUNT
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,7 +238,8 @@ class SurfaceGrid:
 def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
     """Place about ``n_x`` stations on ``body``, evenly, doubled at slope breaks.
 
-    Stations start at the tip, where the pressure of the conical flow is that of the first ring.
+    Stations start at the tip, where the pressure of the conical flow is that of the first ring. On a smooth piece
+    with a steep tip they follow the length along the meridian, and there are more where it turns.
     """
     joints = np.concatenate([[0.0], body.slope_breaks, [body.length]])
     stations, radii, angles = [], [], []
@@ -205,6 +247,8 @@ def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
         count = max(3, round(n_x * (end - start) / body.length))
         s = np.linspace(0.0, 1.0, count)
         x = start + (end - start) * s
+        if start == 0.0 and body.tip_angle > STEEP:
+            x = _stations_from_steep_tip(body, end, count)
         stations.append(x)
         radii.append(body.radius(x))
         angle = body.angle(x, side="upstream")
@@ -213,3 +257,16 @@ def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
     return SurfaceGrid(
         x=np.concatenate(stations), radius=np.concatenate(radii), angle=np.concatenate(angles), n_roll=n_roll
     )
+
+
+def _stations_from_steep_tip(body: BodyOfRevolution, end: float, count: int) -> FloatArray:
+    """Return stations [m] from 0 to ``end``: ``count`` by the meridian's length, more by its turning."""
+    x = end * np.linspace(0.0, 1.0, 4001) ** 2
+    radius = body.radius(x)
+    angle = body.angle(x)
+    length = np.hypot(np.diff(x), np.diff(radius))
+    each = count * length / length.sum() + np.abs(np.diff(angle)) / TURN_PER_STATION
+    place = np.concatenate([[0.0], np.cumsum(each)])
+    stations = np.interp(np.linspace(0.0, place[-1], int(np.ceil(place[-1])) + 1), place, x)
+    stations[-1] = end
+    return np.asarray(stations)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -10,6 +11,7 @@ from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.limits import GAMMA
 from builder.vehicle.sections import Altitude, FileName, Section
 
+SectionStation = Annotated[float, Field(gt=0.0, le=1000.0)]
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
 
@@ -23,14 +25,17 @@ class MapEntry(Section):
     ``form`` "dynamic_pressure" models strain in proportion to q_inf, so that the map holds at every altitude of
     ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
-    conditions with their signs. ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
+    conditions with their signs. ``section_stations_m`` are the stations, rising, whose section loads (axial force,
+    shear, bending, torsion of the air on the part ahead) the map gives besides; for the linear estimator.
+    ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
     model with hardware errors drawn, where engine and structure allow; "nominal" leaves those of the theory.
 
     ``estimator`` "manifold" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. Pressure off the tables is expected: a Gaussian process of
     ``discrepancy_percent`` of p_inf, with correlation lengths of ``discrepancy_length`` times the body's length
-    along it and ``discrepancy_roll_deg`` round it, and ``discrepancy_of_prior_percent`` of the deviation that the
-    snapshots have about their mean.
+    along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the deviation that the
+    snapshots have about their mean; and ``discrepancy_of_overpressure_percent`` of the overpressure without
+    incidence, all over the body at once, which gauges hardly see and axial force follows.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
@@ -38,16 +43,18 @@ class MapEntry(Section):
     alarm_levels: Literal["calibrated", "nominal"] = "calibrated"
     estimator: Literal["linear", "manifold"] = "linear"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
+    section_stations_m: tuple[SectionStation, ...] = Field(default=(), max_length=50)
     modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1
     inner_product: Literal["euclidean", "area"] = "euclidean"
     prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
-    discrepancy_percent: float = Field(default=3.0, ge=0.0, le=100.0)
+    discrepancy_percent: float = Field(default=2.0, ge=0.0, le=100.0)
     discrepancy_length: float = Field(default=0.2, ge=0.02, le=2.0)
     discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
     discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)
+    discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
 
     @field_validator("case", mode="before")
     @classmethod
@@ -64,15 +71,20 @@ class MapEntry(Section):
             raise ValueError(f"expected {GAMMA} or one of {', '.join(RULES)}, got {value!r}")
         return value
 
-    @field_validator("valid_altitude_km", mode="before")
+    @field_validator("valid_altitude_km", "section_stations_m", mode="before")
     @classmethod
-    def _range_of_altitudes(cls, value: Any) -> Any:
+    def _tuple_of_numbers(cls, value: Any) -> Any:
         return tuple(value) if isinstance(value, list) else value
 
     @model_validator(mode="after")
     def _fits_form(self) -> MapEntry:
         if self.valid_altitude_km[0] >= self.valid_altitude_km[1]:
             raise ValueError(f"valid_altitude_km: expected two rising numbers, got {list(self.valid_altitude_km)}")
+        stations = self.section_stations_m
+        if any(not first < second for first, second in pairwise(stations)):
+            raise ValueError(f"section_stations_m: expected rising numbers, got {list(stations)}")
+        if stations and self.estimator == "manifold":
+            raise ValueError("section_stations_m: expected estimator 'linear', got 'manifold'")
         if self.form == "dynamic_pressure" and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
         if self.estimator == "manifold" and (self.form, self.symmetry) != ("dynamic_pressure", "full"):

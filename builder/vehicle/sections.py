@@ -1,4 +1,5 @@
-"""Sections of the vehicle file: their entries, units and limits. [map] and [noise] are in ``map_options.py``."""
+"""Sections of the vehicle file: their entries, units and limits. [map] and [noise] are in ``map_options.py``,
+[structure] in ``structure_section.py``."""
 
 from __future__ import annotations
 
@@ -10,7 +11,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validat
 from builder.vehicle.limits import (
     ALTITUDE_KM,
     HALF_ANGLE_DEG,
-    INTERNAL_PRESSURE_PA,
     MACH_NUMBER,
     STATION_M,
     STREAM_ANGLE_DEG,
@@ -36,60 +36,6 @@ Station = Annotated[float, Field(ge=STATION_M.low, le=STATION_M.high)]
 GaugeLength = Annotated[float, Field(ge=0.0, le=100.0)]
 FileName = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(one_line)]
 """Relative to the vehicle file."""
-FoundationStiffness = Annotated[float, Field(ge=1e3, le=1e18)]
-
-
-class Cone(Section):
-    """A straight piece of the meridian."""
-
-    kind: Literal["cone"]
-    half_angle_deg: HalfAngle
-    end_x_m: Station
-
-
-class Arc(Section):
-    """A circular arc of the meridian, such as a tangent ogive."""
-
-    kind: Literal["arc"]
-    start_half_angle_deg: HalfAngle
-    end_half_angle_deg: HalfAngle
-    end_x_m: Station
-
-
-class Structure(Section):
-    """Wall, support, internal pressure, and the model that the map is built on.
-
-    ``resolution`` is that of the solid model. The foundation's stiffnesses are per area, along and across the
-    normal of the aft ring.
-    """
-
-    wall_thickness_mm: float = Field(ge=0.01, le=1e3)
-    solid_tip_length_m: Station
-    model: Literal["fourier", "solid"] = "fourier"
-    resolution: Literal["paper", "medium", "coarse"] = "medium"
-    support: Literal["clamped_aft", "elastic_foundation", "free_flight"] = "clamped_aft"
-    foundation_normal_N_per_m3: FoundationStiffness | None = None
-    foundation_tangential_N_per_m3: FoundationStiffness | None = None
-    internal_pressure_Pa: float | Literal["ambient"] = "ambient"
-
-    @model_validator(mode="after")
-    def _foundation_has_stiffness(self) -> Structure:
-        given = [self.foundation_normal_N_per_m3 is not None, self.foundation_tangential_N_per_m3 is not None]
-        if self.support == "elastic_foundation" and not all(given):
-            raise ValueError(
-                "support 'elastic_foundation' needs foundation_normal_N_per_m3 and foundation_tangential_N_per_m3"
-            )
-        if self.support != "elastic_foundation" and any(given):
-            raise ValueError(f"foundation stiffness found with support '{self.support}', it has no foundation")
-        return self
-
-    @field_validator("internal_pressure_Pa", mode="before")
-    @classmethod
-    def _ambient_or_number(cls, value: Any) -> Any:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if value != "ambient" and not (number and INTERNAL_PRESSURE_PA.holds(value)):
-            raise ValueError(f"expected 'ambient' or {INTERNAL_PRESSURE_PA}, got {value!r}")
-        return value
 
 
 class MaterialEntry(Section):
@@ -144,12 +90,17 @@ class GaugeRow(Section):
 
 
 class GaugeLayoutEntry(Section):
-    """One layout: rows, or a CSV file of positions and directions; surface and length are of all its gauges."""
+    """One layout: rows, or a CSV file of positions and directions; surface and length are of all its gauges.
+
+    Gauges of a file on a vehicle of another shape than a profile are moved to the surface from
+    ``largest_distance_mm`` at most.
+    """
 
     rows: list[GaugeRow] | None = Field(default=None, min_length=1)
     file: FileName | None = None
     surface: Literal["inner", "outer"] | None = None
     length_mm: GaugeLength | None = None
+    largest_distance_mm: float = Field(default=0.5, ge=1e-3, le=1e3)
 
     @model_validator(mode="after")
     def _rows_or_file(self) -> GaugeLayoutEntry:
@@ -258,8 +209,12 @@ class Resolution(Section):
 
 
 class Truth(Section):
-    """The independent model that plays the vehicle in system simulations."""
+    """The independent model that plays the vehicle in system simulations.
 
+    ``engine`` is "euler" by default; "newtonian" where the tip is blunt.
+    """
+
+    engine: Literal["euler", "newtonian"] | None = None
     mach_number: list[MachNumber] = Field(min_length=4)
     total_incidence_deg: list[Annotated[float, Field(ge=0.01, le=STREAM_ANGLE_DEG.high)]] = Field(min_length=4)
     manoeuvre: FileName

@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import prod
+from math import degrees, prod
 from typing import TYPE_CHECKING
 
+from builder.vehicle.geometry import is_blunt
 from builder.vehicle.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES, MIN_ELEMENTS
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
+    from builder.vehicle.geometry import BodyOfRevolution
     from builder.vehicle.sections import Resolution
 
 
 def size_faults(vehicle: Vehicle) -> list[str]:
     """Return what is wrong with the body and with sizes that follow from several entries, a line each."""
     faults = [*_flow_faults(vehicle), *_gauge_faults(vehicle)]
+    if not vehicle.is_of_revolution:
+        return faults
     try:
-        length = vehicle.body().length
+        body = vehicle.body()
     except InputError as error:
         return [str(error), *faults]
-    return [*faults, *_element_faults(vehicle, length)]
+    return [*faults, *_tip_faults(vehicle, body), *_element_faults(vehicle, body.length)]
+
+
+def _tip_faults(vehicle: Vehicle, body: BodyOfRevolution) -> Iterator[str]:
+    """Yield why the marching solver cannot begin at a blunt tip."""
+    for where, engine in (("aerodynamics", vehicle.aerodynamics.engine), ("truth", vehicle.truth.engine)):
+        or_table = " or 'table'" if where == "aerodynamics" else ""
+        if engine == "euler" and is_blunt(body):
+            yield (
+                f"{where}.engine: expected 'newtonian'{or_table} with a blunt "
+                f"tip (half-angle {degrees(body.cut_tip_angle):.3g} deg), got 'euler', which needs a pointed one"
+            )
 
 
 def _flow_faults(vehicle: Vehicle) -> Iterator[str]:

@@ -1,4 +1,5 @@
-"""The reference of the vehicle file, made from the models that check it: directive ``vehicle-entries``."""
+"""The reference of files in TOML, made from the models that check them: directives ``vehicle-entries`` and
+``load-test-entries``."""
 
 from __future__ import annotations
 
@@ -13,22 +14,35 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
+from builder.calibration.load_test_file import LoadTestFile
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.sections import ENGINE_NAMES
 
 UNITS = {
+    "um_per_m_per_K": "um/m/K",
+    "percent_per_100K": "%/(100 K)",
+    "degC": "deg C",
     "N_per_m3": "N/m3",
+    "m_per_s2": "m/s2",
+    "rad_per_s2": "rad/s2",
+    "kg_m2": "kg m2",
+    "N_m": "N m",
     "kg_per_m3": "kg/m3",
     "um_per_m": "um/m",
+    "N_per_m": "N/m",
     "percent": "%",
     "GPa": "GPa",
     "Pa": "Pa",
     "deg": "deg",
+    "kg": "kg",
+    "N": "N",
     "mm": "mm",
     "km": "km",
     "m2": "m2",
     "m": "m",
+    "s": "s",
+    "K": "K",
 }
 """Units by the end of an entry's name; the file says so of itself."""
 
@@ -41,10 +55,10 @@ NAMED = {
 KINDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 
 
-def entries_page() -> str:
-    """Return every section of the vehicle file with its entries, in MyST Markdown."""
+def entries_page(model: type[BaseModel] = Vehicle) -> str:
+    """Return every section of a file with its entries, in MyST Markdown."""
     blocks: list[str] = []
-    _section(Vehicle, "", blocks)
+    _section(model, "", blocks)
     return "\n".join(blocks)
 
 
@@ -100,7 +114,7 @@ def _kind(annotation: Any) -> str:
     if origin is list:
         return f"list of: {_kind(inner[0])}"
     if origin is tuple:
-        return f"list of {len(inner)}: {_kind(inner[0])}"
+        return f"list of: {_kind(inner[0])}" if Ellipsis in inner else f"list of {len(inner)}: {_kind(inner[0])}"
     return KINDS.get(annotation, str(annotation))
 
 
@@ -160,7 +174,18 @@ class VehicleEntries(GeneratedText):
         return entries_page()
 
 
+class LoadTestEntries(GeneratedText):
+    """Every entry of the file of a ground test."""
+
+    source = "builder.calibration.load_test_file"
+
+    def text(self) -> str:
+        """Return the page."""
+        return entries_page(LoadTestFile)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive."""
     app.add_directive("vehicle-entries", VehicleEntries)
+    app.add_directive("load-test-entries", LoadTestEntries)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

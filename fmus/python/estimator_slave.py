@@ -24,6 +24,7 @@ from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import Track, tracked
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
+from strainfmu.estimator.zeros import GaugeZeros, zero_fault
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,
@@ -33,6 +34,7 @@ from strainfmu.interface.estimator_variables import (
 )
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.interface.zero_variables import zero_names
 
 
 class EstimatorSlave(Fmi2Slave):
@@ -61,12 +63,16 @@ class EstimatorSlave(Fmi2Slave):
         self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
         self._pressure = references["dynamic_pressure"]
         self._parameters = [references[name] for name in PARAMETERS]
+        self._zeros = [references[name] for name in zero_names(inverse_map.n_gauges)]
+        self._zeros_outdated = False
         self._outputs = [references[v.name] for v in interface if v.causality == "output"]
         self._inputs = [references[v.name] for v in interface if v.causality != "output"]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Real inputs, which go without a check of their values.
-        self._free = self._of_type["Real"].intersection(self._inputs).difference(self._parameters)
+        self._free = (
+            self._of_type["Real"].intersection(self._inputs).difference(self._parameters).difference(self._zeros)
+        )
         self._outdated = True
         # Outputs follow from the track of the last step; they leave the other one. Stepped: a step has taken them.
         self._track, self._next, self._stepped = Track(), Track(), False
@@ -105,19 +111,26 @@ class EstimatorSlave(Fmi2Slave):
         if vr in self._free:
             self._values[vr] = value
             return
-        fault = setting_fault(self._names[vr], value)
+        of_zero = vr in self._zeros
+        fault = (zero_fault if of_zero else setting_fault)(self._names[vr], value)
         if fault:
             self.log(fault, Fmi2Status.error)
             return
         self._values[vr] = value
-        self._apply_settings()
+        if of_zero:
+            self._zeros_outdated = True
+        else:
+            self._apply_settings()
+
+    def _apply_zeros(self) -> None:
+        value, std = self._values[self._zeros[:-1]].reshape(2, -1)
+        zeros = GaugeZeros(value=value, std=std, common_std=float(self._values[self._zeros[-1]]))
+        self._estimator = self._estimator.with_zeros(zeros)
+        self._zeros_outdated = False
 
     def _apply_settings(self) -> None:
         settings = EstimatorSettings(**dict(zip(PARAMETERS, self._values[self._parameters].tolist(), strict=True)))
-        if isinstance(self._estimator, ManifoldEstimator):
-            self._estimator = ManifoldEstimator(self._estimator.inverse_map, settings)
-        else:
-            self._estimator = self._estimator.with_settings(settings)
+        self._estimator = self._estimator.with_settings(settings)
 
     def get_integer(self, vrs: list[int]) -> list[int]:
         """Return health state and counts; any other value reference is logged and read as 0."""
@@ -160,6 +173,8 @@ class EstimatorSlave(Fmi2Slave):
         """Compute the outputs if an input was set since."""
         if not self._outdated:
             return
+        if self._zeros_outdated:
+            self._apply_zeros()
         self._values[self._outputs] = output_values(self._estimate())
         self._outdated = False
 
@@ -200,8 +215,11 @@ class EstimatorSlave(Fmi2Slave):
             )
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
+            self._apply_zeros()
         except (InputError, KeyError, TypeError, ValueError) as error:
             self._values = before
+            self._apply_settings()
+            self._apply_zeros()
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         else:
             self._track, self._stepped = track, bool(stepped)

@@ -11,11 +11,14 @@ from pathlib import Path
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepResult
+from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.sensors import refuse_sensors
+from strainfmu.estimator.zeros import GaugeZeros
 
 NAVIGATION = ("mach_number", "altitude")
 """Inputs of an estimator for health alone."""
@@ -30,8 +33,8 @@ class ReadyStep:
 
 
 @contextmanager
-def open_step(source: Path) -> Iterator[ReadyStep]:
-    """Load an estimator FMU or an inverse map; free it at the end.
+def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
+    """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
 
     Raises
     ------
@@ -42,51 +45,26 @@ def open_step(source: Path) -> Iterator[ReadyStep]:
     """
     if source.suffix.lower() == ".fmu":
         with FmuStep(source, NAVIGATION, (ENVELOPE_SCORE,)) as fmu:
+            if zeros is not None:
+                fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
         return
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     inverse_map = load_inverse_map(source)
-    kind = MapStep if inverse_map.manifold is None else FlightStep
-    yield ReadyStep(kind(inverse_map), tuple(inverse_map.gauge_names))
+    refuse_sensors(inverse_map.sensors, f"{source}: bridge")
+    names = tuple(inverse_map.gauge_names)
+    yield ReadyStep(MapStep(inverse_map, None if zeros is None else load_zeros(zeros, names)), names)
 
 
 class MapStep:
-    """The estimator of a map as the step of a bridge."""
+    """The estimator of a map as the step of a bridge; a nonlinear one starts from the state of the step before."""
 
     further_inputs = NAVIGATION
 
-    def __init__(self, inverse_map: InverseMap) -> None:
-        self._estimator = Estimator(inverse_map)
-        self.noise_std = inverse_map.noise_std
-
-    def __call__(
-        self,
-        strain: FloatArray,
-        dynamic_pressure: float,
-        step_size: float,
-        *,
-        mach_number: float = nan,
-        altitude: float = nan,
-    ) -> StepResult:
-        """Do one step; the estimator has no memory, so that ``step_size`` does not matter."""
-        found = self._estimator.step(strain, dynamic_pressure, mach_number=mach_number, altitude=altitude)
-        return StepResult(
-            coefficients=found.coefficients,
-            coefficients_std=found.coefficients_std,
-            health=int(found.health),
-            chi_square=found.chi_square,
-            further={ENVELOPE_SCORE: found.envelope_score},
-        )
-
-
-class FlightStep:
-    """The nonlinear estimator of a map as the step of a bridge: each step starts from the state of the last."""
-
-    further_inputs = NAVIGATION
-
-    def __init__(self, inverse_map: InverseMap) -> None:
-        self._tracker = FlightTracker(ManifoldEstimator(inverse_map))
+    def __init__(self, inverse_map: InverseMap, zeros: GaugeZeros | None = None) -> None:
+        found = estimator_of(inverse_map, zeros=zeros)
+        self._estimator = FlightTracker(found) if isinstance(found, ManifoldEstimator) else found
         self.noise_std = inverse_map.noise_std
 
     def __call__(
@@ -99,7 +77,7 @@ class FlightStep:
         altitude: float = nan,
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``."""
-        found = self._tracker.step(strain, dynamic_pressure, mach_number=mach_number, altitude=altitude)
+        found = self._estimator.step(strain, dynamic_pressure, mach_number=mach_number, altitude=altitude)
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,

@@ -19,6 +19,8 @@ from strainfmu.cosim.instance import Instance, SignalBlock, read_description, sa
 from strainfmu.cosim.step import StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.interface.zero_variables import zero_names
 
 _STRAIN = re.compile(r"strain\[(\d+)\]")
 _VALID = re.compile(r"valid\[(\d+)\]")
@@ -100,6 +102,7 @@ class FmuStep:
         self._inputs = np.zeros(len(self._set))
         for variable in of_flow:
             self._inputs[self._place[variable.name]] = float(variable.start or 0.0)
+        self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
         self._values = np.zeros(len(self._get))
         self._python_path = list(sys.path)
         self._stack = ExitStack()
@@ -167,6 +170,30 @@ class FmuStep:
             dict(zip(self.further_outputs, others, strict=True)),
         )
 
+    def set_zeros(self, zeros: GaugeZeros) -> None:
+        """Let the FMU take ``zeros`` off its strains, from the next step on.
+
+        Raises
+        ------
+        InputError
+            The FMU has no parameters for zeros.
+        StrainfmuError
+            It refuses them.
+        """
+        by_name = {variable.name: variable for variable in self._description.modelVariables}
+        names = zero_names(self.n_gauges)
+        missing = next((name for name in names if name not in by_name), None)
+        if missing is not None:
+            raise InputError(f"{self.path}: no parameter '{missing}' found: export the FMU again to give it zeros")
+        values = np.concatenate([zeros.value, zeros.std, [zeros.common_std]])
+        self._zeros = [by_name[name] for name in names], values
+        self._give_zeros()
+
+    def _give_zeros(self) -> None:
+        variables, values = self._zeros
+        if variables:
+            self._transfer(self._exchange("Set", variables, 0, values), values, into=True)
+
     def close(self) -> None:
         """Free the instance and its files, and take back what PythonFMU did to Python's search path."""
         self._instance.close()
@@ -183,6 +210,7 @@ class FmuStep:
             self._getters = self._exchange("Get", self._get, 0, self._values)
             self._mask_sent = b""
             self._instance.begin(_STOP_TIME)
+            self._give_zeros()
             self._instance.end_initialization()
         except BaseException:
             self._instance.close()

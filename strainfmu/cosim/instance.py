@@ -241,10 +241,13 @@ class Instance:
         if buffer is None:
             buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
         pointer = buffer.ctypes.data_as(ctypes.POINTER(ctypes.c_double if real else ctypes.c_int))
-        c_function, component = self._function(function), self._fmu.component
+        # Of the very types that the function takes: others would be converted in every call.
+        first_reference = ctypes.cast(value_references, ctypes.POINTER(ctypes.c_uint))
+        count, component = ctypes.c_size_t(n), ctypes.c_void_p(self._fmu.component)
+        c_function = self._function(function)
 
         def call() -> None:
-            status = c_function(component, value_references, n, pointer)
+            status = c_function(component, first_reference, count, pointer)
             if status:
                 self._check(function, status)
 

@@ -33,9 +33,12 @@ class StepResult:
     further: Mapping[str, float] = field(default_factory=dict)
 
 
+_HEALTH_NAMES = {int(state): state.name for state in HealthState}
+
+
 def health_name(state: int) -> str:
     """Return the name of a state of health, its number if this version does not know it."""
-    return HealthState(state).name if state in set(HealthState) else str(state)
+    return _HEALTH_NAMES.get(state, str(state))
 
 
 ENVELOPE_SCORE = "health.envelope_score"

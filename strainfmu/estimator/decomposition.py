@@ -41,8 +41,9 @@ class Decomposition:
     whitening : (n_d, n_d) V [1/(m/m)]; its first ``n_free`` rows are those of the free states.
     singular_values : (n_d,) S [1], falling; 0 for the free rows, which have no prior.
     n_free : number of free states: n_q in Case 1, 0 in Case 2.
-    load_per_direction : (5, n_d) H for the free rows and G for the others [N, N m].
-    unseen : (5, 5) R [(N, N m)^2].
+    load_per_direction : (n_l, n_d) H for the free rows and G for the others [N, N m]: of the five loads, then of
+        the further ones.
+    unseen : (n_l, n_l) R [(N, N m)^2].
     """
 
     whitening: FloatArray
@@ -60,11 +61,15 @@ def decompose(inverse_map: InverseMap) -> Decomposition:
         inverse_map.state_operator,
         inverse_map.load_per_state,
     )
+    further = inverse_map.further
+    if further is not None and further.error_load is not None:
+        load_of_states = np.vstack([load_of_states, further.load_per_state])
+        load_of_errors = np.vstack([load_of_errors, further.error_load])
     n_free = states.shape[1] if inverse_map.case == 1 else 0
     if n_free == 0:
         errors = np.hstack([states, errors])
         load_of_errors = np.hstack([load_of_states, load_of_errors])
-        of_free, rest = np.empty((5, 0)), np.hstack([product(whitening, errors), whitening])
+        of_free, rest = np.empty((len(load_of_states), 0)), np.hstack([product(whitening, errors), whitening])
     else:
         # Columns of one size: only their span counts, and no square may overflow.
         size = np.max(np.abs(product(whitening, states)), axis=0)
@@ -106,7 +111,8 @@ def _orthogonal_rows(rows: FloatArray, k: int) -> FloatArray:
             cosine = np.abs(gamma[turned]) / np.where(scale[turned] > 0.0, scale[turned], 1.0)
             largest = max(largest, float(np.max(cosine)))
             tau = np.where(turned, (beta - alpha) / np.where(turned, 2.0 * gamma, 1.0), 0.0)
-            t = np.where(turned, np.copysign(1.0, tau) / (np.abs(tau) + np.sqrt(1.0 + tau * tau)), 0.0)
+            with np.errstate(over="ignore"):  # where tau squared is infinite, t is 0
+                t = np.where(turned, np.copysign(1.0, tau) / (np.abs(tau) + np.sqrt(1.0 + tau * tau)), 0.0)
             c = (1.0 / np.sqrt(1.0 + t * t))[:, None]
             s = t[:, None] * c
             rows[first], rows[second] = c * a - s * b, s * a + c * b

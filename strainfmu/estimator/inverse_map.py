@@ -27,14 +27,20 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.further_loads import UNITS as FURTHER_UNITS
+from strainfmu.estimator.further_loads import FurtherLoads
 from strainfmu.estimator.innovation import estimate_gain, inverse_cholesky
 from strainfmu.estimator.load_errors import load_error_model, load_gain
 from strainfmu.estimator.manifold.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.sensors import UNITS as SENSOR_UNITS
+from strainfmu.estimator.sensors import SensorRows
+from strainfmu.estimator.temperature import UNITS as THERMAL_UNITS
+from strainfmu.estimator.temperature import ThermalMap
 from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
@@ -105,6 +111,11 @@ class InverseMap:
     envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients, or None.
     envelope_score_limit : standard deviations beyond them that count as outside [1].
     dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity, or None.
+    sensors : what the rows measure, where some are no strain gauges; None for gauges alone. All other fields hold
+        the rows as strain, readings over ``sensors.scale``.
+    further : rolling moment and loads of sections; None where the rolling moment is zero, as that of a body of
+        revolution, and no sections are wanted.
+    thermal : modes of the wall's temperature and sensors of it; None in a map that knows of none.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
     """
 
@@ -156,6 +167,9 @@ class InverseMap:
     dynamic_pressure_range: FloatArray | None = None
     mach_number_range: FloatArray | None = None
     altitude_range: FloatArray | None = None
+    sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, SENSOR_UNITS))
+    further: FurtherLoads | None = field(default=None, metadata=inner_record(FurtherLoads, FURTHER_UNITS))
+    thermal: ThermalMap | None = field(default=None, metadata=inner_record(ThermalMap, THERMAL_UNITS))
     manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
 
     def __post_init__(self) -> None:
@@ -163,6 +177,18 @@ class InverseMap:
         _check_field(self)
         _check_values(self)
         _check_form(self)
+        if self.sensors is not None and len(self.sensors.kind) != self.n_gauges:
+            raise InputError(f"inverse map: sensors of {len(self.sensors.kind)} rows, must be {self.n_gauges}")
+        if self.further is not None:
+            errors = None if self.error_strain is None else self.error_strain.shape[1]
+            self.further.check(self.n_gauges, len(self.state_offset), errors)
+        if self.thermal is not None and (
+            self.form != "dynamic_pressure" or len(self.thermal.mode_strain) != self.n_gauges
+        ):
+            raise InputError(
+                "inverse map: thermal: expected modes of the map's gauges in form 'dynamic_pressure', got "
+                f"{len(self.thermal.mode_strain)} gauges in form '{self.form}'"
+            )
         if self.manifold is not None and self.manifold.tables.n_gauges != self.n_gauges:
             raise InputError(
                 f"inverse map: tables of {self.manifold.tables.n_gauges} gauges, must be of {self.n_gauges}"

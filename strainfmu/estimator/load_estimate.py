@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads, further_names
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 from strainfmu.estimator.pressure_field import FieldInputs, PressureField
@@ -18,10 +19,13 @@ if TYPE_CHECKING:
 
 
 class NamedLoads:
-    """Loads and coefficients by name: views of the last axis of ``loads`` (.., 5) and ``coefficients`` (.., 5)."""
+    """Loads and coefficients by name: views of the last axis of ``loads`` and ``coefficients`` (.., 5), and of the
+    further ones (.., m), the first of which is the rolling moment."""
 
     loads: FloatArray
     coefficients: FloatArray
+    further_loads: FloatArray
+    further_coefficients: FloatArray
 
     @property
     def axial_force(self) -> FloatArray:
@@ -73,13 +77,26 @@ class NamedLoads:
         """Coefficient of the yawing moment [1]."""
         return self.coefficients[..., 4]
 
+    @property
+    def rolling_moment(self) -> FloatArray:
+        """Moment about x [N m], positive with starboard going down; known to be zero for a body of revolution."""
+        return self.further_loads[..., 0]
+
+    @property
+    def M_R(self) -> FloatArray:
+        """Coefficient of the rolling moment [1], C_l of the literature."""
+        return self.further_coefficients[..., 0]
+
 
 @dataclass(frozen=True, eq=False)
 class Sigma(NamedLoads):
-    """Standard deviations by name: of the ``loads`` (.., 5) [N, N m] and of the ``coefficients`` (.., 5) [1]."""
+    """Standard deviations by name: of the ``loads`` (.., 5) [N, N m], of the ``coefficients`` (.., 5) [1], and of
+    the further ones (.., m)."""
 
     loads: FloatArray
     coefficients: FloatArray
+    further_loads: FloatArray
+    further_coefficients: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,6 +109,7 @@ class LoadEstimate(NamedLoads):
     loads_std : (5,) their standard deviations.
     coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1]; NaN where they cannot be computed.
     coefficients_std : (5,) their standard deviations [1].
+    coefficient_covariance : (5, 5) covariance of the coefficients [1].
     chi_square : |W (d - mean_strain)|^2 of the residual of the valid gauges [1].
     health : state of this estimate.
     load_covariance : (5, 5) covariance of the loads [(N, N m)^2].
@@ -104,6 +122,9 @@ class LoadEstimate(NamedLoads):
         they cannot be distinguished.
     envelope_score : standard deviations by which the coefficients leave the half-spaces of the map's envelope; 0
         inside, NaN where they are not known.
+    further_loads, further_loads_std : (m,) rolling moment, and six loads of each section [N, N m].
+    further_coefficients, further_coefficients_std : (m,) the same over q S, moments over q S L [1].
+    section_station : (n_s,) x of the sections [m].
     field_inputs : what :meth:`pressure` needs; None where the map holds no pressure field.
     """
 
@@ -120,6 +141,12 @@ class LoadEstimate(NamedLoads):
     standardised_residual: FloatArray
     suspects: tuple[int, ...]
     envelope_score: float
+    coefficient_covariance: FloatArray
+    further_loads: FloatArray
+    further_loads_std: FloatArray
+    further_coefficients: FloatArray
+    further_coefficients_std: FloatArray
+    section_station: FloatArray
     field_inputs: FieldInputs | None = None
 
     def pressure(self, with_std: bool = True) -> PressureField:
@@ -139,7 +166,12 @@ class LoadEstimate(NamedLoads):
     @property
     def sigma(self) -> Sigma:
         """Standard deviations by name: ``estimate.sigma.C_N``."""
-        return Sigma(self.loads_std, self.coefficients_std)
+        return _sigma(self)
+
+    @property
+    def section_loads(self) -> SectionLoads:
+        """Loads of the sections of the map, (n_s, 6), and their standard deviations."""
+        return _section_loads(self)
 
     def to_dataframe(self) -> DataFrame:
         """Return one row: coefficients, loads, their standard deviations and health. Needs pandas."""
@@ -160,12 +192,14 @@ class LoadEstimates(NamedLoads):
     loads, loads_std, coefficients, coefficients_std : (k, 5).
     chi_square, chi_square_limit : (k,).
     health : (k,) values of :class:`~strainfmu.estimator.health.HealthState`.
-    load_covariance : (k, 5, 5).
+    load_covariance, coefficient_covariance : (k, 5, 5).
     degrees_of_freedom : (k,).
     valid : (k, n_d).
     standardised_residual : (k, n_d).
     suspects : (k,) of tuples.
     envelope_score : (k,).
+    further_loads, further_loads_std, further_coefficients, further_coefficients_std : (k, m).
+    section_station : (n_s,) of all of them.
     field_inputs : as of one sample, for all of them.
     """
 
@@ -182,12 +216,23 @@ class LoadEstimates(NamedLoads):
     standardised_residual: FloatArray
     suspects: np.ndarray[tuple[int], np.dtype[np.object_]]
     envelope_score: FloatArray
+    coefficient_covariance: FloatArray
+    further_loads: FloatArray
+    further_loads_std: FloatArray
+    further_coefficients: FloatArray
+    further_coefficients_std: FloatArray
+    section_station: FloatArray
     field_inputs: FieldInputs | None = None
 
     @property
     def sigma(self) -> Sigma:
         """Standard deviations by name: ``estimates.sigma.C_N`` (k,)."""
-        return Sigma(self.loads_std, self.coefficients_std)
+        return _sigma(self)
+
+    @property
+    def section_loads(self) -> SectionLoads:
+        """Loads of the sections of the map, (k, n_s, 6), and their standard deviations."""
+        return _section_loads(self)
 
     def __len__(self) -> int:
         return len(self.loads)
@@ -208,6 +253,12 @@ class LoadEstimates(NamedLoads):
             standardised_residual=self.standardised_residual[sample],
             suspects=self.suspects[sample],
             envelope_score=float(self.envelope_score[sample]),
+            coefficient_covariance=self.coefficient_covariance[sample],
+            further_loads=self.further_loads[sample],
+            further_loads_std=self.further_loads_std[sample],
+            further_coefficients=self.further_coefficients[sample],
+            further_coefficients_std=self.further_coefficients_std[sample],
+            section_station=self.section_station,
             field_inputs=None if self.field_inputs is None else self.field_inputs.of_sample(sample),
         )
 
@@ -224,15 +275,27 @@ class LoadEstimates(NamedLoads):
 
 def series_of(samples: Sequence[LoadEstimate]) -> LoadEstimates:
     """Return ``samples`` as one series, which states no pressure field."""
-    series = empty_estimates(len(samples), len(samples[0].valid) if samples else 0)
-    for name in (entry.name for entry in fields(LoadEstimate) if entry.name != "field_inputs"):
+    stations = samples[0].section_station if samples else np.zeros(0)
+    series = empty_estimates(len(samples), len(samples[0].valid) if samples else 0, section_station=stations)
+    for name in (entry.name for entry in fields(LoadEstimate) if entry.name not in _OF_ALL):
         for row, one in enumerate(samples):
             getattr(series, name)[row] = getattr(one, name)
     return series
 
 
-def empty_estimates(k: int, n_gauges: int, field_inputs: FieldInputs | None = None) -> LoadEstimates:
-    """Return estimates of ``k`` samples whose arrays are to be filled; ``field_inputs`` of all of them."""
+_OF_ALL = ("section_station", "field_inputs")
+"""What the samples of a series have in common."""
+
+
+def empty_estimates(
+    k: int,
+    n_gauges: int,
+    field_inputs: FieldInputs | None = None,
+    section_station: FloatArray | None = None,
+) -> LoadEstimates:
+    """Return estimates of ``k`` samples whose arrays are to be filled; the other arguments are of all of them."""
+    stations = np.zeros(0) if section_station is None else section_station
+    m = 1 + len(SECTION_LOADS) * len(stations)
     return LoadEstimates(
         loads=np.empty((k, 5)),
         loads_std=np.empty((k, 5)),
@@ -247,6 +310,12 @@ def empty_estimates(k: int, n_gauges: int, field_inputs: FieldInputs | None = No
         standardised_residual=np.empty((k, n_gauges)),
         suspects=np.empty(k, dtype=object),
         envelope_score=np.empty(k),
+        coefficient_covariance=np.empty((k, 5, 5)),
+        further_loads=np.zeros((k, m)),
+        further_loads_std=np.zeros((k, m)),
+        further_coefficients=np.zeros((k, m)),
+        further_coefficients_std=np.zeros((k, m)),
+        section_station=stations,
         field_inputs=field_inputs,
     )
 
@@ -270,6 +339,11 @@ def set_nan(estimates: LoadEstimates, rows: IntArray) -> None:
         estimates.chi_square_limit,
         estimates.standardised_residual,
         estimates.envelope_score,
+        estimates.coefficient_covariance,
+        estimates.further_loads,
+        estimates.further_loads_std,
+        estimates.further_coefficients,
+        estimates.further_coefficients_std,
     ):
         values[rows] = np.nan
     estimates.degrees_of_freedom[rows] = 0
@@ -277,14 +351,36 @@ def set_nan(estimates: LoadEstimates, rows: IntArray) -> None:
         estimates.suspects[row] = ()
 
 
+def _sigma(estimate: LoadEstimate | LoadEstimates) -> Sigma:
+    return Sigma(
+        estimate.loads_std,
+        estimate.coefficients_std,
+        estimate.further_loads_std,
+        estimate.further_coefficients_std,
+    )
+
+
+def _section_loads(estimate: LoadEstimate | LoadEstimates) -> SectionLoads:
+    shape = (*estimate.further_loads.shape[:-1], len(SECTION_LOADS), len(estimate.section_station))
+    loads, std = (
+        np.swapaxes(values[..., 1:].reshape(shape), -1, -2)
+        for values in (estimate.further_loads, estimate.further_loads_std)
+    )
+    return SectionLoads(estimate.section_station, loads, std)
+
+
 def _dataframe(estimate: LoadEstimate | LoadEstimates, health: Any) -> DataFrame:
     from pandas import DataFrame
 
     columns: dict[str, Any] = {}
-    for names, values, std in (
+    rolling = (estimate.further_coefficients[..., :1], estimate.further_coefficients_std[..., :1])
+    rows: tuple[tuple[tuple[str, ...], FloatArray, FloatArray], ...] = (
         (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
         (LOAD_NAMES, estimate.loads, estimate.loads_std),
-    ):
+        (("M_R",), *rolling),
+        (further_names(estimate.section_station), estimate.further_loads, estimate.further_loads_std),
+    )
+    for names, values, std in rows:
         columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))
         columns |= {f"sigma.{name}": row for name, row in zip(names, np.atleast_2d(std).T, strict=True)}
     columns["chi_square"] = np.atleast_1d(estimate.chi_square)

@@ -20,9 +20,11 @@ from strainfmu.estimator.pressure_weights import (
     scaled_estimate,
 )
 from strainfmu.estimator.proportional_errors import (
+    N_VALUES,
     ErrorModel,
     enclosing_levels,
     excess_products,
+    further_level_products,
     level_products,
     symmetric,
 )
@@ -46,6 +48,8 @@ class LoadsFromStrain:
     standardised_residual : (k, n_d) z [1].
     load_per_pressure : (k, 5) derivative of the loads by q_inf [N/Pa, N m/Pa].
     expected_ratio : (k,) expected chi-square over its degrees of freedom [1].
+    further, further_variance, further_per_pressure : (k, m) further loads of the map, their variance, and their
+        derivative by q_inf.
     """
 
     loads: FloatArray
@@ -54,6 +58,9 @@ class LoadsFromStrain:
     standardised_residual: FloatArray
     load_per_pressure: FloatArray
     expected_ratio: FloatArray
+    further: FloatArray
+    further_variance: FloatArray
+    further_per_pressure: FloatArray
 
 
 def map_references(inverse_map: InverseMap) -> FloatArray:
@@ -67,6 +74,7 @@ def absolute_loads(parts: MapParts, masked: MaskedMap, strain: FloatArray) -> Lo
     k, inverse_map = len(strain), parts.inverse_map
     residual = np.where(masked.valid, strain - inverse_map.mean_strain, 0.0)
     whitened = product_with(masked.whitening, residual)
+    of_mean = np.zeros(0) if inverse_map.further is None else inverse_map.further.load_of_mean
     return LoadsFromStrain(
         loads=product_with(masked.load_gain, residual) + inverse_map.load_of_mean,
         load_covariance=np.broadcast_to(masked.load_covariance, (k, 5, 5)),
@@ -74,6 +82,9 @@ def absolute_loads(parts: MapParts, masked: MaskedMap, strain: FloatArray) -> Lo
         standardised_residual=product_with(masked.z_whitening, whitened),
         load_per_pressure=np.zeros((k, 5)),
         expected_ratio=np.ones(k),
+        further=product_with(masked.further_gain, residual) + of_mean,
+        further_variance=np.broadcast_to(masked.further_variance, (k, len(of_mean))),
+        further_per_pressure=np.zeros((k, len(of_mean))),
     )
 
 
@@ -89,6 +100,8 @@ class ScaledLoads:
         self._fixed_load = none if inverse_map.fixed_load is None else inverse_map.fixed_load
         self._mean_strain = inverse_map.mean_strain - self._fixed_strain
         self._load_of_mean = inverse_map.load_of_mean - self._fixed_load
+        fixed, mean = _further_of_mean(inverse_map)
+        self._fixed_further, self._further_of_mean = fixed, mean - fixed
         self._min_precision = MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0])
         self._errors = error_model(inverse_map)
         self._levels: OrderedDict[tuple[bytes, float], FloatArray] = OrderedDict()
@@ -110,7 +123,7 @@ class ScaledLoads:
         )
         loads = self._fixed_load + ratio[:, None] * self._load_of_mean + found.loads
         excess = self._excess(masked.valid, ratio, loads / (dynamic_pressure[:, None] * map_references(self._map)))
-        ratio_squared = ratio * ratio
+        ratio_squared, slope = ratio * ratio, self._further_of_mean
         return LoadsFromStrain(
             loads=loads,
             load_covariance=found.load_covariance + ratio_squared[:, None, None] * symmetric(excess[:, :15]),
@@ -122,15 +135,20 @@ class ScaledLoads:
             )
             if masked.degrees_of_freedom > 0
             else np.ones(len(ratio)),
+            further=self._fixed_further + ratio[:, None] * slope + found.further,
+            # A variance at strains smaller than those of the snapshots may fall below the linear model of errors.
+            further_variance=np.maximum(found.further_variance + ratio_squared[:, None] * excess[:, 16:], 0.0),
+            further_per_pressure=(slope + found.further_per_pressure) / nominal,
         )
 
     def _excess(self, valid: BoolArray, ratio: FloatArray, coefficients: FloatArray) -> FloatArray:
-        """Return (k, 16) what errors in proportion to strain add at the current strain, per squared ratio."""
+        """Return (k, 16 + m) what errors in proportion to strain add at the current strain, per squared ratio."""
+        n_values = N_VALUES + len(self._fixed_further)
         if self._errors is None:
-            return np.zeros((len(ratio), 16))
+            return np.zeros((len(ratio), n_values))
         products = excess_products(self._errors, coefficients)
         below, above = enclosing_levels(ratio)
-        out = np.empty((len(ratio), 16))
+        out = np.empty((len(ratio), n_values))
         for level in sorted(set(below.tolist())):
             rows = below == level
             low, high = self._level(valid, level), self._level(valid, float(above[rows][0]))
@@ -139,16 +157,26 @@ class ScaledLoads:
         return out
 
     def _level(self, valid: BoolArray, level: float) -> FloatArray:
-        """Return (21, 16) the products of a level for the gauges in use, from the cache if they are there."""
+        """Return (21, 16 + m) the products of a level for the gauges in use, from the cache if they are there."""
         key = (valid.tobytes(), level)
         if key not in self._levels:
             assert self._errors is not None
             gain, precision, _ = gain_and_precision(self._parts, level, ~valid)
-            self._levels[key] = level_products(self._errors, gain, precision)
+            further = further_level_products(self._errors, gain[5:])
+            self._levels[key] = np.hstack([level_products(self._errors, gain[:5], precision), further])
             if len(self._levels) > CACHED_LEVELS:
                 self._levels.popitem(last=False)
         self._levels.move_to_end(key)
         return self._levels[key]
+
+
+def _further_of_mean(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
+    """Return (m,) fixed further loads, and those of the mean pressure, the fixed ones in them [N, N m]."""
+    further = inverse_map.further
+    if further is None:
+        return np.zeros(0), np.zeros(0)
+    fixed = np.zeros(len(further.load_of_mean)) if further.fixed_load is None else further.fixed_load
+    return fixed, further.load_of_mean
 
 
 def error_model(inverse_map: InverseMap) -> ErrorModel | None:

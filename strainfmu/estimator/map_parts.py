@@ -16,6 +16,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.algebra import FIXED_ORDER
 from strainfmu.estimator.fixed_order import apply_orthogonal, householder, inverse_cholesky, product
+from strainfmu.estimator.further_errors import FurtherErrors, further_errors
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_errors import LoadErrorModel, load_error_model, load_gain
 
@@ -29,6 +30,7 @@ class MapParts:
     inverse_map : the map.
     load_gain : (5, n_d) G of all gauges [N, N m].
     error_model : terms of the covariance of loads.
+    further : gain of all gauges for the further loads, and the terms of their variance.
     noise_whitening : (n_d, n_d) L^-1 [1/(m/m)].
     gain_whitening : (n_d, n_d) W, upper triangular, of the gamma that the estimate is made with [1/(m/m)].
     """
@@ -36,6 +38,7 @@ class MapParts:
     inverse_map: InverseMap
     load_gain: FloatArray
     error_model: LoadErrorModel
+    further: FurtherErrors
     noise_whitening: FloatArray
     gain_whitening: FloatArray
 
@@ -65,6 +68,7 @@ def map_parts(inverse_map: InverseMap) -> MapParts:
         inverse_map=inverse_map,
         load_gain=gain,
         error_model=error_model,
+        further=further_errors(inverse_map, error_model.noise_root, whitening),
         noise_whitening=whitening,
         gain_whitening=_gain_whitening(inverse_map.state_operator, whitening, inverse_map.regularisation),
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.further_errors import further_variance
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.isolation import ambiguous_groups, correlations, inverse_root, outlier_threshold
 from strainfmu.estimator.load_errors import load_error_covariance
@@ -22,6 +23,8 @@ class MaskedMap:
     ----------
     valid : (n_d,) gauges in use.
     load_gain : (5, n_d) loads per strain [N, N m].
+    further_gain : (m, n_d) the same of the further loads.
+    further_variance : (m,) of their errors [(N, N m)^2].
     load_covariance : (5, 5) [(N, N m)^2].
     loads_std : (5,) roots of its diagonal.
     whitening : (n_d, n_d) W [1/(m/m)].
@@ -34,6 +37,8 @@ class MaskedMap:
 
     valid: BoolArray
     load_gain: FloatArray
+    further_gain: FloatArray
+    further_variance: FloatArray
     load_covariance: FloatArray
     loads_std: FloatArray
     whitening: FloatArray
@@ -70,11 +75,14 @@ def _ready(parts: MapParts, valid: BoolArray, load_gain: FloatArray, load_covari
     whitening = masked_whitening(parts.inverse_map.residual_whitening, ~valid)
     freedom = parts.inverse_map.residual_degrees_of_freedom - int(np.sum(~valid))
     precision = whitening.T @ whitening
+    further = masked_gain(parts.further.gain, parts.gain_whitening, ~valid)
     # Less than this is round-off: no other gauge checks this one.
     floor = MIN_INFORMATION * np.sum(parts.noise_whitening**2, axis=0)
     ready = MaskedMap(
         valid=valid,
         load_gain=load_gain,
+        further_gain=further,
+        further_variance=further_variance(parts.further, parts.inverse_map, parts.error_model.noise_root, further),
         load_covariance=load_covariance,
         loads_std=np.sqrt(np.diag(load_covariance)),
         whitening=whitening,

@@ -32,6 +32,7 @@ class ScaledEstimate:
     standardised_residual : (k, n_d) z [1]; 0 for lost gauges and those that no other checks.
     load_per_pressure : (k, 5) derivative by s, at fixed weights, of the loads that strain adds to f_0 + s f_mean
         [N, N m].
+    further : (k, m) the same loads of the m further ones; variances alone.
     """
 
     loads: FloatArray
@@ -39,6 +40,9 @@ class ScaledEstimate:
     chi_square: FloatArray
     standardised_residual: FloatArray
     load_per_pressure: FloatArray
+    further: FloatArray
+    further_variance: FloatArray
+    further_per_pressure: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,8 +52,9 @@ class PressureWeights:
     Attributes
     ----------
     unresolved : (k, n_d) u [1]: the fraction of the prior variance that the data leave; 0 for free directions.
-    load_per_direction : (k, 5, n_d) loads per whitened strain w [N, N m].
-    load_covariance : (k, 5, 5) with all gauges [(N, N m)^2].
+    load_per_direction : (k, n_l, n_d) loads per whitened strain w [N, N m], the further ones last.
+    load_covariance : (k, 5, 5) of the five loads [(N, N m)^2].
+    further_variance : (k, n_l - 5) [(N, N m)^2].
     lost_basis : (k, n_d, m) Q of D V_R = Q T, or None where no gauge is lost.
     lost_triangle : (k, m, m) T [1/(m/m)], or None.
     """
@@ -57,6 +62,7 @@ class PressureWeights:
     unresolved: FloatArray
     load_per_direction: FloatArray
     load_covariance: FloatArray
+    further_variance: FloatArray
     lost_basis: FloatArray | None
     lost_triangle: FloatArray | None
 
@@ -76,18 +82,23 @@ def pressure_weights(parts: Decomposition, pressure_ratio: FloatArray, lost: Boo
     spread = (s * s) * unresolved
     spread[:, : parts.n_free] = 1.0
     n = parts.load_per_direction.shape[1]
-    squares = parts.load_per_direction[:, None, :] * parts.load_per_direction[None, :, :]
-    covariance = (spread @ squares.reshape(25, n).T).reshape(-1, 5, 5) + (s * s)[:, :, None] * parts.unseen
+    five, further = parts.load_per_direction[:5], parts.load_per_direction[5:]
+    squares = five[:, None, :] * five[None, :, :]
+    covariance = (spread @ squares.reshape(25, n).T).reshape(-1, 5, 5) + (s * s)[:, :, None] * parts.unseen[:5, :5]
+    variance = spread @ (further * further).T + (s * s) * np.diag(parts.unseen)[5:]
     basis = triangle = None
     if lost.any():
         columns = parts.whitening[:, lost]
         basis, triangle = np.linalg.qr(np.sqrt(unresolved)[:, :, None] * columns)
         growth = np.linalg.solve(triangle.transpose(0, 2, 1), (per_direction @ columns).transpose(0, 2, 1))
-        covariance = covariance + growth.transpose(0, 2, 1) @ growth
+        of_five = growth[:, :, :5]
+        covariance = covariance + of_five.transpose(0, 2, 1) @ of_five
+        variance = variance + np.sum(growth[:, :, 5:] ** 2, axis=1)
     return PressureWeights(
         unresolved=unresolved,
         load_per_direction=per_direction,
         load_covariance=covariance,
+        further_variance=variance,
         lost_basis=basis,
         lost_triangle=triangle,
     )
@@ -114,19 +125,23 @@ def scaled_estimate(
     w, whitened = _known(parts, weights, root, np.where(lost, 0.0, residual), lost)
     # The derivative of the residual by s is that of strains -m.
     of_mean, _ = _known(parts, weights, root, np.where(lost, 0.0, mean_strain)[None, :], lost)
+    loads, per_pressure = (_loads(weights.load_per_direction, one) for one in (w, -of_mean))
     return ScaledEstimate(
-        loads=_loads(weights.load_per_direction, w),
+        loads=loads[:, :5],
         load_covariance=weights.load_covariance,
         chi_square=np.vecdot(whitened, whitened),
         standardised_residual=_standardised(parts, weights, root, whitened, lost, min_precision),
-        load_per_pressure=-_loads(weights.load_per_direction, of_mean),
+        load_per_pressure=per_pressure[:, :5],
+        further=loads[:, 5:],
+        further_variance=weights.further_variance,
+        further_per_pressure=per_pressure[:, 5:],
     )
 
 
 def gain_and_precision(
     parts: Decomposition, pressure_ratio: float, lost: BoolArray
 ) -> tuple[FloatArray, FloatArray, PressureWeights]:
-    """Return G (5, n_d) [N, N m] and P (n_d, n_d) [1/(m/m)^2] at s, zero for the ``lost`` gauges, and the
+    """Return G (n_l, n_d) [N, N m] and P (n_d, n_d) [1/(m/m)^2] at s, zero for the ``lost`` gauges, and the
     weights."""
     weights = pressure_weights(parts, np.array([pressure_ratio]), lost)
     root = np.sqrt(weights.unresolved[0])
@@ -176,7 +191,7 @@ def _standardised(
 
 
 def _loads(per_direction: FloatArray, w: FloatArray) -> FloatArray:
-    """Return (k, 5) loads of w (k, n_d)."""
+    """Return (k, n_l) loads of w (k, n_d)."""
     return np.asarray(np.matmul(per_direction, w[:, :, None])[:, :, 0])
 
 
@@ -187,6 +202,7 @@ def product_with(matrix: FloatArray, values: FloatArray) -> FloatArray:
     k, n = values.shape
     whole = k - k % ROWS
     out = np.empty((k, len(matrix)))
-    np.matmul(values[:whole].reshape(-1, ROWS, n), matrix.T, out=out[:whole].reshape(-1, ROWS, len(matrix)))
+    blocks = (whole // ROWS, ROWS)
+    np.matmul(values[:whole].reshape(*blocks, n), matrix.T, out=out[:whole].reshape(*blocks, len(matrix)))
     np.matmul(values[whole:], matrix.T, out=out[whole:])
     return out

@@ -77,6 +77,16 @@ def level_products(errors: ErrorModel, gain: FloatArray, precision: FloatArray) 
     return values
 
 
+def further_level_products(errors: ErrorModel, gain: FloatArray) -> FloatArray:
+    """Return (21, m) diagonal of G H_ab G' [(N, N m)^2] for the gain G (m, n_d) of further loads of a level."""
+    values = errors.of_gauge @ (gain * gain).T
+    of_common = errors.common @ gain.T
+    for row, (a, b) in enumerate(PAIRS):
+        twice = 1.0 if a == b else 2.0
+        values[row] += twice * np.sum(of_common[:, a] * of_common[:, b], axis=0)
+    return np.asarray(values)
+
+
 def excess_products(errors: ErrorModel, coefficients: FloatArray) -> FloatArray:
     """Return (k, 21) c_a c_b less its mean over the snapshots, for ``coefficients`` (k, 5)."""
     c = np.ones((len(coefficients), 6))

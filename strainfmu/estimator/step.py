@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.at_temperature import SensorSets, scattered
 from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
+from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import suspects_by_gauge
@@ -28,6 +30,7 @@ from strainfmu.estimator.map_parts import map_parts
 from strainfmu.estimator.masked_map import MaskedMap, complete_map, masked_map
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors
 
 MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
 """q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
@@ -66,8 +69,21 @@ class Estimator:
     0.021 +- 0.020, OK
     """
 
-    def __init__(self, inverse_map: InverseMap, settings: EstimatorSettings | None = None) -> None:
-        """Prepare ``inverse_map``; None takes the settings that it was built with."""
+    def __init__(
+        self,
+        inverse_map: InverseMap,
+        settings: EstimatorSettings | None = None,
+        zeros: GaugeZeros | None = None,
+    ) -> None:
+        """Prepare ``inverse_map``; None takes the settings that it was built with, and zeros of 0.
+
+        Raises
+        ------
+        InputError
+            ``zeros`` are of another number of gauges.
+        """
+        self.zeros = zeros or no_zeros(inverse_map.n_gauges)
+        self._without_zeros, inverse_map = inverse_map, with_zero_errors(inverse_map, self.zeros)
         self.inverse_map = inverse_map
         self._parts = map_parts(inverse_map)
         self._masked: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
@@ -82,8 +98,32 @@ class Estimator:
         other._apply_settings(settings)
         return other
 
+    def with_zeros(self, zeros: GaugeZeros) -> Estimator:
+        """Return an estimator of the same map with ``zeros`` in place of its own.
+
+        They are taken off what the gauges read. Their errors are part of the covariance, as the noise of the
+        gauges is: gains and alarm levels follow them.
+
+        Raises
+        ------
+        InputError
+            They are of another number of gauges.
+        """
+        if len(zeros.value) == len(self.zeros.value) and np.array_equal(zeros.covariance, self.zeros.covariance):
+            other = copy(self)
+            other.zeros = zeros
+            return other
+        return Estimator(self._without_zeros, self.settings, zeros)
+
+    def _of_strain(self, inverse_map: InverseMap) -> Estimator:
+        """Return the estimator of ``inverse_map`` for readings less zeros."""
+        return Estimator(inverse_map, self.settings, replace(self.zeros, value=np.zeros_like(self.zeros.value)))
+
     def _apply_settings(self, settings: EstimatorSettings) -> None:
         self.settings = settings
+        sensors, strain = self.inverse_map.sensors, settings.sensor_range
+        self._largest_reading = strain if sensors is None else np.where(sensors.is_strain, strain, sensors.largest)
+        self._warm = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
         area, length = settings.reference_area, settings.reference_length
         self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
         shift = settings.moment_station - default_settings(self.inverse_map).moment_station
@@ -100,12 +140,13 @@ class Estimator:
         *,
         mach_number: ArrayLike = np.nan,
         altitude: ArrayLike = np.nan,
+        temperature: ArrayLike | None = None,
     ) -> LoadEstimate | LoadEstimates:
         """Estimate the loads of one sample, or of k samples at once.
 
         Parameters
         ----------
-        strain : (n_d,) or (k, n_d) strains [m/m], order of ``inverse_map.gauge_names``.
+        strain : (n_d,) or (k, n_d) readings [m/m], order of ``inverse_map.gauge_names``.
         dynamic_pressure : q_inf [Pa], one for all samples or (k,).
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
         dynamic_pressure_std : standard deviation of q_inf's error [Pa], one for all samples or (k,); NaN takes the
@@ -113,25 +154,27 @@ class Estimator:
         mach_number, altitude : Mach number [1] and geopotential altitude [m] by navigation, one for all samples or
             (k,); NaN where not known. They decide on health alone: whether the flight is inside the envelope, and
             whether q_inf agrees with 0.7 M^2 p(h).
+        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
+            None for none. What the wall's temperature strains is taken off, as far as they tell.
 
         Raises
         ------
         InputError
-            An argument has the wrong shape or is no number, or ``valid`` is not of bool. Values that are not
+            An argument has the wrong shape or is no number, ``valid`` is not of bool, or there are temperatures of
+            which the map knows nothing. Values that are not
             finite are no error: the estimate goes without the gauge or without coefficients, and health states it.
         """
         d = np.asarray(strain, dtype=float)
         if d.ndim != 2:
             flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-            return self._one(d, valid, flow)
+            return self._one(d, valid, flow, temperature)
         n = self.inverse_map.n_gauges
         if d.shape[1] != n:
             raise InputError(f"strain: expected (k, {n}) values, got {d.shape}")
         mask = None if valid is None else np.broadcast_to(self._checked_mask(valid, len(d)), d.shape)
         values = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-        return self._series(
-            d, mask, _Flow(*(_per_sample(name, value, len(d)) for name, value in zip(_FLOW, values, strict=True)))
-        )
+        flows = _Flow(*(_per_sample(name, value, len(d)) for name, value in zip(_FLOW, values, strict=True)))
+        return self._at_temperature(d, mask, flows, temperature)
 
     def step(
         self,
@@ -142,25 +185,57 @@ class Estimator:
         *,
         mach_number: float = np.nan,
         altitude: float = np.nan,
+        temperature: ArrayLike | None = None,
     ) -> LoadEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`estimate`."""
-        return self._one(strain, valid, (dynamic_pressure, dynamic_pressure_std, mach_number, altitude))
+        flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
+        return self._one(strain, valid, flow, temperature)
 
-    def _one(self, strain: ArrayLike, valid: ArrayLike | None, flow: tuple[ArrayLike, ...]) -> LoadEstimate:
+    def _one(
+        self,
+        strain: ArrayLike,
+        valid: ArrayLike | None,
+        flow: tuple[ArrayLike, ...],
+        temperature: ArrayLike | None,
+    ) -> LoadEstimate:
         d = np.asarray(strain, dtype=float)
         if d.shape != (self.inverse_map.n_gauges,):
             raise InputError(f"strain: expected {self.inverse_map.n_gauges} values, got {d.shape}")
         mask = None if valid is None else self._checked_mask(valid)[None, :]
         values = (_per_sample(name, value, 1) for name, value in zip(_FLOW, flow, strict=True))
-        return self._series(d[None, :], mask, _Flow(*values))[0]
+        return self._at_temperature(d[None, :], mask, _Flow(*values), temperature)[0]
 
-    def _series(self, d: FloatArray, valid: BoolArray | None, flow: _Flow) -> LoadEstimates:
-        """Return the estimates of k samples: d and valid are (k, n_d)."""
-        series = empty_estimates(len(d), d.shape[1], field_inputs=self._field_inputs(d, flow))
+    def _at_temperature(
+        self, readings: FloatArray, valid: BoolArray | None, flow: _Flow, temperature: ArrayLike | None
+    ) -> LoadEstimates:
+        """Return the estimates of k samples (k, n_d) with what is known of the temperature, if anything."""
+        if temperature is None:
+            return self._series(readings, valid, flow)
+        known = self._warm.readings(temperature, len(readings))
+        used = np.abs(readings) <= self._largest_reading
+        used = used if valid is None else used & valid
+        scale = 1.0 if self.inverse_map.sensors is None else self.inverse_map.sensors.scale
+        strains = readings / scale - self.zeros.value
+        parts = []
+        for rows, key in self._warm.groups(known):
+            estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
+            parts.append(
+                (rows, estimator._series(strain * scale, used[rows], _Flow(*(one[rows] for one in flow))))
+            )
+        found: LoadEstimates = scattered(parts, len(readings))
+        return found
+
+    def _series(self, readings: FloatArray, valid: BoolArray | None, flow: _Flow) -> LoadEstimates:
+        """Return the estimates of k samples: readings and valid are (k, n_d)."""
+        sensors, further = self.inverse_map.sensors, self.inverse_map.further
+        d = (readings if sensors is None else readings / sensors.scale) - self.zeros.value
+        stations = None if further is None else further.section_station
+        inputs = self._field_inputs(d, flow)
+        series = empty_estimates(len(d), d.shape[1], field_inputs=inputs, section_station=stations)
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
-            np.less_equal(np.abs(d[rows]), self.settings.sensor_range, out=used)  # false for NaN
+            np.less_equal(np.abs(readings[rows]), self._largest_reading, out=used)  # false for NaN
             if valid is not None:
                 used &= valid[rows]
             if used.all():
@@ -183,7 +258,7 @@ class Estimator:
         unknown = np.full(len(d), np.nan)
         return FieldInputs(
             inverse_map=self.inverse_map,
-            strain=d.copy(),  # the caller may fill its array with the next sample
+            strain=d,
             dynamic_pressure=np.where(known, flow.dynamic_pressure, np.nan),
             dynamic_pressure_std=std,
             static_pressure=unknown,
@@ -229,6 +304,11 @@ class Estimator:
         series.coefficients[rows] = coefficients
         series.coefficients_std[rows] = np.sqrt(scale * scale * variance + of_pressure * of_pressure)
         series.envelope_score[rows] = score
+        of_coefficients = scale[:, :, None] * found.load_covariance * scale[:, None, :]
+        of_coefficients += of_pressure[:, :, None] * of_pressure[:, None, :]
+        series.coefficient_covariance[rows] = of_coefficients
+        if self.inverse_map.further is not None:
+            self._fill_further(series, rows, found, q, q_std)
         outside = score > self.inverse_map.envelope_score_limit
         health = np.full(len(q), HealthState.OK if masked.valid.all() else HealthState.DEGRADED, dtype=np.int64)
         # The later takes the place of the earlier.
@@ -240,6 +320,24 @@ class Estimator:
         series.health[rows] = health
         if self._scaled is not None and not known.all():
             set_nan(series, np.arange(len(series))[rows][~known])
+
+    def _fill_further(
+        self,
+        series: LoadEstimates,
+        rows: IntArray | slice,
+        found: LoadsFromStrain,
+        q: FloatArray,
+        q_std: FloatArray,
+    ) -> None:
+        """Compute the further loads of the ``rows`` of ``series``; the moment point does not move them."""
+        length = np.where(is_moment(len(series.section_station)), self.settings.reference_length, 1.0)
+        scale = 1.0 / (q[:, None] * (self.settings.reference_area * length))
+        coefficients = scale * found.further
+        of_pressure = found.further_per_pressure * q_std[:, None]
+        of_both = scale * of_pressure - coefficients * (q_std / q)[:, None]
+        series.further_loads[rows], series.further_coefficients[rows] = found.further, coefficients
+        series.further_loads_std[rows] = np.sqrt(found.further_variance + of_pressure * of_pressure)
+        series.further_coefficients_std[rows] = np.sqrt(scale**2 * found.further_variance + of_both * of_both)
 
     def _known_pressure(self, flow: _Flow) -> tuple[BoolArray, FloatArray]:
         """Return (k,) whether q_inf gives coefficients, and the standard deviation of its error [Pa], 0 where

@@ -15,6 +15,7 @@ from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map
+from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
 from strainfmu.fmu.description import FmuDescription
@@ -110,6 +111,7 @@ def export_estimator(
     map_path, fmu_path = Path(map_path), Path(fmu_path)
     check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
+    refuse_sensors(inverse_map.sensors, f"{map_path}: FMU")
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     make = _native_estimator if options.kind == "native" else _python_estimator
     write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))

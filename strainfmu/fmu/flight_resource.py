@@ -29,11 +29,11 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import MIN_GAIN, MIN_INCIDENCE_SCORE
-from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, RANGE_TOLERANCE
+from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, RANGE_TOLERANCE, shape_threshold
 from strainfmu.estimator.manifold.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, prior
+from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
 from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS, WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
 
@@ -71,7 +71,8 @@ def flight_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
     channels = channel_tables(manifold, np.arctan2(*inverse_map.gauge_position[:, 1:].T))
     n_channels, n_m = channels.table.shape[2:]
     sizes = (len(manifold.mach_knots), len(manifold.incidence_knots), n_m, n_channels)
-    content = struct.pack("<8I", *sizes, len(channels.row), len(manifold.common_error), 0, 0)
+    errors = (len(manifold.common_error), manifold.shapes.shape[1])
+    content = struct.pack("<8I", *sizes, len(channels.row), *errors, 0)
     numbers = (_scalars(manifold), *_arrays(manifold, channels))
     return section(SECTION, content + b"".join(array.astype("<f8").tobytes() for array in numbers))
 
@@ -103,6 +104,8 @@ def _scalars(manifold: ManifoldMap) -> FloatArray:
             *precision,
             *LARGEST_STEP,
             *(outlier_threshold(1, rate) for rate in FALSE_ALARMS),
+            NAVIGATION_ALARM,
+            shape_threshold(manifold, 1.0),
             outlier_threshold(n, FALSE_ALARM_PROBABILITY),
             MIN_INCIDENCE,
             OUTSIDE_SCORE,
@@ -139,6 +142,7 @@ def _arrays(manifold: ManifoldMap, channels: ChannelTables) -> tuple[FloatArray,
         product(load, load.T),
         manifold.gauge_error_product,
         manifold.common_error,
+        manifold.shapes.T,
         np.array([chi_square_limit(max(freedom, 1)) for freedom in range(n + len(NAVIGATION) + 1)]),
     )
 

@@ -34,7 +34,7 @@ from strainfmu.estimator.envelope import (
     flight_ranges,
     half_spaces,
 )
-from strainfmu.estimator.fixed_order import householder
+from strainfmu.estimator.fixed_order import householder, product
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
@@ -43,11 +43,12 @@ from strainfmu.estimator.map_parts import MapParts, map_parts
 from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
+from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.flight_resource import flight_section
 from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 CHECKED_FROM = 32
 """Position of the first byte that the checksum covers."""
 
@@ -125,6 +126,8 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
             ALTITUDE_STEP,
             MIN_EXPECTED_RATIO,
             NOT_KNOWN,
+            inverse_map.regularisation,
+            LARGEST_ZERO,
         ]
     )
 
@@ -149,6 +152,7 @@ def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
         _min_precision(parts),
         np.array([chi_square_limit(freedom) for freedom in counts]),
         np.array([outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts]),
+        inverse_map.noise_covariance,
     )
 
 
@@ -166,15 +170,36 @@ def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, 
     return (
         parts.whitening.T,
         parts.singular_values,
-        parts.load_per_direction.T,
-        parts.unseen,
+        parts.load_per_direction[:5].T,
+        parts.unseen[:5, :5],
         fixed_strain,
         inverse_map.mean_strain - fixed_strain,
         fixed_load,
         inverse_map.load_of_mean - fixed_load,
         MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0]),
+        inverse_map.scaled_parts[0],
+        *_spread(inverse_map),
         *(() if errors is None else (errors.of_gauge, errors.mean_product, errors.common)),
     )
+
+
+def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n_d, n_d) strain and (n_d, 5) loads, column by column, of what has a prior; (5, 5) of other loads.
+
+    They stand for errors that scale, and in Case 2 for the states: covariances of strain and loads are the same.
+    """
+    _, strain, load = inverse_map.scaled_parts
+    if inverse_map.case == 2:
+        strain, load = (
+            np.hstack([inverse_map.state_operator, strain]),
+            np.hstack([inverse_map.load_per_state, load]),
+        )
+    n = len(strain)
+    whole = np.zeros((max(strain.shape[1], n), n + 5))
+    whole[: strain.shape[1]] = np.hstack([strain.T, load.T])
+    triangle, _ = householder(whole, n)
+    rest = triangle[n:, n:]
+    return triangle[:n, :n].T, triangle[:n, n:], product(rest.T.copy(), rest)
 
 
 def _rows(array: FloatArray | None) -> int:

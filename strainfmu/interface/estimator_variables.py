@@ -21,6 +21,7 @@ from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
 from strainfmu.interface.input_names import known_flow as known_flow
+from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
 
 if TYPE_CHECKING:
     from strainfmu.estimator.inverse_map import InverseMap
@@ -79,9 +80,8 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
         *_flow_inputs(inverse_map),
         *_parameters(inverse_map),
     )
-    if inverse_map.manifold is None:
-        return linear
-    return flight_interface(linear, inverse_map.manifold, gauges)
+    whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
+    return with_zero_parameters(whole, inverse_map.gauge_names)
 
 
 def output_values(estimate: LoadEstimate) -> list[float]:
@@ -120,6 +120,7 @@ ARRAYS = {
     "sigma.moment": "Standard deviations of the moments, same order",
     "strain": "Strain of each gauge; names and positions in the documentation",
     "valid": "Whether each gauge may be used; same order as strain",
+    **ZERO_ARRAYS,
 }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, MIN_GAIN
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, MIN_GAIN
 from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.interface.fmi_variables import Variable
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
     from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 
-AIR_DATA = {
-    "angle_of_attack": ("Angle of attack", "rad"),
-    "sideslip_angle": ("Sideslip angle", "rad"),
-    "total_incidence": ("Angle between the body axis and the wind", "rad"),
-    "wind_roll_angle": ("Roll angle of the leeward meridian, from +z towards +y", "rad"),
-    "mach_number": ("Mach number", "1"),
-    "static_pressure": ("Static pressure", "Pa"),
-    "dynamic_pressure": ("Dynamic pressure", "Pa"),
-}
-"""Description and unit of each of :data:`~strainfmu.estimator.manifold.air_data.AIR_DATA_NAMES`."""
+_AIR_DATA_TEXT = (
+    "Angle of attack",
+    "Sideslip angle",
+    "Angle between the body axis and the wind",
+    "Roll angle of the leeward meridian, from +z towards +y",
+    "Mach number",
+    "Static pressure",
+    "Dynamic pressure",
+)
+"""Descriptions of :data:`~strainfmu.estimator.manifold.air_data.AIR_DATA_NAMES`."""
 
 
 def flight_interface(
@@ -85,13 +85,13 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
     values = [
         Variable(
             name=f"air_data.{name}",
-            description=f"{AIR_DATA[name][0]}, from strain and navigation",
+            description=f"{text}, from strain and navigation",
             causality="output",
-            unit=AIR_DATA[name][1],
-            display_unit=shown.get(AIR_DATA[name][1]),
-            nominal=nominal.get(AIR_DATA[name][1]),
+            unit=unit,
+            display_unit=shown.get(unit),
+            nominal=nominal.get(unit),
         )
-        for name in AIR_DATA_NAMES
+        for name, text, unit in zip(AIR_DATA_NAMES, _AIR_DATA_TEXT, AIR_DATA_UNITS, strict=True)
     ]
     deviations = [
         replace(

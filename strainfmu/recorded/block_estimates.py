@@ -13,16 +13,19 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.step import StepRefused
+from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.further_loads import further_names, is_moment
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.loading import estimator_of
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, gauge_threshold
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.estimator.step import Estimator
 from strainfmu.recorded.column_names import FLOW_NAMES
@@ -95,8 +98,8 @@ class BlockEstimator(Protocol):
 
 
 @contextmanager
-def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
-    """Load an estimator FMU or an inverse map; free it at the end.
+def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[BlockEstimator]:
+    """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
 
     Raises
     ------
@@ -107,11 +110,16 @@ def open_block_estimator(source: Path) -> Iterator[BlockEstimator]:
     """
     if source.suffix.lower() == ".fmu":
         with FmuStep(source, FLOW_NAMES[1:], tuple(f"health.{name}" for name in _HEALTH)) as step:
+            if zeros is not None:
+                step.set_zeros(load_zeros(zeros, step.gauge_names))
             yield _FmuBlocks(step)
         return
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
-    estimator = estimator_of(load_inverse_map(source))
+    inverse_map = load_inverse_map(source)
+    refuse_sensors(inverse_map.sensors, f"{source}: estimate of recorded data")
+    known = None if zeros is None else load_zeros(zeros, inverse_map.gauge_names)
+    estimator = estimator_of(inverse_map, zeros=known)
     yield FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else MapBlocks(estimator)
 
 
@@ -120,10 +128,10 @@ class MapBlocks:
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
-    further_columns: tuple[tuple[str, str], ...] = ()
 
     def __init__(self, estimator: Estimator) -> None:
         inverse_map = estimator.inverse_map
+        self.further_columns = _further_columns(inverse_map)
         self.estimator = estimator
         self.inverse_map: InverseMap | None = inverse_map
         self.gauge_names = tuple(inverse_map.gauge_names)
@@ -152,6 +160,7 @@ class MapBlocks:
             envelope_score=found.envelope_score,
             residual=found.standardised_residual,
             residual_limit=self._residual_limit(found),
+            further=_further_values(found) if self.further_columns else None,
             estimates=found,
         )
 
@@ -165,9 +174,6 @@ class MapBlocks:
         of_sample = np.ravel(which)
         moved = found.chi_square_limit / (held.chi_square_scale * nominal[of_sample])
         return np.asarray(threshold[of_sample] * np.sqrt(held.outlier_scale * moved))
-
-
-AIR_DATA_UNITS = ("rad", "rad", "rad", "rad", "1", "Pa", "Pa")
 
 
 class FlightBlocks:
@@ -218,6 +224,22 @@ class FlightBlocks:
     def _step(self, block: StrainBlock, row: int) -> FlightEstimate:
         flow = {name: float(values[row]) for name, values in block.flow.items()}
         return self._tracker.step(block.strain[row], float(block.dynamic_pressure[row]), **flow)
+
+
+def _further_columns(inverse_map: InverseMap) -> tuple[tuple[str, str], ...]:
+    """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads."""
+    if inverse_map.further is None:
+        return ()
+    stations = inverse_map.further.section_station
+    units = np.where(is_moment(len(stations)), "N m", "N").tolist()
+    named = (("M_R", "1"), *zip(further_names(stations), units, strict=True))
+    return (*named, *((f"sigma.{name}", unit) for name, unit in named))
+
+
+def _further_values(found: LoadEstimates) -> FloatArray:
+    """Return the values (n, n_f) of :func:`_further_columns`."""
+    rolling, std = found.further_coefficients[:, :1], found.further_coefficients_std[:, :1]
+    return np.hstack([rolling, found.further_loads, std, found.further_loads_std])
 
 
 def _further(one: FlightEstimate) -> FloatArray:

@@ -57,6 +57,7 @@ class Wanted:
     flow : the quantities of ``FLOW_NAMES`` that are read, and ``STATIC_PRESSURE``.
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
+    needs_pressure : whether a file that neither holds q_inf nor lets it be computed is refused.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     """
@@ -68,6 +69,7 @@ class Wanted:
     reference: LevelReference | None = None
     computes_pressure: bool = False
     combined: frozenset[str] = frozenset()
+    needs_pressure: bool = True
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:

@@ -215,7 +215,7 @@ def plan_columns(
     for name, found in by_name.items():
         if passes_over(name, held, wanted):
             passed += [names[i] for i in found]
-        elif found or (name == "dynamic_pressure" and not is_computed):
+        elif found or (name == "dynamic_pressure" and wanted.needs_pressure and not is_computed):
             column = _flow_column(path, found, name=name, names=names)
             flow[name] = (column, flow_factor(path, headings[column], name, given[column]))
     return ColumnPlan(

@@ -7,7 +7,6 @@ own point data.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,12 +15,13 @@ import h5py
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.linear_field import no_field
 from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.pressure_field import PressureField
 from strainfmu.recorded.guarded_file import GuardedFile
+from strainfmu.recorded.whole_file import whole_file, writing
 
 FIELD_SUFFIX = ".vtkhdf"
 _TRIANGLE = 5
@@ -106,7 +106,7 @@ class FieldSeriesWriter:
         StrainfmuError
             The file cannot be written.
         """
-        with _writing(self.path):
+        with writing(self.path):
             first = self.steps * self._n
             for item, values in zip(self._arrays, (field.pressure, field.std), strict=True):
                 item.resize((first + self._n,))
@@ -154,27 +154,5 @@ def field_series_writer(path: Path, inverse_map: InverseMap, every: int = 1) -> 
     StrainfmuError
         It cannot be written; an earlier file remains unchanged.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with _writing(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            writer = FieldSeriesWriter(path, temporary, inverse_map, every)
-        try:
-            yield writer
-            with _writing(path):
-                writer.finish()
-        finally:
-            writer.close()
-        with _writing(path):
-            os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn an error of the operating system into one line that names ``path``."""
-    try:
-        yield
-    except OSError as error:
-        raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
+    with whole_file(path, lambda temporary: FieldSeriesWriter(path, temporary, inverse_map, every)) as writer:
+        yield writer

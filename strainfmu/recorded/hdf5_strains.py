@@ -65,7 +65,8 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     found = [name for name in wanted.flow if name in names]
     held = [name for name in found if not passes_over(name, found, wanted)]
     is_known = fixed is not None or (wanted.computes_pressure and pressure_sources(held))
-    needed = ("strain", "time") if is_known else ("strain", "time", "dynamic_pressure")
+    is_needed = wanted.needs_pressure and not is_known
+    needed = ("strain", "time", "dynamic_pressure") if is_needed else ("strain", "time")
     for name in dict.fromkeys((*needed, *held)):
         if name not in names or not isinstance(file[name], h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")

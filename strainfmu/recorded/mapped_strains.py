@@ -242,7 +242,7 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
         if quantity not in stated and len(own) == 1:
             _add_flow(file, own[0], quantity, unit=file.units.get(own[0]), clock=clock, found=found)
     is_known = "dynamic_pressure" in found.flow or wanted.fixed_pressure is not None
-    if not is_known and not (wanted.computes_pressure and pressure_sources(found.flow)):
+    if not is_known and wanted.needs_pressure and not (wanted.computes_pressure and pressure_sources(found.flow)):
         raise InputError(
             f"{file.path}: no channel of dynamic_pressure found, nor of mach_number with static_pressure or "
             f"altitude; state one as [[flow]] in {mapping.path}, or --dynamic-pressure"

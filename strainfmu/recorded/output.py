@@ -13,9 +13,10 @@ import h5py
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.recorded.guarded_file import GuardedFile
+from strainfmu.recorded.whole_file import whole_file, writing
 
 SCHEMA = "strainfmu.estimates"
 SCHEMA_VERSION = 2
@@ -55,7 +56,7 @@ class EstimateWriter(ABC):
         """
         self.rows += len(rows)
         held = texts or {}
-        with _writing(self.path):
+        with writing(self.path):
             self._append(np.atleast_2d(rows), [held[name] for name in self.text_columns])
 
     @abstractmethod
@@ -178,28 +179,10 @@ def estimate_writer(
     """
     check_output(path)
     kind = _CsvWriter if path.suffix.lower() == ".csv" else _Hdf5Writer
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with _writing(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            writer = kind(path, temporary, columns=columns, text_columns=text_columns)
-        try:
-            writer.describe(attributes or {})
-            yield writer
-            with _writing(path):
-                writer.finish()
-        finally:
-            writer.close()
-        with _writing(path):
-            os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
+    def opened(temporary: Path) -> EstimateWriter:
+        return kind(path, temporary, columns=columns, text_columns=text_columns)
 
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn an error of the operating system into one line that names ``path``."""
-    try:
-        yield
-    except OSError as error:
-        raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
+    with whole_file(path, opened) as writer:
+        writer.describe(attributes or {})
+        yield writer

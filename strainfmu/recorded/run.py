@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, open_block_estimator
@@ -93,6 +94,7 @@ def estimate_file(
     channels: str | PathLike[str] | None = None,
     time_constant: float | None = None,
     smooth: bool = False,
+    zeros: str | PathLike[str] | None = None,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -109,6 +111,7 @@ def estimate_file(
     field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
     time_constant : of a filter over time [s], None for none. Needs a map.
     smooth : whether to smooth what it has filtered. The output says both.
+    zeros : file of what the gauges read without strain (zeros.toml), None for 0.
 
     Raises
     ------
@@ -121,7 +124,8 @@ def estimate_file(
     check_output(output)
     if output.exists() and any(one.exists() and output.samefile(one) for one in (source, data)):
         raise InputError(f"{output}: expected another file than those that are read")
-    with open_block_estimator(source) as static:
+    zeros = None if zeros is None else Path(zeros)
+    with open_block_estimator(source, zeros) as static:
         estimator = with_filter(source, static, time_constant, smooth)
         if residuals and not estimator.has_residuals:
             raise InputError(f"{source}: --residuals: expected an inverse map, got an FMU")
@@ -148,6 +152,7 @@ def estimate_file(
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
+            zero = 0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value
             summary = EstimationSummary(
                 unused=plan.unused, notes=[*opened.notes, *_unused_inputs(source, estimator, plan)]
             )
@@ -158,7 +163,7 @@ def estimate_file(
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
                 for block, done, found in estimated_blocks(opened.blocks, estimator):
-                    level.add(block.strain, block.dynamic_pressure)
+                    level.add(block.strain - zero, block.dynamic_pressure)
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:

@@ -15,10 +15,11 @@ from builder.aero.mapping import (
     nodal_force_operator,
     pressure_map,
 )
-from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
+from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid, roll_moment_operator
 from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from tests.aero.triangulated_shapes import box
 
 pytestmark = pytest.mark.fast
 
@@ -183,6 +184,17 @@ def test_conservation_changes_a_good_map_little() -> None:
     transfer, given = pressure_map(source, target), pressure_field(source)
     change = np.abs(transfer.conservative(given) - transfer.consistent(given))
     assert change.max() < 0.01 * np.ptp(given)
+
+
+def test_rolling_moment_of_a_body_with_fins_is_kept() -> None:
+    """A box of 2 x 1: pressure on its sides rolls it; six loads to rounding."""
+    source, target = (box([0.0, -1.0, -0.5], [3.0, 1.0, 0.5], cells) for cells in ((6, 4, 4), (9, 7, 5)))
+    given = np.where(source.point[:, 2] > 0.0, 1.0, -1.0) * source.point[:, 1] + source.point[:, 0]
+    mapped = conservative_pressure(source, target, given)
+    for loads in (lambda mesh: mesh_load_operator(mesh, 1.0), lambda mesh: roll_moment_operator(mesh)[None]):
+        np.testing.assert_allclose(loads(target) @ mapped, loads(source) @ given, atol=1e-12)
+    assert abs(roll_moment_operator(source) @ given) > 0.1
+    assert len(pressure_map(body(40, 36), body(61, 50)).source_loads) == 5
 
 
 def test_load_that_pressure_cannot_carry_is_refused() -> None:

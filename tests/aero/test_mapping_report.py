@@ -13,6 +13,7 @@ from builder.aero.mapping_report import MappingReport, MappingTolerances, check_
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
+from tests.aero.triangulated_shapes import box
 
 BODY = chain_segments([(1.75, radians(5.0), radians(5.0)), (3.6, radians(1.0), radians(1.0))])
 
@@ -126,3 +127,32 @@ def test_each_tolerance_refuses(name: str, text: str) -> None:
     check_mapping(report, loose)
     with pytest.raises(InputError, match=f"{text}.*at most 0 % is allowed"):
         check_mapping(report, replace(loose, **{name: 0.0}))
+
+
+def test_gap_is_found_both_ways() -> None:
+    """A source with a box that stands 0.14 m proud: no target node is far from it, its own nodes are."""
+    target = body()
+    proud = box([3.0, -0.002, 0.15], [3.5, 0.002, BODY.base_radius + 0.14], (6, 2, 4))
+    source = SurfaceMesh(
+        np.concatenate([target.point, proud.point]),
+        np.concatenate([target.triangle, proud.triangle + target.n_nodes]),
+    )
+    report = report_of(source, target)
+    # The outermost nodes, on 0.1 % of the area, do not count.
+    assert report.largest_gap == pytest.approx(0.14 + BODY.base_radius - BODY.radius(3.0), abs=2e-3)
+    assert report.largest_gap_point[2] > BODY.base_radius + 0.13
+
+
+def test_unfit_nodes_count_by_their_area() -> None:
+    """The front of a cut tip faces ahead, where no source does: many nodes there are hardly any area."""
+    source = body()
+    ring = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    front = [np.column_stack([0.0 * ring, r * np.sin(ring), r * np.cos(ring)]) for r in (1e-5, 2e-5)]
+    here, after = np.arange(48), np.roll(np.arange(48), -1)
+    cap = np.concatenate(
+        [np.stack([here, here + 48, after + 48], axis=1), np.stack([here, after + 48, after], axis=1)]
+    )
+    target = SurfaceMesh(
+        np.concatenate([source.point, *front]), np.concatenate([source.triangle, cap[:, ::-1] + source.n_nodes])
+    )
+    assert report_of(source, target).unfitted_fraction < 1e-6

@@ -26,6 +26,7 @@ from strainfmu.interface.estimator_variables import (
 )
 from strainfmu.interface.fmi_variables import UNITS, Variable
 from strainfmu.interface.plant_variables import plant_interface
+from strainfmu.interface.zero_variables import zero_names
 
 pytestmark = pytest.mark.fast
 
@@ -38,7 +39,7 @@ def variables(path: Path) -> dict[str, Any]:
 def test_coefficients_come_first_and_all_is_there(synthetic: SyntheticFiles) -> None:
     estimator, plant = variables(synthetic.estimator_1), variables(synthetic.plant)
     assert list(estimator)[:5] == list(plant)[:5] == ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
-    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5
+    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1
     assert estimator["valid[1]"].type == "Boolean"
     assert estimator["valid[1]"].start == "true"
     for name in PARAMETERS:
@@ -79,6 +80,10 @@ def test_dependencies_state_what_feeds_what(synthetic: SyntheticFiles) -> None:
     assert known["health.state"][0] == gauges | {*FLOW_INPUTS}
     assert known["sigma.force.axial"][0] == known["health.valid_gauges"][0] == gauges
     first = {u.variable.name: {v.name for v in u.dependencies} for u in description.initialUnknowns}
+    zeros = {*zero_names(N_GAUGES)}
+    assert zeros <= first["moment.yaw"]
+    assert not zeros & first["health.valid_gauges"]
+    first = {name: names - zeros for name, names in first.items()}
     assert first["moment.yaw"] - gauges == {"sensor_range", "moment_station"}
     assert first["M_Y"] - gauges - flow == {*PARAMETERS} - {"alarm_scale"}
     assert first["health.chi_square_limit"] - gauges == {"sensor_range", "alarm_scale"}
@@ -109,7 +114,11 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         *((name, None) for name in scalars if name.startswith("health.")),
         ("strain", N_GAUGES),
         ("valid", N_GAUGES),
-        *((name, None) for name in (*FLOW_INPUTS, *PARAMETERS, "time")),
+        *((name, None) for name in (*FLOW_INPUTS, *PARAMETERS)),
+        ("zero", N_GAUGES),
+        ("zero_std", N_GAUGES),
+        ("zero_common_std", None),
+        ("time", None),
     ]
     found = [(name, int(v.dimensions[0].start) if v.dimensions else None) for name, v in arrays.items()]
     assert found == expected

@@ -17,8 +17,10 @@ from scaled_maps import NOMINAL, whole_scaled_map
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import FLOW_INPUTS, NOT_KNOWN, known_flow, output_values
+from strainfmu.interface.zero_variables import zero_names
 
 pytestmark = pytest.mark.fast
 
@@ -76,6 +78,22 @@ def test_both_kinds_give_what_numpy_does(kinds: Kinds) -> None:
             )
             assert host.integers(INTEGERS) == [values[name] for name in INTEGERS]
     assert {HealthState.OK, HealthState.DEGRADED, HealthState.OUTSIDE, HealthState.NO_COEFFICIENTS} <= seen
+
+
+def test_both_kinds_take_zeros_off_as_numpy_does(kinds: Kinds) -> None:
+    random, estimator = np.random.default_rng(3), Estimator(kinds.inverse_map)
+    names = [f"strain[{i + 1}]" for i in range(N)]
+    for size in (1e-7, 2e-6, 0.0):
+        zeros = GaugeZeros(value=2e-4 * random.normal(size=N), std=size * random.uniform(size=N), common_std=size)
+        strain = kinds.inverse_map.mean_strain + 1e-6 * random.normal(size=N)
+        expected = output_values(estimator.with_zeros(zeros).step(strain + zeros.value, NOMINAL))
+        for kind, host in kinds.hosts.items():
+            host.set_booleans([f"valid[{i + 1}]" for i in range(N)], [True] * N)
+            host.set([*names, *FLOW_INPUTS], [*(strain + zeros.value), NOMINAL, *[NOT_KNOWN] * 3])
+            host.set(zero_names(N), [*zeros.value, *zeros.std, zeros.common_std])
+            found = host.get(list(host.references)[:20])
+            np.testing.assert_allclose(found, expected[:20], rtol=0.0 if kind == "python" else 1e-11)
+            host.set(zero_names(N), [0.0] * (2 * N + 1))
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

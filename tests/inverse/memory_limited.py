@@ -80,7 +80,7 @@ def build(folder: Path) -> dict[str, object]:
     name = vehicle.gauges.layout
     operator = 1e-9 * random.normal(size=(n_d, n_p))
     structure = MappedStructure(
-        surface=grid, description="random", layouts={name: layout}, operators={name: operator}
+        surface=grid, description="random", layouts={name: layout}, operators={name: operator}, is_external=True
     )
     allow(GIB)
     found: dict[str, object] = {"nodes": n_p}

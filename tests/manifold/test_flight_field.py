@@ -30,7 +30,9 @@ def exact_vehicle(vehicle: Vehicle, **entry: object) -> Vehicle:
     held = {"estimator": "manifold", "keep_field": True, "discrepancy_percent": 0.8, **entry}
     return vehicle.model_copy(
         update={
-            "map": vehicle.map.model_copy(update={"discrepancy_of_prior_percent": 1.0, **held}),
+            "map": vehicle.map.model_copy(
+                update={"discrepancy_of_prior_percent": 1.0, "discrepancy_of_overpressure_percent": 1.0, **held}
+            ),
             "noise": vehicle.noise.without_hardware_errors(),
         }
     )

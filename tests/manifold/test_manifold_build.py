@@ -26,7 +26,8 @@ def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:
 @pytest.fixture(scope="module")
 def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
     exact = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
-    entry = with_entry(exact, discrepancy_percent=0.5, discrepancy_of_prior_percent=1.0)
+    small = dict.fromkeys(("discrepancy_of_prior_percent", "discrepancy_of_overpressure_percent"), 1.0)
+    entry = with_entry(exact, discrepancy_percent=0.5, **small)
     return with_manifold(build_inverse_map(entry, snapshots, structure), entry, snapshots, structure)
 
 

@@ -74,21 +74,29 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         builder.nothing  # noqa: B018  # the access itself is the test
 
 
+@pytest.mark.slow
 def test_the_map_is_that_of_the_demonstration_bit_for_bit(ogive_demo: Path, tmp_path: Path) -> None:
     save_inverse_map(builder.build_map(str(OGIVE)), tmp_path / "map.h5")
     assert (tmp_path / "map.h5").read_bytes() == (ogive_demo / "map.h5").read_bytes()
 
 
-def test_the_stages_one_by_one_give_the_same_map(
-    ogive: builder.Vehicle, ogive_snapshots: builder.Snapshots, ogive_demo: Path, tmp_path: Path
-) -> None:
+@pytest.fixture(scope="module")
+def told(
+    ogive: builder.Vehicle, ogive_snapshots: builder.Snapshots, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Listener, Path]:
+    """What a listener was told of a build from stages solved one by one, and the map."""
     structure = builder.solve_structure(ogive)
     assert isinstance(structure, StructuralModel)
     n_nodes = ogive_snapshots.pressure.shape[1]
     assert structure.strain_operator("table").shape == (len(structure.layouts["table"].names), n_nodes)
-    inverse_map = builder.build_map(ogive, snapshots=ogive_snapshots, structure=structure)
-    save_inverse_map(inverse_map, tmp_path / "map.h5")
-    assert (tmp_path / "map.h5").read_bytes() == (ogive_demo / "map.h5").read_bytes()
+    listener, path = Listener(), tmp_path_factory.mktemp("told") / "map.h5"
+    given = {"snapshots": ogive_snapshots, "structure": structure}
+    save_inverse_map(builder.build_map(ogive, **given, progress=listener), path)
+    return listener, path
+
+
+def test_the_stages_one_by_one_give_the_same_map(told: tuple[Listener, Path], ogive_demo: Path) -> None:
+    assert told[1].read_bytes() == (ogive_demo / "map.h5").read_bytes()
 
 
 def test_snapshots_are_those_of_the_demonstration(
@@ -102,14 +110,14 @@ def test_snapshots_are_those_of_the_demonstration(
 
 
 def test_nothing_is_written_and_nothing_printed(
-    ogive: builder.Vehicle,
+    nominal: builder.Vehicle,
     ogive_snapshots: builder.Snapshots,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    builder.build_map(ogive, snapshots=ogive_snapshots)
+    builder.build_map(nominal, snapshots=ogive_snapshots)
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")
 
@@ -121,11 +129,9 @@ def test_progress_is_shown_where_it_is_requested(
     assert "Structure: strain per pressure" in capfd.readouterr().out
 
 
-def test_a_listener_is_told_every_stage(ogive: builder.Vehicle, ogive_snapshots: builder.Snapshots) -> None:
-    listener = Listener()
-    builder.build_map(ogive, snapshots=ogive_snapshots, progress=listener)
+def test_a_listener_is_told_every_stage(told: tuple[Listener, Path]) -> None:
+    listener, _ = told
     assert listener.stages == [
-        "Structure: strain per pressure",
         "Flow: the vehicle that flies",
         "Structure: the vehicle that flies",
         "Alarm levels: flights of the independent model",

@@ -108,6 +108,7 @@ def test_snapshots_of_another_body_are_refused(vehicle: Vehicle, snapshots: Snap
         next(mesh_study(vehicle, free, Silent(), []))
 
 
+@pytest.mark.slow
 def test_command(run: Run, snapshot_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("builder.reports.mesh_study.STUDY_MESHES", (SOUND,))
     table = tmp_path / "table.csv"

@@ -1,85 +1,25 @@
-"""``strainfmu structure`` and maps built on the three-dimensional model, as a user runs them."""
+"""``strainfmu structure`` on the swept mesh, as a user runs it."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from cad_files import write_step, write_stl
-from fmpy import read_model_description
+from small_ogive import FREE_FLIGHT, OUTER, PRESSURE, small, solved
 
-from builder.campaign.snapshots import load_snapshots
-from builder.pipeline.map_files import run_build
-from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel, structural_model
-from builder.structure.mapped_structure import MappedStructure, mapped_structure
-from builder.structure.solid.case import solid_case
-from builder.structure.solid.gmsh_session import load_gmsh
-from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.mesh_export import write_mesh
 from builder.structure.solid.mesh_report import exact_wall
-from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import largest_amplitude, reference_pressures
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.structure_file import SCHEMA, SCHEMA_VERSION, Structure, load_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.map_needs import used_layouts
-from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.files import content_hash_of
 
 Run = Callable[..., tuple[int, str, str]]
-
-OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
-ROWS = """rows = [
-    { roll_angle_deg = 0.0, directions = ["axial", "hoop"], x_m = [0.35, 0.6] },
-    { roll_angle_deg = 97.0, directions = ["axial", "hoop"], x_m = [0.6] },
-]"""
-OUTER = ("97.0, directions", '97.0, surface = "outer", directions')
-PRESSURE = "internal_pressure_Pa = 3000.0"
-SMALL = (
-    ("start_half_angle_deg = 16.0", "start_half_angle_deg = 20.0"),
-    ("end_x_m = 1.0", "end_x_m = 0.4"),
-    ("end_x_m = 2.5", "end_x_m = 0.8"),
-    ("wall_thickness_mm = 3.0", "wall_thickness_mm = 6.0"),
-    ('file = "gauges.csv"', ROWS),
-)
-FREE_FLIGHT = (
-    (PRESSURE, f'{PRESSURE}\nsupport = "free_flight"'),
-    ("poisson_ratio", "density_kg_per_m3 = 2700.0\npoisson_ratio"),
-)
-
-
-def write_vehicle(path: Path, *changes: tuple[str, str]) -> Path:
-    """Write the ogive's file with texts replaced once each, its tables beside it."""
-    text = OGIVE.read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new, 1)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    for table in ("gauges.csv", "manoeuvre.csv"):
-        shutil.copy(OGIVE.parent / table, path.parent / table)
-    return path
-
-
-def small(folder: Path, *changes: tuple[str, str]) -> Path:
-    """Write a short, thick-walled vehicle: an ogive of 0.4 m, a cylinder of 0.4 m, radius 71 mm, wall 6 mm."""
-    return write_vehicle(folder / "small.toml", *SMALL, *changes)
-
-
-def solved(path: Path, **options: object) -> Structure:
-    """Solve the vehicle of a file on the coarse swept mesh."""
-    vehicle = load_vehicle(path)
-    choice = MeshChoice(resolution="coarse")
-    return solve_solid_structure(solid_case(vehicle, used_layouts(vehicle), choice, **options), Silent())  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -267,138 +207,6 @@ def test_brought_mesh(run: Run, clamped: Structure, tmp_path: Path) -> None:
     )
 
 
-def chain_to_an_fmu(run: Run, path: Path, folder: Path, *options: object) -> dict[str, Any]:
-    """Run ``structure``, ``build`` and ``export`` as a user does; return the provenance of the map."""
-    commands = (
-        ("snapshots", path, "-o", folder / "snapshots.h5", "--engine", "newtonian"),
-        ("structure", path, "-o", folder / "structure.h5", "--resolution", "coarse", *options),
-        ("build", path, "-o", folder),
-        ("export", folder / "map.h5", "-o", folder / "estimator.fmu", "--platforms", "linux64"),
-    )
-    for command in commands:
-        code, _, err = run(*command)
-        assert (code, err) == (0, ""), command
-    assert read_model_description(str(folder / "estimator.fmu")).coSimulation is not None
-    return load_inverse_map(folder / "map.h5").provenance
-
-
-def wall_file(vehicle: Vehicle, path: Path) -> Path:
-    """Write the vehicle's wall as a mesh in mm."""
-    mesh = full_mesh(swept_wall(vehicle.body(), wall_of(vehicle), "coarse"))
-    write_mesh(path, replace(mesh, node=1e3 * mesh.node), with_surfaces=True)
-    return path
-
-
-# The vehicle has few gauges; every kind of FMU takes the absolute form.
-PLAIN_MAP = ("modes = 4", 'modes = 3\nform = "absolute"')
-
-
-def test_an_imported_mesh_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
-    """Two commands from the mesh to the map, whose provenance names the file, and one to the FMU."""
-    pytest.importorskip("meshio")
-    path, folder = small(tmp_path, PLAIN_MAP), tmp_path / "results"
-    mesh = wall_file(load_vehicle(path), tmp_path / "wall.vtu")
-    found = chain_to_an_fmu(run, path, folder, "--model", mesh, "--mesh-unit", "0.001", "--allow-locking")
-    assert found["structural_model"].startswith("imported")
-    assert found["structure"]["model"] == "imported"
-    assert found["structure"]["file_name"] == "wall.vtu"
-    assert found["structure"]["file"] == sha256(mesh.read_bytes()).hexdigest()
-    assert found["structure"]["unit"] == 0.001
-    assert found["flow"]["options"] == {"engine": "newtonian"}
-
-
-@pytest.mark.slow
-def test_a_step_file_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
-    path, folder, cad = small(tmp_path, PLAIN_MAP), tmp_path / "results", tmp_path / "wall.step"
-    vehicle = load_vehicle(path)
-    write_step(vehicle.body(), wall_of(vehicle), cad)
-    found = chain_to_an_fmu(run, path, folder, "--model", cad)
-    assert found["structure"]["model"] == "gmsh_tetrahedra"
-    assert found["structure"]["file_name"] == "wall.step"
-    assert found["structure"]["resolution"] == "coarse"
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (
-            ("wall_thickness_mm = 6.0", "wall_thickness_mm = 5.0"),
-            "wall thickness of the mesh: expected 5 mm, got 6 mm",
-        ),
-        (("end_x_m = 0.8", "end_x_m = 0.81"), "length of the mesh: expected 0.81 m, got 0.8 m"),
-        (
-            ("start_half_angle_deg = 20.0", "start_half_angle_deg = 21.0"),
-            "outer radius of the mesh at x = 0.4",
-        ),
-    ],
-)
-def test_a_mesh_of_another_body_is_named_as_such(
-    run: Run, tmp_path: Path, change: tuple[str, str], words: str
-) -> None:
-    """Which quantity, expected and found, in one line before anything is solved."""
-    pytest.importorskip("meshio")
-    mesh = wall_file(load_vehicle(small(tmp_path)), tmp_path / "wall.vtu")
-    changed, output = small(tmp_path, change), tmp_path / "structure.h5"
-    code, _, err = run("structure", changed, "-o", output, "--model", mesh, "--mesh-unit", "0.001")
-    assert code == 2
-    assert f"wall.vtu: {words}" in err
-    assert err.count("\n") == 1
-    assert not output.exists()
-
-
-@pytest.mark.slow
-def test_tetrahedra(run: Run, tmp_path: Path) -> None:
-    """Edges of 0.9 sqrt(R t): a few per cent of bending are lost, reported as a warning and as mesh error."""
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
-    output = tmp_path / "structure.h5"
-    code, out, err = run("structure", small(tmp_path), "-o", output, "--resolution", "coarse", "--model", "gmsh")
-    assert (code, err) == (0, "")
-    assert "warning: locking: tetrahedron10" in out
-    structure = load_structure(output)
-    assert structure.model == "gmsh_tetrahedra"
-    assert structure.statistics["solver"] != "cyclic"
-    strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, 0.8))
-    assert np.all(structure.mesh_error < 0.15 * strain)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ending", ["step", "stl"])
-def test_cad_file(run: Run, tmp_path: Path, ending: str) -> None:
-    """The wall drawn by a CAD system, in millimetres: surfaces by position, 10 % of the largest strain.
-
-    Triangles of an STL file are chords of its curves. The cavity's front counts as internal in both.
-    """
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
-    path, output = small(tmp_path), tmp_path / "structure.h5"
-    vehicle, cad = load_vehicle(path), tmp_path / f"wall.{ending}"
-    if ending == "step":
-        write_step(vehicle.body(), wall_of(vehicle), cad)
-    else:
-        write_stl(vehicle.body(), wall_of(vehicle), cad, 4.0)
-    unit = () if ending == "step" else ("--mesh-unit", "0.001")
-    code, _, err = run("structure", path, "-o", output, "--resolution", "coarse", "--model", cad, *unit)
-    assert (code, err) == (0, "")
-    structure = load_structure(output)
-    assert structure.model == "gmsh_tetrahedra"
-    value = {what: number for what, number, _ in structure.settings["mesh_report"]}
-    exact = exact_wall(vehicle.body(), wall_of(vehicle))
-    assert value["volume"] == pytest.approx(exact["volume"], rel=5e-3)
-    for name in ("external", "internal", "support"):
-        assert value[f"surface {name}, area"] == pytest.approx(exact[name], rel=0.01)
-    strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, 0.8))
-    assert np.all(structure.mesh_error < 0.1 * strain)
-
-
 @pytest.mark.fast
 @pytest.mark.parametrize(
     ("arguments", "words"),
@@ -427,107 +235,3 @@ def test_free_flight_is_not_cyclic(run: Run, tmp_path: Path) -> None:
     code, _, err = run("structure", path, "-o", tmp_path / "a.h5", "--resolution", "coarse", "--solver", "cyclic")
     assert code == 2
     assert "free flight" in err
-
-
-@pytest.fixture(scope="module")
-def both_maps(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Folders of the coarse ogive's map, built on the Fourier model and on the solid one.
-
-    All harmonics that 36 roll angles carry, so that the two operators mean the same.
-    """
-    folder = tmp_path_factory.mktemp("both")
-    harmonics = ("harmonics = 8", "harmonics = 17")
-    solid = ("solid_tip_length_m = 0.1", 'solid_tip_length_m = 0.1\nmodel = "solid"\nresolution = "coarse"')
-    fourier_file = write_vehicle(folder / "fourier.toml", harmonics)
-    solid_file = write_vehicle(folder / "solid.toml", harmonics, solid)
-    run_build(fourier_file, folder / "fourier", Silent())
-    shutil.copytree(folder / "fourier", folder / "solid")  # the flows are the same
-    run_build(solid_file, folder / "solid", Silent())
-    return folder / "fourier", folder / "solid"
-
-
-def both_operators(folders: tuple[Path, Path]) -> tuple[StructuralModel, MappedStructure, str]:
-    vehicle = load_vehicle(folders[0].parent / "fourier.toml")
-    fourier = structural_model(vehicle, vehicle.resolution.map, used_layouts(vehicle))
-    snapshots = load_snapshots(folders[1] / "snapshots.h5")
-    return fourier, mapped_structure(load_structure(folders[1] / "structure.h5"), snapshots), vehicle.gauges.layout
-
-
-def test_operators_of_both_models_agree(both_maps: tuple[Path, Path]) -> None:
-    """Z on the snapshots' nodes. Found: 4.7 % in all, 1.4 % up to harmonic 8; of the snapshots' strain 0.09 %.
-
-    High harmonics of a single node's pressure are resolved differently by elements of 20 and of 30 mm; the
-    snapshots hold little of them.
-    """
-    fourier, solid, layout = both_operators(both_maps)
-    z, other = fourier.strain_operator(layout), solid.strain_operator(layout)
-    assert np.linalg.norm(other - z) < 0.08 * np.linalg.norm(z)
-
-    def low_harmonics(operator: np.ndarray) -> np.ndarray:
-        return np.fft.rfft(fourier.surface.as_map(operator), axis=-1)[..., :9]
-
-    assert np.linalg.norm(low_harmonics(other) - low_harmonics(z)) < 0.03 * np.linalg.norm(low_harmonics(z))
-    net = load_snapshots(both_maps[0] / "snapshots.h5").pressure - 3000.0
-    assert np.linalg.norm(net @ (other - z).T) < 3e-3 * np.linalg.norm(net @ z.T)
-
-
-def test_maps_of_both_models_agree(both_maps: tuple[Path, Path]) -> None:
-    """Load per strain, row by row. Found: 0.5 %; 2.5 % of the axial force, which the gauges hardly observe."""
-    fourier, solid = (load_inverse_map(folder / "map.h5") for folder in both_maps)
-    gain, other = (one.load_gain for one in (fourier, solid))
-    apart = np.linalg.norm(other - gain, axis=1) / np.linalg.norm(gain, axis=1)
-    assert np.all(apart < [0.04, 0.02, 0.02, 0.02, 0.02])
-    assert fourier.provenance["structural_model"] == "fourier"
-    assert "swept_hexahedra" in solid.provenance["structural_model"]
-
-
-@pytest.mark.slow
-def test_build_folder_reuses_its_structure(both_maps: tuple[Path, Path], run: Run, tmp_path: Path) -> None:
-    vehicle = both_maps[0].parent / "solid.toml"
-    folder = tmp_path / "again"
-    shutil.copytree(both_maps[1], folder)
-    code, out, _ = run("build", vehicle, "-o", folder)
-    assert code == 0
-    for name in ("snapshots.h5", "structure.h5", "map.h5"):
-        assert f"{name}: up to date, reused" in out
-    fewer = write_vehicle(tmp_path / "changed.toml", ("modes = 4", "modes = 3"))
-    text = vehicle.read_text(encoding="utf-8").replace("modes = 4", "modes = 3")
-    fewer.write_text(text, encoding="utf-8")
-    code, out, _ = run("build", fewer, "-o", folder)
-    assert code == 0
-    assert "structure.h5: up to date, reused" in out
-    assert "map.h5: up to date" not in out
-
-
-def test_pressure_of_another_body_is_refused(both_maps: tuple[Path, Path]) -> None:
-    """Snapshots in mm, and of a body 5 % shorter: neither gives a number."""
-    structure = load_structure(both_maps[1] / "structure.h5")
-    snapshots = load_snapshots(both_maps[1] / "snapshots.h5")
-    free = replace(snapshots, station=None, radius=None, meridian_angle=None)
-    with pytest.raises(InputError, match=r"structure: mapping: .*it is in mm"):
-        mapped_structure(structure, replace(free, point=1e3 * free.point))
-    with pytest.raises(InputError, match=r"structure: mapping: .*shapes differ"):
-        mapped_structure(structure, replace(free, point=free.point * [0.95, 1.0, 1.0]))
-
-
-def test_free_surface_of_snapshots(both_maps: tuple[Path, Path]) -> None:
-    """Without stations and roll angles pressure is linear over triangles: the same within what 36 angles blur."""
-    _, solid, layout = both_operators(both_maps)
-    snapshots = load_snapshots(both_maps[1] / "snapshots.h5")
-    free = replace(snapshots, station=None, radius=None, meridian_angle=None)
-    mapped = mapped_structure(load_structure(both_maps[1] / "structure.h5"), free)
-    net = snapshots.pressure - 3000.0
-    strain = net @ solid.strain_operator(layout).T
-    difference = net @ mapped.strain_operator(layout).T - strain
-    assert np.linalg.norm(difference) < 0.01 * np.linalg.norm(strain)
-
-
-@pytest.mark.slow
-def test_demo_on_the_solid_model(both_maps: tuple[Path, Path], run: Run, tmp_path: Path) -> None:
-    """The vehicle that flies stays the Fourier model: data and map come of two discretisations."""
-    folder = tmp_path / "demo"
-    shutil.copytree(both_maps[1], folder)
-    code, out, _ = run("demo", "--vehicle", both_maps[0].parent / "solid.toml", "-o", folder)
-    assert code == 0
-    assert "structure.h5" in out
-    assert "Structure: the vehicle that flies" in out

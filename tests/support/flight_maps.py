@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from builder.manifold.discrepancy import tested_shapes
 from builder.manifold.tables import spline_coefficients
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
@@ -61,7 +64,7 @@ def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
     knots, response = spline_coefficients(MACH, INCIDENCE, table, np.arange(len(INCIDENCE)), zero)
     n_d = len(factors) - 5
     columns = discrepancy * np.concatenate([factors[:, m, s : s + 1] for m in range(3) for s in (0, 1)], axis=1)
-    return ManifoldMap(
+    found = ManifoldMap(
         mach_knots=MACH,
         incidence_knots=knots,
         response=response,
@@ -82,3 +85,4 @@ def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
         static_pressure_error=0.02,
         dynamic_pressure_error=0.01,
     )
+    return replace(found, discrepancy_shapes=tested_shapes(found))

@@ -26,6 +26,12 @@ WHOLE_OUTPUTS = [20, 23, 24, 25]
 N_SCALARS, SETTINGS = 9, 4
 """Flow and navigation, then the settings, of which the first has that number."""
 
+
+def first_zero(n_gauges: int) -> int:
+    """Value reference of the first zero of a map without tables; deviations and that in common follow."""
+    return N_OUTPUTS + 2 * n_gauges + N_SCALARS
+
+
 GROUPS = {
     "force coefficients": slice(0, 3),
     "moment coefficients": slice(3, 5),
@@ -220,10 +226,10 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 24 as docs/explanation/native.md lists them."""
+    """One instance of FMI 3.0, with arrays; value references 0 .. 27 as docs/explanation/native.md lists them."""
 
     FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1, 12: 1}
-    STRAIN, VALID, FIRST_SCALAR, TIME = 13, 14, 15, 24
+    STRAIN, VALID, FIRST_SCALAR, ZERO, TIME = 13, 14, 15, 24, 27
     SCALARS: ClassVar = range(15, 24)
 
     def __init__(

@@ -99,11 +99,8 @@ class AcceptsAnyFormat(Acceptance):
 class ReceivesAnyFormat(Reception):
     """Decodes frames of any length, format and identifier width."""
 
-    def slot_of(self, frame: Frame) -> int | None:
-        return super().slot_of(of_any_format(self._layout, frame))
-
-    def arrival(self, slot: int, frame: Frame) -> Arrival:
-        return super().arrival(slot, of_any_format(self._layout, frame))
+    def take(self, frame: Frame) -> Arrival | FrameClass:
+        return super().take(of_any_format(self._layout, frame))
 
 
 class AnyCrc(ReceptionCheck):
@@ -144,7 +141,7 @@ class HearsOneSender(Reception):
 class ReceivesAnyConfiguration(Reception):
     """Takes frames of another gauge assignment."""
 
-    def _is_of_other_configuration(self, arrival: Arrival) -> bool:
+    def _is_of_other_configuration(self) -> bool:
         return False
 
 
@@ -316,7 +313,7 @@ class HoldsNoValueCodes(HeldValue):
 
 
 class HoldsAnyRange(HeldValue):
-    def _is_out_of_range(self, signal: SignalLayout, code: int, value: float) -> bool:
+    def _is_out_of_range(self, code: int, value: float) -> bool:
         return False
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, genpareto
 
-from builder.truth.alarm_levels import alarm_levels
+from builder.truth.alarm_levels import alarm_levels, alarm_scales
 from builder.truth.tail_quantile import tail_quantile
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 
@@ -34,3 +34,13 @@ def test_levels_of_the_theory_are_found_on_data_of_the_theory() -> None:
     assert levels.outlier_scale == pytest.approx(1.0, abs=0.12)
     rate = np.mean((chi_square > levels.chi_square_scale) | (outlier > levels.outlier_scale))
     assert 0.5 * FALSE_ALARM_PROBABILITY < rate < 2.0 * FALSE_ALARM_PROBABILITY
+
+
+def test_three_tests_share_the_stated_rate() -> None:
+    random = np.random.default_rng(4)
+    ratios = np.array([[0.05], [0.1], [0.2]]) * random.standard_normal((3, 400_000)) ** 2
+    scales = alarm_scales(ratios)
+    again = np.array([[0.05], [0.1], [0.2]]) * random.standard_normal((3, 2_000_000)) ** 2
+    rates = np.mean(again > scales[:, None], axis=1)
+    assert 0.5 * FALSE_ALARM_PROBABILITY < rates.sum() < 2.0 * FALSE_ALARM_PROBABILITY
+    assert np.all(np.abs(rates / rates.mean() - 1.0) < 0.7)

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.fast
 Run = Callable[..., tuple[int, str, str]]
 
 TEXT = IC3X.read_text(encoding="utf-8")
-BY_CHECK = {"gamma", "internal_pressure_Pa"}
+BY_CHECK = {"gamma", "internal_pressure_Pa", "depth_mm"}
 """A number or a word: a check of their own holds their range."""
 
 
@@ -236,6 +236,7 @@ def test_faults_between_sections_are_listed(tmp_path: Path) -> None:
     path = changed(
         tmp_path,
         ('support = "clamped_aft"', 'support = "free_flight"'),
+        ("density_kg_per_m3 = 4430.0", ""),
         ('of_layout = "configuration_2"', 'of_layout = "other"'),
     )
     found = lines_of(path)

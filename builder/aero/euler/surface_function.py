@@ -10,12 +10,14 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.euler.grid import Rays, Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.geometry import BodyOfRevolution, Segment
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 KNOTS_PER_PIECE = 129
 KNOTS_PER_ARC = 33
+STEEPEST = np.deg2rad(89.0)
+"""A tip of infinite slope is tabulated with this angle; the march begins behind it."""
 
 
 class SurfaceFunction(Protocol):
@@ -71,11 +73,19 @@ def body_walls(body: BodyOfRevolution, rays: Rays) -> list[list[Wall]]:
     for segment in body.segments:
         if segment.start_x in body.slope_breaks:
             pieces.append([])
-        x = np.linspace(segment.start_x, segment.end_x, 2 if segment.is_straight else KNOTS_PER_ARC)
-        radius, slope = segment.radius(x), np.tan(segment.angle(x))
+        x = _knots(segment)
+        radius, slope = segment.radius(x), np.tan(np.minimum(segment.angle(x), STEEPEST))
         all_round = np.ones(rays.sine.size)
         pieces[-1].append(Wall(x, np.outer(radius, all_round), np.outer(slope, all_round)))
     return pieces
+
+
+def _knots(segment: Segment) -> FloatArray:
+    """Return stations [m] of a segment's table; of curves other than arcs denser towards their front."""
+    if type(segment) is Segment:
+        return np.linspace(segment.start_x, segment.end_x, 2 if segment.is_straight else KNOTS_PER_ARC)
+    share = np.linspace(0.0, 1.0, KNOTS_PER_PIECE) ** 2
+    return np.asarray(segment.start_x + share * (segment.end_x - segment.start_x))
 
 
 def cone_wall(slope: FloatArray, end: float) -> Wall:

@@ -62,8 +62,8 @@ def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffne
         An element is turned inside out, which a wall too thick for the meridian's curvature does.
     """
     constant, linear, weight = strain_displacement(mesh)
-    stress_constant = np.einsum("ij,eqjb,eq->eqib", material.stiffness, constant, weight)
-    stress_linear = np.einsum("ij,eqjb,eq->eqib", material.stiffness, linear, weight)
+    stress_constant = _stress(mesh, material, constant, weight)
+    stress_linear = _stress(mesh, material, linear, weight)
     mixed = _virtual_work(constant, stress_linear)
     term = np.stack(
         [
@@ -78,7 +78,38 @@ def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffne
     key, index = np.unique(column * mesh.n_dof + row, return_inverse=True)
     indptr = np.searchsorted(key, np.arange(mesh.n_dof + 1) * mesh.n_dof)
     data = np.stack([np.bincount(index, part.ravel()).astype(np.float64) for part in term])
-    return FourierStiffness(key % mesh.n_dof, indptr, data)
+    stiffness = FourierStiffness(key % mesh.n_dof, indptr, data)
+    return stiffness if mesh.foundation is None else _on_foundation(mesh, stiffness)
+
+
+def _stress(mesh: MeridianMesh, material: Material, strain: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return stress times weight of strains (n_e, n_q, 6, 27)."""
+    if mesh.material_of is None:
+        return np.asarray(np.einsum("ij,eqjb,eq->eqib", material.stiffness, strain, weight))
+    stiffness = np.stack([one.stiffness for one in (material, *mesh.materials)])[mesh.material_of]
+    return np.asarray(np.einsum("eij,eqjb,eq->eqib", stiffness, strain, weight))
+
+
+def _on_foundation(mesh: MeridianMesh, stiffness: FourierStiffness) -> FourierStiffness:
+    """Return ``stiffness`` with springs on the aft ring, per area along x and across it, equal in all harmonics.
+
+    The ring's nodes are joined by the elements behind it, so that the pattern stays.
+    """
+    assert mesh.foundation is not None
+    normal, tangential, edge = mesh.foundation
+    xi, weight = np.polynomial.legendre.leggauss(4)
+    shape, slope = quadratic_shape(xi)
+    r = mesh.node[edge, 1] @ shape.T
+    length = np.linalg.norm(np.einsum("qa,eac->eqc", slope, mesh.node[edge]), axis=2)
+    block = np.einsum("eq,qa,qb->eab", r * length * weight, shape, shape, optimize=True)
+    term = stiffness.term.copy()
+    for component, spring in enumerate((normal, tangential, tangential)):
+        row = np.broadcast_to(3 * edge[:, :, None] + component, block.shape).ravel()
+        column = np.broadcast_to(3 * edge[:, None, :] + component, block.shape).ravel()
+        for i, j, value in zip(row, column, spring * block.ravel(), strict=True):
+            first, last = stiffness.indptr[j : j + 2]
+            term[0, first + np.searchsorted(stiffness.indices[first:last], i)] += value
+    return FourierStiffness(stiffness.indices, stiffness.indptr, term)
 
 
 def _virtual_work(strain: FloatArray, stress: FloatArray) -> FloatArray:
@@ -133,6 +164,21 @@ def reference_points() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
 
     weight = np.outer(along_weight, through_weight).ravel()
     return product(along, through), product(d_along, through), product(along, d_through), weight
+
+
+def reference_points_of_mass(mesh: MeridianMesh) -> tuple[FloatArray, FloatArray]:
+    """Return shape functions (n_q, 9) and r dA [m3] per radian (n_e, n_q) at points for two shape functions."""
+    point, point_weight = np.polynomial.legendre.leggauss(3)
+    value, slope = quadratic_shape(point)
+    shape, by_xi, by_eta = (
+        np.einsum("pi,qj->pqij", a, b).reshape(9, 9) for a, b in ((value, value), (slope, value), (value, slope))
+    )
+    position = mesh.node[mesh.element]
+    along = np.einsum("qa,eac->eqc", by_xi, position)
+    across = np.einsum("qa,eac->eqc", by_eta, position)
+    area = along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0]
+    volume = area * np.einsum("qa,ea->eq", shape, position[..., 1]) * np.outer(point_weight, point_weight).ravel()
+    return shape, volume
 
 
 def _refuse_folded(area: FloatArray, position: FloatArray) -> None:
@@ -204,7 +250,8 @@ def factor_harmonic(
         The supports leave a rigid motion free.
     """
     free = free_motions(mesh, harmonic, twist)
-    _refuse_rigid_motion(mesh, free, harmonic)
+    if mesh.foundation is None:
+        _refuse_rigid_motion(mesh, free, harmonic)
     held = csc_array(free.T @ stiffness.matrix(harmonic) @ free)
     factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return HarmonicSolver(free, factor)

@@ -88,6 +88,12 @@ def _refuse_outside(mesh: MeridianMesh, x: FloatArray, names: list[str]) -> None
     for i in np.flatnonzero(~((x >= front) & (x <= aft))):
         where = "aft of the base" if x[i] > aft else "ahead of the hollow part"
         raise InputError(f"{names[i]}: x = {x[i]:.4g} m is {where}, which reaches from {front:g} to {aft:g} m")
+    for start, end in mesh.covered:
+        for i in np.flatnonzero((x > start) & (x < end)):
+            raise InputError(
+                f"{names[i]}: expected a station beside the ring frame from {start:.4g} to {end:.4g} m, "
+                f"got x = {x[i]:.4g} m under it"
+            )
 
 
 def _refuse_off_surface(radial_gap: FloatArray, angle: FloatArray, names: list[str]) -> None:

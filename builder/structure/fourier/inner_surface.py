@@ -81,6 +81,7 @@ def _smooth_part(mesh: MeridianMesh) -> tuple[IntArray, IntArray]:
     tangent = np.einsum("pa,eac->epc", by_xi, mesh.node[mesh.inner_edge])
     angle = np.arctan2(tangent[..., 1], tangent[..., 0])
     kink = np.abs(angle[1:, 0] - angle[:-1, 1]) > SMALLEST_SLOPE_BREAK
+    kink |= np.isin(mesh.inner_edge[1:, 0], mesh.inner_break)
     part = np.concatenate([[0], np.cumsum(kink)])
     starts = np.flatnonzero(np.diff(part, prepend=-1))
     ends = np.append(starts[1:], len(part)) - 1

@@ -12,12 +12,29 @@ from typing import Literal
 
 import numpy as np
 
+from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 End = Literal["free", "guided", "clamped"]
 
 NO_NODES: IntArray = np.zeros(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MeridianMasses:
+    """Masses of a body of revolution.
+
+    Attributes
+    ----------
+    density : of each material, the wall's own first [kg/m3].
+    points : (station [m], mass [kg]) on the axis, carried by the outer surface there.
+    covers : (start, end [m], mass per area [kg/m2]) on the outer surface.
+    """
+
+    density: tuple[float, ...]
+    points: tuple[tuple[float, float], ...] = ()
+    covers: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,6 +51,12 @@ class MeridianMesh:
     inner_edge : (n_i, 3) nodes of the edges on the inner surface, from the front aft; none if solid.
     clamped_node : nodes that do not move.
     guided_node : nodes that do not move axially (a plane of symmetry, or plane strain).
+    materials : further materials, beside the wall's own.
+    material_of : (n_e,) of each element, 0 the wall's own, 1 onwards those of ``materials``; None where all are 0.
+    inner_break : nodes of the inner surface at which strain may jump, as at the side of a ring frame.
+    covered : (k, 2) stations [m] between which the inner surface carries a ring frame.
+    masses : what balances the load of a body that nothing holds; None where supports do.
+    foundation : stiffness per area along and across the normal of the aft ring [N/m3], and its edges (n, 3).
     """
 
     node: FloatArray
@@ -42,6 +65,12 @@ class MeridianMesh:
     inner_edge: IntArray
     clamped_node: IntArray = field(default_factory=lambda: NO_NODES)
     guided_node: IntArray = field(default_factory=lambda: NO_NODES)
+    materials: tuple[Material, ...] = ()
+    material_of: IntArray | None = None
+    inner_break: IntArray = field(default_factory=lambda: NO_NODES)
+    covered: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    masses: MeridianMasses | None = None
+    foundation: tuple[float, float, IntArray] | None = None
 
     @property
     def n_dof(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow, Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
+ERROR_HARMONICS = 6
+"""Highest harmonic that the error of the mesh is measured in."""
+
 CANNOT = "the Fourier model cannot do that, structure.model = 'solid' and `strainfmu structure` can"
 
 
@@ -32,12 +35,16 @@ class StructuralModel:
     surface : the pressure nodes.
     response : strain per harmonic of the pressure at every gauge station.
     layouts, placed : per layout name, the gauges in body axes and on the inner surface.
+    error : strain per harmonic that longer elements add, as much as these are off; None where it is not known.
     """
 
     surface: SurfaceGrid
     response: HarmonicResponse
     layouts: dict[str, GaugeLayout]
     placed: dict[str, PlacedGauges]
+    error: HarmonicResponse | None = None
+
+    checked_against = "the same model on elements twice as long"
 
     @property
     def description(self) -> str:
@@ -46,6 +53,10 @@ class StructuralModel:
     def strain_operator(self, layout: str) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of a layout."""
         return strain_operator(self.response, self.placed[layout], self.surface)
+
+    def error_operator(self, layout: str) -> FloatArray | None:
+        """Return the error (n_d, n_p) [1/Pa] by the mesh, None where it is not known."""
+        return None if self.error is None else strain_operator(self.error, self.placed[layout], self.surface)
 
 
 def structural_model(
@@ -58,14 +69,48 @@ def structural_model(
     InputError
         The wall does not fit the body or a gauge is not on the inner surface.
     """
-    body = vehicle.body()
+    surface = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    return structural_model_on(vehicle, surface, resolution, layouts, progress)
+
+
+def structural_model_on(
+    vehicle: Vehicle,
+    surface: SurfaceGrid,
+    resolution: Resolution,
+    layouts: list[str],
+    progress: Progress | None = None,
+) -> StructuralModel:
+    """Return :func:`structural_model` with other pressure nodes than those of ``resolution``."""
     wall = wall_of(vehicle)
-    mesh = shell_mesh(body, wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    surface = surface_grid(body, resolution.surface_stations, resolution.surface_roll_angles)
+    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     found, placed = place_layouts(vehicle, mesh, layouts)
     stations = np.concatenate([gauges.x for gauges in placed.values()])
-    response = harmonic_response(mesh, wall.material, stations, surface.x, resolution.harmonics, progress)
+    harmonics = min(resolution.harmonics, (surface.n_roll - 1) // 2)
+    response = harmonic_response(mesh, wall.material, stations, surface.x, harmonics, progress)
     return StructuralModel(surface=surface, response=response, layouts=found, placed=placed)
+
+
+def with_mesh_error(model: StructuralModel, vehicle: Vehicle, resolution: Resolution) -> StructuralModel:
+    """Return ``model``, made at ``resolution``, with its error: half of what elements twice as long add.
+
+    Low harmonics alone, which bend the wall. With errors in proportion to the length's square it would be a third;
+    the longer elements may be too long for that.
+    """
+    longer = 2.0 * resolution.element_length_mm
+    coarse = resolution.model_copy(
+        update={"element_length_mm": longer, "harmonics": min(ERROR_HARMONICS, resolution.harmonics)}
+    )
+    other = structural_model_on(vehicle, model.surface, coarse, list(model.layouts)).response
+    count = other.max_harmonic + 1
+
+    def of(name: str) -> FloatArray:
+        difference: FloatArray = (getattr(other, name) - getattr(model.response, name)[:, :count]) / 2.0
+        return difference
+
+    error = HarmonicResponse(
+        gauge_x=other.gauge_x, meridional=of("meridional"), hoop=of("hoop"), shear=of("shear")
+    )
+    return replace(model, error=error)
 
 
 def place_layouts(
@@ -87,16 +132,13 @@ def place_layouts(
 
 
 def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
-    """Refuse what the Fourier model cannot do: other supports, gauges outside or of a length.
+    """Refuse what the Fourier model cannot do: gauges outside or of a length.
 
     Raises
     ------
     InputError
         Names the entry, and the model that can.
     """
-    support = vehicle.structure.support
-    if support != "clamped_aft":
-        raise InputError(f"structure.support: '{support}' found, {CANNOT}")
     refuse_gauges_beyond_fourier(vehicle, layouts)
 
 

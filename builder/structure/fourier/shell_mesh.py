@@ -18,6 +18,7 @@ from builder.structure.fourier.meridian_mesh import (
     line_edges,
     with_middles,
 )
+from builder.structure.fourier.wall_layup import SHORTEST_PIECE, furnished, layup_stations, outer_station, steps
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
@@ -70,12 +71,15 @@ def shell_mesh(body: BodyOfRevolution, wall: Wall, element_length: float, n_laye
     core[:, 0] = inner[0, 0]
     tip_x = _tip_stations(body, wall, start, element_length)
     tip_node = tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
-    return _join(tip_node, wall_node)
+    bare = _join(tip_node, wall_node)
+    if wall.is_plain and wall.flight is None and wall.foundation is None:
+        return bare
+    return furnished(bare, wall, element_length)
 
 
 def _outer_end_of_tip(body: BodyOfRevolution, wall: Wall) -> float:
     """Return the station [m] on the outer surface whose inward normal meets the tip's end face."""
-    face, thickness = wall.solid_tip_length, wall.thickness
+    face, thickness = wall.solid_tip_length, float(wall.thickness_at(wall.solid_tip_length))
     if face >= body.length:
         raise InputError(f"solid_tip_length {face:g} m must be less than the body's length {body.length:g} m")
     # Bisection, because the angle jumps where a slope break lies within the bracket.
@@ -97,8 +101,10 @@ def _outer_end_of_tip(body: BodyOfRevolution, wall: Wall) -> float:
 
 def _stations(body: BodyOfRevolution, wall: Wall, start: float, ends: list[float], length: float) -> FloatArray:
     """Return stations [m] of element ends from ``ends[0]`` to ``ends[-1]``, on each of ``ends``."""
-    edge = np.array([start, *body.slope_breaks[body.slope_breaks > start], body.length])
-    reach = EDGE_REACH * 0.78 * np.sqrt(body.radius(edge) * wall.thickness)
+    breaks = body.slope_breaks[body.slope_breaks > start]
+    sudden = [x for x in steps(wall) if start < x < body.length]
+    edge = np.array([start, *breaks, *sudden, body.length])
+    reach = EDGE_REACH * 0.78 * np.sqrt(body.radius(edge) * wall.thickness_at(edge))
     stations = [np.array(ends[:1])]
     for a, b in pairwise(ends):
         x = np.linspace(a, b, 2 + int(np.ceil(20.0 * (b - a) / (FINEST * length))))
@@ -117,6 +123,15 @@ def _joints(body: BodyOfRevolution, start: float, end: float) -> list[float]:
     return [start, *inside, end]
 
 
+def _wall_joints(body: BodyOfRevolution, wall: Wall, start: float) -> list[float]:
+    """Return the stations [m] at which the wall's pieces join: slope breaks, and those of thickness and frames."""
+    joint = [start, *(float(x) for x in body.slope_breaks[body.slope_breaks > start]), body.length]
+    for x in layup_stations(wall, lambda inner: outer_station(body, wall, inner)):
+        if start < x < body.length and all(abs(x - known) > SHORTEST_PIECE for known in joint):
+            joint.append(x)
+    return sorted(joint)
+
+
 def _tip_stations(body: BodyOfRevolution, wall: Wall, start: float, element_length: float) -> FloatArray:
     """Return (n,) stations [m] of the tip's columns, apex and middles included."""
     return with_middles(_stations(body, wall, start, _joints(body, 0.0, start), element_length))
@@ -126,7 +141,7 @@ def _wall_surfaces(
     body: BodyOfRevolution, wall: Wall, start: float, element_length: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, 2) points [x, r] [m] on the outer and on the inner surface, joined by the wall's columns."""
-    joint = [start, *body.slope_breaks[body.slope_breaks > start].tolist(), body.length]
+    joint = _wall_joints(body, wall, start)
     inner_joint = [wall.solid_tip_length, *(_inner_corner(body, wall, x) for x in joint[1:-1]), body.length]
     outer, inner = [], []
     for i, (a, b) in enumerate(pairwise(joint)):
@@ -142,7 +157,7 @@ def _wall_surfaces(
 def _inner_corner(body: BodyOfRevolution, wall: Wall, x: float) -> float:
     """Return the station [m] where the inner surfaces before and behind a slope break at ``x`` meet."""
     before, behind = float(body.angle(x, "upstream")), float(body.angle(x, "downstream"))
-    depth = wall.thickness / np.cos(0.5 * (before - behind))
+    depth = float(wall.thickness_at(x)) / np.cos(0.5 * (before - behind))
     return float(x + depth * np.sin(0.5 * (before + behind)))
 
 
@@ -155,10 +170,11 @@ def _inner_radius(body: BodyOfRevolution, wall: Wall, start: float, end: float, 
     foot = np.clip(x, start, end)
     for _ in range(40):
         angle = np.where(foot <= start, body.angle(foot, "downstream"), body.angle(foot, "upstream"))
-        foot = np.clip(x - wall.thickness * np.sin(angle), start, end)
+        foot = np.clip(x - wall.thickness_at(foot) * np.sin(angle), start, end)
     angle = np.where(foot <= start, body.angle(foot, "downstream"), body.angle(foot, "upstream"))
-    beyond = x - foot - wall.thickness * np.sin(angle)
-    return np.asarray(body.radius(foot) - wall.thickness * np.cos(angle) + beyond * np.tan(angle))
+    thickness = wall.thickness_at(foot)
+    beyond = x - foot - thickness * np.sin(angle)
+    return np.asarray(body.radius(foot) - thickness * np.cos(angle) + beyond * np.tan(angle))
 
 
 def tip_columns(x: FloatArray, radius: FloatArray, last: FloatArray) -> FloatArray:

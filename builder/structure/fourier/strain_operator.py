@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.fourier.free_flight import FlyingSolver
 from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
@@ -126,7 +127,8 @@ def harmonic_response(
     load = pressure_load(mesh, station_x)
     strain = np.empty((3, len(distinct), max_harmonic + 1, len(station_x)))
     for m in range(max_harmonic + 1):
-        solver = factor_harmonic(mesh, stiffness, m)
+        flies = m < 2 and mesh.masses is not None
+        solver = FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
         rows = strain_rows(mesh, distinct, m).reshape(3 * len(distinct), -1)
         adjoint = solver.solve(rows.T)
         strain[:, :, m] = (load.T @ adjoint).T.reshape(len(distinct), 3, -1).transpose(1, 0, 2)

@@ -15,19 +15,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import splu
+from scipy.sparse import csr_array
 
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import (
-    HarmonicSolver,
     assemble_stiffness,
     factor_harmonic,
-    free_motions,
     reference_points,
+    reference_points_of_mass,
     roll_integral,
     strain_displacement,
 )
+from builder.structure.fourier.free_flight import held_at_points
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes, locate_on_edge, quadratic_shape
 from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
@@ -133,6 +132,7 @@ class FourierStructure:
 
     def inertia_force(self, acceleration: FloatArray) -> FloatArray:
         """Return nodal forces of mass times the acceleration (6,) of a rigid body about the origin."""
+        self._refuse_materials("mass")
         density = self.properties.needed_density()
         motion = np.tensordot(acceleration, _rigid_families(self.mesh), axes=1)
         force = np.zeros((2, self.max_harmonic + 1, len(self.mesh.node), 3))
@@ -143,6 +143,7 @@ class FourierStructure:
 
     def thermal_force(self, temperature: TemperatureField) -> FloatArray:
         """Return the nodal forces that hinder thermal expansion; harmonics above ``max_harmonic`` are left out."""
+        self._refuse_materials("temperature")
         young, nu = self.material.youngs_modulus, self.material.poisson_ratio
         stress = self.properties.needed_expansion() * young / (1.0 - 2.0 * nu)
         outer = self.mesh.node[line_nodes(self.mesh.outer_edge)]
@@ -176,6 +177,12 @@ class FourierStructure:
         shear = (at_gauge[0, ..., 2:] * sine - at_gauge[1, ..., 2:] * cosine).sum(axis=0)[:, 0]
         c, s = self.gauges.meridional, self.gauges.circumferential
         return np.asarray(c**2 * normal[:, 0] + s**2 * normal[:, 1] + 2.0 * c * s * shear)
+
+    def _refuse_materials(self, what: str) -> None:
+        if self.mesh.materials:
+            raise InputError(
+                f"known loads of {what}: expected a wall of one material, got structure.regions or frames"
+            )
 
     @cached_property
     def _roll(self) -> FloatArray:
@@ -256,7 +263,7 @@ def fourier_structure(
     adjoint = np.empty((max_harmonic + 1, len(stations), 3, mesh.n_dof))
     for m in range(max_harmonic + 1):
         if m < 2 and free:
-            solver = _held_at_points(mesh, stiffness.matrix(m), m)
+            solver = held_at_points(mesh, stiffness.matrix(m), m)
         else:
             solver = factor_harmonic(mesh, stiffness, m, twist=True)
         rows = strain_rows(mesh, stations, m)
@@ -276,19 +283,6 @@ def fourier_structure(
 def is_free(mesh: MeridianMesh) -> bool:
     """Return whether nothing holds a body."""
     return not (len(mesh.clamped_node) or len(mesh.guided_node))
-
-
-def _held_at_points(mesh: MeridianMesh, stiffness: csc_array, harmonic: int) -> HarmonicSolver:
-    """Hold the two rigid motions of harmonic 0 or 1 at nodes of the outer surface and nothing else."""
-    line = line_nodes(mesh.outer_edge)
-    front, aft = line[len(line) // 2], line[-1]
-    dof = [3 * aft, 3 * aft + 2] if harmonic == 0 else [3 * front + 2, 3 * aft + 2]
-    free = free_motions(mesh, harmonic, twist=True)
-    loose = np.setdiff1d(np.arange(free.shape[1]), free.tocsr()[dof].indices)
-    free = csc_array(free[:, loose])
-    held = csc_array(free.T @ stiffness @ free)
-    factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return HarmonicSolver(free, factor)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -371,17 +365,7 @@ def _rigid_families(mesh: MeridianMesh) -> FloatArray:
 
 def _volume_matrix(mesh: MeridianMesh) -> csr_array:
     """Return (n_nodes, n_nodes) the integral of N_a N_b r dA [m3] per radian."""
-    point, point_weight = np.polynomial.legendre.leggauss(3)
-    value, slope = quadratic_shape(point)
-    product = [
-        np.einsum("pi,qj->pqij", a, b).reshape(9, 9) for a, b in ((value, value), (slope, value), (value, slope))
-    ]
-    shape, by_xi, by_eta = product
-    position = mesh.node[mesh.element]
-    along = np.einsum("qa,eac->eqc", by_xi, position)
-    across = np.einsum("qa,eac->eqc", by_eta, position)
-    area = along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0]
-    volume = area * np.einsum("qa,ea->eq", shape, position[..., 1]) * np.outer(point_weight, point_weight).ravel()
+    shape, volume = reference_points_of_mass(mesh)
     block = np.einsum("eq,qa,qb->eab", volume, shape, shape, optimize=True)
     row = np.broadcast_to(mesh.element[:, :, None], block.shape)
     column = np.broadcast_to(mesh.element[:, None, :], block.shape)

@@ -9,10 +9,11 @@ import numpy as np
 
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.displaced_gauges import displaced_gauges
+from builder.structure.solid.free_case import free_case
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.model import SolidCase
+from builder.structure.solid.mesh_choice import SWEPT, MeshChoice
+from builder.structure.solid.model import AnyCase, SolidCase
 from builder.structure.solid.solid_mesh import SUPPORT
 from builder.structure.solid.supports import Clamped, Foundation, Support
 from builder.structure.solid.swept_mesh import RESOLUTIONS
@@ -21,6 +22,41 @@ from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
+
+
+def structure_case(
+    vehicle: Vehicle,
+    layouts: list[str],
+    mesh: MeshChoice | None = None,
+    solver: str | None = None,
+    allow_locking: bool = False,
+) -> AnyCase:
+    """Return what the three-dimensional model of a vehicle of any shape is made of.
+
+    That of a body of revolution is that of :func:`solid_case`; the mesh of another shape is named by the file, or
+    follows from its sections.
+
+    Raises
+    ------
+    InputError
+        A layout does not exist or is wrong, the wall does not fit the body, or a mesh is chosen where the file has
+        one.
+    """
+    if vehicle.is_of_revolution:
+        return solid_case(vehicle, layouts, mesh, solver, allow_locking)
+    if mesh is not None and (mesh.source != SWEPT or mesh.unit != 1.0):
+        kind = vehicle.shape_kind
+        raise InputError(f"--model: expected none with shape.{kind}, got '{mesh.source}'; structure.mesh names it")
+    _check_layouts(vehicle, layouts)
+    resolution = None if mesh is None else mesh.resolution
+    return free_case(vehicle, layouts, support_of(vehicle), resolution, solver, allow_locking)
+
+
+def _check_layouts(vehicle: Vehicle, layouts: list[str]) -> None:
+    known = vehicle.gauges.layouts
+    for name in layouts:
+        if name not in known:
+            raise InputError(f"layout '{name}' found, must be one of {', '.join(known)}")
 
 
 def solid_case(
@@ -32,21 +68,28 @@ def solid_case(
 ) -> SolidCase:
     """Return what the three-dimensional model of a vehicle is made of, by default on a swept mesh.
 
-    A swept mesh gets as many elements through the wall as the locking check needs at the base and at the gauges.
+    A swept mesh gets as many elements through the wall as the
+    locking check needs at the base and at the gauges.
+    The second mesh, of ``structure.checked_by``, is in the unit of the first and names its surfaces likewise.
     Where the section [noise] has position or orientation errors, the layout in use is there displaced as well.
 
     Raises
     ------
     InputError
-        A layout does not exist or is wrong, or the wall does not fit the body.
+        A layout does not exist or is wrong, the wall does not fit the body, or that is none of revolution.
     """
-    known = vehicle.gauges.layouts
-    for name in layouts:
-        if name not in known:
-            raise InputError(f"layout '{name}' found, must be one of {', '.join(known)}")
+    _check_layouts(vehicle, layouts)
     rows_on = gauge_mesh(vehicle)
     gauges = {name: solid_gauges(vehicle, name, rows_on) for name in dict.fromkeys(layouts)}
     body, wall = vehicle.body(), wall_of(vehicle)
+    second = None
+    if vehicle.structure.checked_by is not None:
+        own = mesh is None or mesh.file is None
+        second = MeshChoice(
+            source=str(vehicle.beside(vehicle.structure.checked_by)),
+            unit=1.0 if mesh is None or own else mesh.unit,
+            by_position=False if mesh is None or own else mesh.by_position,
+        )
     mesh = _with_layers(mesh or MeshChoice(resolution=vehicle.structure.resolution), body, wall, gauges)
     in_use = vehicle.gauges.layout
     if vehicle.noise.moves_gauges and in_use in gauges:
@@ -61,6 +104,7 @@ def solid_case(
         layouts=gauges,
         solver=solver,
         allow_locking=allow_locking,
+        checked_by=second,
     )
 
 

@@ -53,6 +53,22 @@ def displaced_gauges(layout: str, gauges: Gauges, body: BodyOfRevolution) -> dic
     return {displaced_name(layout, how): one for how, one in found.items()}
 
 
+def displaced_on_surface(layout: str, gauges: Gauges, aft: FloatArray, around: FloatArray) -> dict[str, Gauges]:
+    """Return ``gauges`` displaced as by :func:`displaced_gauges`, on any surface.
+
+    ``aft`` and ``around`` (n, 3) are unit vectors in the surface, along x and towards the roll angle.
+    """
+    found = {
+        AFT: replace(gauges, position=gauges.position + STEP * aft),
+        FORE: replace(gauges, position=gauges.position - STEP * aft),
+        AROUND: replace(gauges, position=gauges.position + STEP * around),
+        BACK: replace(gauges, position=gauges.position - STEP * around),
+        TURNED_AROUND: _turned(gauges, aft, around, 1.0),
+        TURNED_BACK: _turned(gauges, aft, around, -1.0),
+    }
+    return {displaced_name(layout, how): one for how, one in found.items()}
+
+
 def _rolled(gauges: Gauges, angle: FloatArray) -> Gauges:
     """Return the gauges rolled by their ``angle`` (n,) [rad] round the axis, from +z towards +y."""
     c, s = np.cos(angle), np.sin(angle)

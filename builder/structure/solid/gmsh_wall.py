@@ -90,7 +90,7 @@ def _wall_mesh(body: BodyOfRevolution, wall: Wall, size: str, stretch: float) ->
         occ.remove([(2, face)], recursive=True)
         occ.removeAllDuplicates()
         occ.synchronize()
-        slope = SIZE_PER_RADIUS * np.tan(body.tip_angle) * stretch
+        slope = SIZE_PER_RADIUS * np.tan(min(body.tip_angle, body.cut_tip_angle)) * stretch
         near_point = f"{SIZE_AT_POINT * wall.thickness} + {slope} * Abs(x)"
         near_cavity = f"{SIZE_PER_RADIUS * corner[1]} + {slope} * Abs(x - {corner[0] / stretch})"
         set_size(gmsh, f"Min({size}, Min({near_point}, {near_cavity}))")

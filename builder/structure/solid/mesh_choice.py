@@ -33,6 +33,8 @@ TETRAHEDRON_LENGTH = {"coarse": 0.9, "medium": 0.6, "paper": 0.45}
 Elements of STEP and STL files are as long along the axis as round it, those of the vehicle's own wall twice that.
 """
 
+NONE_HERE = "expected none with the solid model, of one material; structure.model = 'fourier' has them"
+
 COARSER = {"paper": "medium", "medium": "coarse"}
 COARSEST = SweptResolution(0.060, 1, 16)
 """What ``coarse`` is compared with."""
@@ -117,6 +119,10 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
     StrainfmuError
         Gmsh or meshio is needed and not installed, or fails.
     """
+    if not wall.is_plain:
+        raise InputError(f"structure.regions, structure.frames: {NONE_HERE}")
+    if wall.flight is not None and (wall.flight.points or wall.flight.covers):
+        raise InputError(f"structure.point_masses, structure.covers: {NONE_HERE}")
     if choice.source == SWEPT:
         return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
     from builder.structure.solid.gmsh_files import step_mesh, stl_mesh

@@ -15,8 +15,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
+from builder.aero.surface_mesh import SurfaceMesh
 from builder.reporting import Progress, Reporter
+from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.free_case import FreeCase
+from builder.structure.solid.free_model import solve_free_structure
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.locking import LockingWarning, check_locking
 from builder.structure.solid.mesh_checks import check_mesh
@@ -39,8 +43,7 @@ from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
 from builder.structure.solid.supports import Clamped, Support
-from builder.structure.solid.surface_load import surface_points
-from builder.structure.solid.surface_triangles import triangulated_surface
+from builder.structure.solid.surface_triangles import split_surface, triangulated_surface
 from builder.structure.solid.swept_mesh import SweptSector
 from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
@@ -69,6 +72,8 @@ class SolidCase:
     layouts : gauges by name of layout.
     solver : name of the solver, or None for the best installed one.
     allow_locking : go on with elements that lose more than a tenth of the wall's bending.
+    checked_by : a second mesh, whose difference is the error of the first; None for one of ours, or the Fourier
+        model.
     """
 
     vehicle: str
@@ -80,6 +85,7 @@ class SolidCase:
     layouts: Mapping[str, Gauges]
     solver: str | None = None
     allow_locking: bool = False
+    checked_by: MeshChoice | None = None
 
     def made_from(self) -> dict[str, str]:
         """Return fingerprints of what the mesh and its solution depend on, and of the gauges.
@@ -100,12 +106,17 @@ class SolidCase:
             "mesh": self.mesh.inputs(),
             "solver": self.solver,
             "allow_locking": self.allow_locking,
+            **({} if self.checked_by is None else {"checked_by": self.checked_by.inputs()}),
         }
         gauges = {name: asdict(gauges) for name, gauges in self.layouts.items()}
         return {"mesh": fingerprint(mesh), "gauges": fingerprint(gauges)}
 
 
-def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[Structure, bool]:
+AnyCase = SolidCase | FreeCase
+"""Of a body of revolution, or of any other shape."""
+
+
+def update_structure(path: Path, case: AnyCase, reporter: Reporter) -> tuple[Structure, bool]:
     """Make ``structure.h5`` unless it is up to date; return it, and whether it was.
 
     Raises
@@ -127,7 +138,7 @@ def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[S
     return structure, False
 
 
-def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure | None = None) -> Structure:
+def solve_solid_structure(case: AnyCase, reporter: Reporter, before: Structure | None = None) -> Structure:
     """Compute Z_p of all layouts.
 
     Parameters
@@ -144,10 +155,12 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     StrainfmuError
         Gmsh or meshio is needed and missing, or the solver fails.
     """
+    if isinstance(case, FreeCase):
+        return solve_free_structure(case, support_entries(case.support), reporter, before)
     with reporter.stage("Mesh"):
         mesh = make_mesh(case.body, case.wall, case.mesh)
         whole = whole_mesh(mesh)
-        surface = triangulated_surface(whole, EXTERNAL)
+        surface = _loaded_surface(mesh, whole)
     made_from = case.made_from()
     if before is not None and before.settings["made_from"]["mesh"] == made_from["mesh"]:
         reporter.note("mesh: the same as before, its checks are not repeated")
@@ -167,12 +180,12 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
             progress=progress,
         )
     with reporter.stage("Mesh error") as progress:
-        error, compared_with = _mesh_error(case, surface.point, solved.strain_operator, progress)
+        error, check = _mesh_error(case, surface.point, solved.strain_operator, progress)
     gauges = case.layouts.values()
     return Structure(
         vehicle=case.vehicle,
         model=case.mesh.model,
-        settings={**_settings(case), **found, "mesh_error_against": compared_with, "made_from": made_from},
+        settings={**_settings(case), **found, "mesh_error_against": check[0], "made_from": made_from},
         statistics={"elements": len(whole.element), "degrees_of_freedom": whole.n_dof, **solved.statistics},
         gauge_names=tuple(name for one in gauges for name in one.name),
         layout=tuple(name for name, one in case.layouts.items() for _ in one.name),
@@ -185,7 +198,30 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
         normal=surface.node_normal,
         strain_operator=solved.strain_operator,
         mesh_error=error,
+        check=check[1],
     )
+
+
+def strain_per_force(case: SolidCase, progress: Progress | None = None) -> tuple[SolidMesh, FloatArray]:
+    """Return the whole mesh and the strain (n_d, n_p, 3) [1/N] of all layouts per force at its external nodes.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`solve_solid_structure`; checks and the locking of the mesh are that function's.
+    """
+    mesh = make_mesh(case.body, case.wall, case.mesh)
+    solved = solve_strain(
+        mesh=mesh,
+        material=case.wall.material,
+        density=case.density,
+        support=case.support,
+        rows=_rows_of_layouts(mesh, case.layouts),
+        solver_name=case.solver,
+        progress=progress,
+        of_forces=True,
+    )
+    return whole_mesh(mesh), solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
 
 
 def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[str, Gauges]) -> None:
@@ -235,17 +271,31 @@ def _rows_of_layouts(mesh: SweptSector | SolidMesh, layouts: Mapping[str, Gauges
 
 def _mesh_error(
     case: SolidCase, point: FloatArray, operator: FloatArray, progress: Progress
-) -> tuple[FloatArray, str]:
-    """Return the error (n_d,) [1/Pa] under the reference loads, and what it was measured against."""
+) -> tuple[FloatArray, tuple[str, MeshCheck | None]]:
+    """Return the error (n_d,) [1/Pa] under the reference loads; what it was measured against, and its Z_p.
+
+    The Fourier model's Z_p is not kept: a map solves it at the nodes of its own pressures.
+    """
     length = case.body.length
     strain = operator @ reference_pressures(point, length)
-    if isinstance(case.support, Clamped) and all(map(fourier_can, case.layouts.values())):
+    if (
+        case.checked_by is None
+        and isinstance(case.support, Clamped)
+        and all(map(fourier_can, case.layouts.values()))
+    ):
         parts = [fourier_reference_strain(case.body, case.wall, gauges) for gauges in case.layouts.values()]
-        return largest_amplitude(strain - np.concatenate(parts)), FOURIER_REFERENCE
-    sector = coarser_sector(case.body, case.wall, case.mesh)
-    rows = _rows_of_layouts(sector, case.layouts)
+        return largest_amplitude(strain - np.concatenate(parts)), (FOURIER_REFERENCE, None)
+    if case.checked_by is None:
+        mesh: SweptSector | SolidMesh = coarser_sector(case.body, case.wall, case.mesh)
+        whole, name = whole_mesh(mesh), "swept hexahedra"
+    else:
+        mesh = make_mesh(case.body, case.wall, case.checked_by)
+        whole, name = whole_mesh(mesh), case.checked_by.source if case.checked_by.file is None else ""
+        name = name or f"the mesh {case.checked_by.source.rpartition('/')[2]}"
+        check_mesh(whole, case.body.length)
+    rows = _rows_of_layouts(mesh, case.layouts)
     other = solve_strain(
-        mesh=sector,
+        mesh=mesh,
         material=case.wall.material,
         density=case.density,
         support=case.support,
@@ -253,9 +303,23 @@ def _mesh_error(
         solver_name=None,
         progress=progress,
     )
-    pressure = reference_pressures(surface_points(whole_mesh(sector), EXTERNAL), length)
-    n_dof = sector.n_sectors * sector.n_dof
-    return largest_amplitude(strain - other.strain_operator @ pressure), f"swept hexahedra of {n_dof} dofs"
+    surface = _loaded_surface(mesh, whole)
+    against = f"{name} of {whole.n_dof} dofs"
+    check = MeshCheck(
+        against=against,
+        factor=1.0,
+        strain_operator=other.strain_operator,
+        point=surface.point,
+        triangle=surface.triangle,
+    )
+    pressure = reference_pressures(surface.point, length)
+    return largest_amplitude(strain - other.strain_operator @ pressure), (against, check)
+
+
+def _loaded_surface(mesh: SweptSector | SolidMesh, whole: SolidMesh) -> SurfaceMesh:
+    """Return the external surface as triangles, in the order of the columns of Z_p."""
+    swept = isinstance(mesh, SweptSector)
+    return triangulated_surface(whole, EXTERNAL) if swept else split_surface(whole, EXTERNAL)[0]
 
 
 def _settings(case: SolidCase) -> dict[str, Any]:
@@ -268,6 +332,7 @@ def _settings(case: SolidCase) -> dict[str, Any]:
         "wall": {
             "thickness_m": case.wall.thickness,
             "solid_tip_length_m": case.wall.solid_tip_length,
+            **({"profile": [list(one) for one in case.wall.profile]} if case.wall.profile else {}),
         },
         "material": {
             "youngs_modulus_Pa": material.youngs_modulus,

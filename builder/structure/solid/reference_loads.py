@@ -19,6 +19,8 @@ from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 KILOPASCAL = 1e3
+NO_REFERENCE = "no other mesh"
+"""What the mesh error of a structure is measured against that no second mesh checks."""
 HARMONICS = 5
 PROFILES = 2
 ROLL_ANGLES = 16  # enough for the interpolation in roll to be exact
@@ -72,6 +74,10 @@ def mesh_error_line(structure: Structure, noise_std: float | None) -> str:
     Each is also given as a fraction of the gauge's largest strain under these loads and, with the gauges' noise
     ``noise_std`` [m/m], in units of that.
     """
+    if structure.is_external:
+        return "mesh error: not known, the structure is another code's"
+    if structure.settings["mesh_error_against"] == NO_REFERENCE:
+        return "warning: mesh error: not known, structure.checked_by names no second mesh; the sigmas leave it out"
     length = float(structure.point[:, 0].max())
     strain = largest_amplitude(structure.strain_operator @ reference_pressures(structure.point, length))
     order = np.argsort(structure.mesh_error)

@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from scipy.sparse import csr_array
 
 from builder.reporting import Progress
 from builder.structure.solid.cyclic_operator import cyclic_problem
 from builder.structure.solid.free_flight import FreeFlight, free_flight
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
+from builder.structure.solid.solvers.cyclic import CyclicSolver, force_operator, pressure_operator
 from builder.structure.solid.solvers.solver import CYCLIC, Solver, choose_solver
 from builder.structure.solid.strain_operator import held_problem, strain_operator
 from builder.structure.solid.supports import Support
-from builder.structure.solid.surface_load import pressure_load
+from builder.structure.solid.surface_load import nodal_force_load, pressure_load
+from builder.structure.solid.surface_triangles import split_surface
 from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
@@ -28,7 +30,8 @@ class StrainSolution:
 
     Attributes
     ----------
-    strain_operator : (n_d, n_p) [1/Pa], columns in the order of the full mesh's external nodes.
+    strain_operator : (n_d, n_p) [1/Pa], columns in the order of the full mesh's external nodes; of meshes that are
+        not swept one per side of a sharp edge (:func:`~builder.structure.solid.surface_triangles.split_surface`).
     statistics : solver, licence and residuals; nothing that changes from run to run.
     """
 
@@ -44,8 +47,9 @@ def solve_strain(
     rows: csr_array,
     solver_name: str | None,
     progress: Progress | None = None,
+    of_forces: bool = False,
 ) -> StrainSolution:
-    """Return Z_p of gauge rows.
+    """Return Z_p of gauge rows, or their strain per force.
 
     A swept mesh that is held is solved sector by sector and its full matrix never built, unless another solver is
     named. Free flight holds three nodes, which are not the same in every sector.
@@ -58,6 +62,7 @@ def solve_strain(
     rows : (n_d, n_dof) gauge rows of the full mesh [1/m].
     solver_name : name of a solver, or None for the best installed one.
     progress : called with (done, in all).
+    of_forces : columns are forces along x, y, z at the external nodes, column = 3 * node + component [1/N].
 
     Raises
     ------
@@ -77,13 +82,29 @@ def solve_strain(
             )
         problem = cyclic_problem(mesh, {REGION: material}, [support])
         cyclic = CyclicSolver(problem)
+        if of_forces:
+            found = cyclic.strain_operator(rows, force_operator(problem, EXTERNAL), progress)
+            return _solution(_along_body_axes(mesh, found), cyclic)
         return _solution(cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL), progress), cyclic)
     whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
     flight = _flight(whole, density) if support is None else None
     held = held_problem(whole, dict.fromkeys(whole.region_names, material), None if support is None else [support])
     solver = choose_solver(held, solver_name)
-    operator = strain_operator(rows, solver, pressure_load(whole, EXTERNAL), flight, progress)
+    if of_forces:
+        load = nodal_force_load(whole, EXTERNAL)
+    else:
+        load = pressure_load(
+            whole, EXTERNAL, None if isinstance(mesh, SweptSector) else split_surface(mesh, EXTERNAL)[1]
+        )
+    operator = strain_operator(rows, solver, load, flight, progress)
     return _solution(operator, solver)
+
+
+def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:
+    """Return strain per force (n_d, k) [1/N], given in sector frames, along body axes."""
+    parts = operator.reshape(len(operator), sector.n_sectors, -1, 3)
+    turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
+    return np.asarray(np.einsum("sij,dsnj->dsni", turns, parts, optimize=True).reshape(len(operator), -1))
 
 
 def _flight(mesh: SolidMesh, density: float | None) -> FreeFlight:

@@ -16,6 +16,9 @@ from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
+_ELEMENT_OF_FACET = {3: "tetrahedron4", 4: "hexahedron8", 6: "tetrahedron10", 8: "hexahedron20"}
+"""Kind of element by the nodes of its facets."""
+
 
 def surface_nodes(mesh: SolidMesh | SweptSector, name: str) -> IntArray:
     """Return (n_p,) nodes of a surface in increasing order; of a sector, those that belong to it.
@@ -63,13 +66,16 @@ def normals_at_nodes(element_type: str, position: FloatArray) -> FloatArray:
     return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
 
 
-def pressure_load(mesh: SolidMesh, surface_name: str) -> csr_array:
+def pressure_load(mesh: SolidMesh, surface_name: str, column: IntArray | None = None) -> csr_array:
     """Return nodal forces per nodal pressure, F = -integral of p n dS.
 
     Parameters
     ----------
     mesh : the mesh.
-    surface_name : the loaded surface; its columns are in the order of :func:`surface_nodes`.
+    surface_name : the loaded surface.
+    column : (f, n_f) column of the pressure at each node of each facet, such as one per side of a sharp edge
+        (:func:`builder.structure.solid.surface_triangles.split_surface`); by default one per node, in the order of
+        :func:`surface_nodes`.
 
     Returns
     -------
@@ -80,17 +86,30 @@ def pressure_load(mesh: SolidMesh, surface_name: str) -> csr_array:
     InputError
         The mesh has no surface of that name.
     """
-    facet = mesh.named_surface(surface_name)
-    shape = reference_facet(mesh.element_type).shape
+    if column is None:
+        column = np.searchsorted(surface_nodes(mesh, surface_name), mesh.named_surface(surface_name))
+    return facet_pressure_load(mesh.node, mesh.named_surface(surface_name), column)
+
+
+def facet_pressure_load(node: FloatArray, facet: IntArray, column: IntArray | None = None) -> csr_array:
+    """Return :func:`pressure_load` (3 n, n_p) [m2] of facets (f, 3, 4, 6 or 8) between nodes (n, 3) [m].
+
+    ``column`` (f, n_f) is by default the nodes' own number.
+    """
+    force = _facet_forces(_ELEMENT_OF_FACET[facet.shape[1]], node[facet])
+    row = np.broadcast_to(3 * facet[:, None, :, None] + np.arange(3)[:, None, None], force.shape)
+    n_p = len(node) if column is None else int(column.max()) + 1
+    at = np.broadcast_to((facet if column is None else column)[:, None, None, :], force.shape)
+    return csr_array(coo_array((force.ravel(), (row.ravel(), at.ravel())), shape=(3 * len(node), n_p)))
+
+
+def _facet_forces(element_type: str, position: FloatArray) -> FloatArray:
+    """Return (f, component, node, pressure node) forces per pressure [m2] of facets (f, n_f, 3) [m]."""
+    shape = reference_facet(element_type).shape
     n_q, n_f = shape.shape
     pairs = (shape[:, :, None] * shape[:, None, :]).reshape(n_q, n_f**2)
-    area = vector_area(mesh.element_type, mesh.node[facet])
-    force = -(area.transpose(0, 2, 1) @ pairs).reshape(-1, 3, n_f, n_f)  # (f, component, node, pressure node)
-    row = np.broadcast_to(3 * facet[:, None, :, None] + np.arange(3)[:, None, None], force.shape)
-    column = np.searchsorted(surface_nodes(mesh, surface_name), facet)
-    column = np.broadcast_to(column[:, None, None, :], force.shape)
-    n_p = int(column.max()) + 1
-    return csr_array(coo_array((force.ravel(), (row.ravel(), column.ravel())), shape=(mesh.n_dof, n_p)))
+    area = vector_area(element_type, position)
+    return np.asarray(-(area.transpose(0, 2, 1) @ pairs).reshape(-1, 3, n_f, n_f))
 
 
 def sector_pressure_load(sector: SweptSector, surface_name: str) -> tuple[csr_array, csr_array, csr_array]:

@@ -87,12 +87,12 @@ static void set_residual(Estimator *e) {
     const MaskedMap *m = e->masked;
     if (m->n_used == e->map.n_gauges) {
         for (size_t k = 0; k < m->n_used; k++) {
-            e->residual[k] = e->input[k] - m->mean_strain[k];
+            e->residual[k] = e->strain[k] - m->mean_strain[k];
         }
         return;
     }
     for (size_t k = 0; k < m->n_used; k++) {
-        e->residual[k] = e->input[m->used[k]] - m->mean_strain[k];
+        e->residual[k] = e->strain[m->used[k]] - m->mean_strain[k];
     }
 }
 

@@ -22,8 +22,9 @@ static const char *const SETTING_NAMES[] = {
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges;
-    const size_t n_inputs = n + N_ALL_SCALARS;
-    const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + n
+    const size_t n_inputs = n + N_ALL_SCALARS + number_of_zeros(n);
+    const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + 2 * n
+                           + added_noise_doubles(map) + n + 1
                            + 3 * panel_length(n) + half_space_doubles(&map->envelope)
                            + (map->scaled ? scaled_doubles(map) : 0);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
@@ -46,12 +47,15 @@ static int allocate(Estimator *e) {
         scaled_arrays(e, &doubles, &indices);
     }
     workspace_arrays(map, &e->work, &doubles, &indices);
+    added_noise_arrays(map, &e->noise, &doubles);
     e->input = doubles;
     e->residual = e->input + n_inputs;
     e->z = e->residual + n;
     e->whitened = e->z + panel_length(n);
     e->d_whitened = e->whitened + panel_length(n);
     e->direction = e->d_whitened + panel_length(n);
+    e->strain = e->direction + n_inputs;
+    e->noise_std = e->strain + n;
     e->valid = flags + CACHED_MASKS * n;
     e->mask = e->valid + n;
     return 1;
@@ -108,11 +112,30 @@ void estimator_reset(Estimator *e) {
     scalar[REFERENCE_LENGTH] = e->map.reference_length;
     scalar[MOMENT_STATION] = e->map.moment_station;
     scalar[MACH_NUMBER_STD] = scalar[STATIC_PRESSURE] = scalar[STATIC_PRESSURE_STD] = e->map.not_known;
+    memset(scalar + N_ALL_SCALARS, 0, number_of_zeros(n) * sizeof *scalar);
     flight_reset(&e->flight);
-    e->outdated = 1;
+    e->outdated = e->noise_outdated = 1;
+}
+
+/* Whether value may be given to one of the zeros or their deviations, by its index among them. */
+static int accepts_zero(const Estimator *e, size_t which, double value, char *text) {
+    const size_t n = e->map.n_gauges;
+    const double largest = e->map.largest_zero, smallest = which < n ? -largest : 0.0;
+    char name[32] = "zero_common_std";
+    if (value >= smallest && value <= largest) {
+        return 1;
+    }
+    if (which < 2 * n) {
+        snprintf(name, sizeof name, "%s[%lu]", which < n ? "zero" : "zero_std", (unsigned long)(which % n + 1));
+    }
+    snprintf(text, MODEL_TEXT_SIZE, "%s: expected %g to %g m/m, got %g", name, smallest, largest, value);
+    return 0;
 }
 
 int estimator_accepts(const Estimator *e, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
+    if (index >= e->map.n_gauges + N_ALL_SCALARS) {
+        return accepts_zero(e, index - (e->map.n_gauges + N_ALL_SCALARS), value, text);
+    }
     if (index < e->map.n_gauges + SENSOR_RANGE || index >= e->map.n_gauges + N_SCALAR_INPUTS) {
         return 1;
     }
@@ -264,8 +287,50 @@ int estimator_linear_loads(Estimator *e, double dynamic_pressure, double deviati
     return found;
 }
 
+/* The covariance of the errors of the zeros of the inputs. */
+static void set_added_noise(Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    const double common = e->noise_std[n] * e->noise_std[n];
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < n; j++) {
+            e->noise.added[i * n + j] = common + (i == j ? e->noise_std[i] * e->noise_std[i] : 0.0);
+        }
+    }
+}
+
+void estimator_renew_noise(Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    const double *std = e->input + n + N_ALL_SCALARS + n;
+    e->noise_outdated = 0;
+    if (memcmp(e->noise_std, std, (n + 1) * sizeof *std) == 0) {
+        return;
+    }
+    memcpy(e->noise_std, std, (n + 1) * sizeof *std);
+    set_added_noise(e);
+    memset(e->last_use, 0, sizeof e->last_use);
+    e->masked = NULL;
+    added_noise_apply(&e->noise, &e->map, &e->cache[0], &e->work);
+    if (e->map.scaled) {
+        scaled_prepare(e);
+    }
+    if (e->flight.present) {
+        flight_solver_add_noise(&e->flight.solver, e->noise.added);
+    }
+}
+
+static void set_strain(Estimator *e) {
+    const double *restrict zero = e->input + e->map.n_gauges + N_ALL_SCALARS;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        e->strain[i] = e->input[i] - zero[i];
+    }
+}
+
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
+        if (e->noise_outdated) {
+            estimator_renew_noise(e);
+        }
+        set_strain(e);
         if (e->flight.present) {
             flight_update(e);
         } else {

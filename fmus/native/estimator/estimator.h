@@ -6,6 +6,7 @@
 #ifndef ESTIMATOR_H
 #define ESTIMATOR_H
 
+#include "added_noise.h"
 #include "envelope.h"
 #include "flight.h"
 #include "masked_map.h"
@@ -55,12 +56,18 @@ enum {
     N_ALL_SCALARS
 };
 
+/* After the scalars: zero of each gauge, deviation of each of them, deviation that they have in common [1]. */
+static inline size_t number_of_zeros(size_t n_gauges) {
+    return 2 * n_gauges + 1;
+}
+
 typedef struct Estimator {
     Model base; /* for the FMI fronts, filled in by estimator_model.c */
     Map map;
     unsigned char *bytes; /* of map.bin */
     void *memory;         /* of all arrays below */
-    double *input;        /* (n_gauges + N_ALL_SCALARS) strains [1], then the scalars */
+    double *input;        /* (n_gauges + N_ALL_SCALARS + number_of_zeros) strains [1], scalars, zeros */
+    double *strain;       /* (n_gauges) of the inputs less zeros since output was computed */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
     HalfSpaces half_spaces;
@@ -68,6 +75,9 @@ typedef struct Estimator {
     size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
+    AddedNoise noise;     /* errors of the zeros, */
+    double *noise_std;    /* (n_gauges + 1) the deviations that map holds for, */
+    int noise_outdated;   /* and whether those of the inputs may be others */
     MaskedMap *masked;
     MaskedMap cache[CACHED_MASKS];
     unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty entry */
@@ -79,7 +89,7 @@ typedef struct Estimator {
     Scaled scaled;                     /* the rest of a map in form "dynamic_pressure"; not set for others */
     Levels levels[CACHED_MASKS];
     Flight flight;                     /* of the nonlinear estimator, if the map has tables */
-    double *direction;                 /* (n_gauges + N_ALL_SCALARS) of derivatives, for estimator_model.c, */
+    double *direction;                 /* as input, of derivatives, for estimator_model.c, */
     double derivative[N_OUTPUTS];      /* which keeps the outputs' derivatives along it, */
     int reported_health;               /* the last health that was reported, */
     double settled[N_WHOLE];           /* and the whole numbers of the last event in model exchange */
@@ -97,6 +107,9 @@ void estimator_reset(Estimator *estimator);
 /* Whether value may be given to input `index` (numbered as estimator->input); if not, text states what is allowed.
    Strains and pressures may have any value: health reports those that make no sense. */
 int estimator_accepts(const Estimator *estimator, size_t index, double value, char text[MODEL_TEXT_SIZE]);
+
+/* What must be done after a change of the deviations of zeros, before the next outputs. */
+void estimator_renew_noise(Estimator *estimator);
 
 /* Write loads and coefficients of the linear map at a dynamic pressure and its deviation to the outputs. 1; 0, and they
    keep their values, if it has none. */

@@ -1,7 +1,7 @@
 /* The estimator as a model: its variables by number, its derivatives, its state.
 
    Numbers are outputs, strains, valid flags, then the scalar inputs and settings; of maps with tables over the flight
-   state then further inputs, real outputs and Boolean outputs. */
+   state then further inputs, real outputs and Boolean outputs; then the zeros and their deviations. */
 
 #include <stdio.h>
 #include <string.h>
@@ -11,13 +11,24 @@
 
 #define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables; time follows them */
 #define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
+#define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
 
 static Estimator *estimator_of(const Model *model) {
     return (Estimator *)(uintptr_t)model; /* its first member */
 }
 
 static size_t n_inputs(const Estimator *e) {
-    return e->map.n_gauges + (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS);
+    return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->map.n_gauges);
+}
+
+/* Number of the first of the zeros. */
+static size_t first_zero(const Estimator *e) {
+    return N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS + (e->flight.present ? FLIGHT_REFERENCES : 0);
+}
+
+/* Value reference of FMI 3.0 of the first of the zeros. */
+static unsigned zero_reference(const Estimator *e) {
+    return LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0);
 }
 
 /* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
@@ -50,7 +61,7 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
                       .checksum = e->map.checksum,
                       .mode = INSTANTIATED,
                       .co_simulation_only = e->flight.present,
-                      .time_reference = LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0)};
+                      .time_reference = zero_reference(e) + ZERO_REFERENCES};
     return &e->base;
 }
 
@@ -130,8 +141,11 @@ static size_t input_of(const Estimator *e, size_t variable) {
     if (variable - N_OUTPUTS < n) { /* size_t: outputs wrap round to large numbers */
         return variable - N_OUTPUTS;
     }
-    const size_t scalar = variable - (N_OUTPUTS + 2 * n);
-    return scalar < n_inputs(e) - n ? n + scalar : SIZE_MAX;
+    const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
+    if (zero < number_of_zeros(n)) {
+        return n + N_ALL_SCALARS + zero;
+    }
+    return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
 }
 
 Type model_type_of(const Model *model, size_t variable) {
@@ -162,9 +176,13 @@ Selection model_array(const Model *model, unsigned reference) {
     } else if (reference < strain + 2) {
         found.first = N_OUTPUTS + (reference - strain) * n;
         found.count = n;
-    } else if (reference < model->time_reference) {
+    } else if (reference < zero_reference(estimator_of(model))) {
         found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
         found.count = 1;
+    } else if (reference < model->time_reference) {
+        const size_t which = reference - zero_reference(estimator_of(model));
+        found.first = first_zero(estimator_of(model)) + which * n;
+        found.count = which < 2 ? n : 1;
     }
     return found;
 }
@@ -250,6 +268,7 @@ int model_set_reals(Model *model, const Selection *which, const double *value, c
             return 0;
         }
         e->input[input] = value[k];
+        e->noise_outdated |= input >= n + N_ALL_SCALARS + n;
     }
     return 1;
 }
@@ -273,11 +292,12 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
     return 1;
 }
 
-/* Derivatives, which the nonlinear estimator does not offer. */
+/* Derivatives, which the nonlinear estimator does not offer, and which the deviations of zeros do not have. */
 
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    return e->flight.present ? SIZE_MAX : input_of(e, variable);
+    const size_t input = input_of(e, variable), first_std = 2 * e->map.n_gauges + N_ALL_SCALARS;
+    return e->flight.present || input >= first_std ? SIZE_MAX : input;
 }
 
 static size_t output_index(const Model *model, size_t variable) {
@@ -291,6 +311,9 @@ static double *clear_direction(Model *model) {
 
 static const double *along_direction(Model *model) {
     Estimator *e = estimator_of(model);
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        e->direction[i] -= e->direction[e->map.n_gauges + N_ALL_SCALARS + i]; /* of the zero of that gauge */
+    }
     estimator_derivative(e, e->direction, e->derivative);
     return e->derivative;
 }
@@ -362,7 +385,7 @@ void model_read_state(Model *model, const unsigned char *bytes) {
     bytes += sizeof(double) * n_inputs(e);
     memcpy(e->settled, bytes, sizeof e->settled);
     memcpy(e->valid, bytes + sizeof e->settled, e->map.n_gauges);
-    e->outdated = 1;
+    e->outdated = e->noise_outdated = 1;
 }
 
 static const Derivatives DERIVATIVES = {

@@ -55,7 +55,7 @@ static size_t set_strain(Estimator *e) {
     size_t count = 0;
     for (size_t g = 0; g < e->map.n_gauges; g++) {
         sample->used[g] = (unsigned char)(e->valid[g] & (fabs(e->input[g]) <= range));
-        sample->strain[g] = sample->used[g] ? e->input[g] : 0.0;
+        sample->strain[g] = sample->used[g] ? e->strain[g] : 0.0;
         count += sample->used[g];
     }
     return count;
@@ -102,7 +102,8 @@ static void solve(Flight *flight, int search) {
     }
 }
 
-/* Whether a quantity of navigation fits strain and the others so badly that it is dropped: the worst one. */
+/* Whether a quantity of navigation fits strain and the others so badly that it is dropped: the worst one. Below the
+   alarm it may as well be another one that is wrong: then they count with larger deviations. */
 static int drop_inconsistent(Flight *flight) {
     const double *residual = flight->solver.solution.navigation_residual;
     size_t worst = 0;
@@ -114,11 +115,15 @@ static int drop_inconsistent(Flight *flight) {
             worst = k;
         }
     }
-    if (largest > 1.0) {
-        flight->solver.sample.precision[worst] = 0.0;
-        return 1;
+    if (!(largest > 1.0)) {
+        return 0;
     }
-    return 0;
+    const double size = fabs(residual[worst]), widening = size <= flight->map.navigation_alarm ? size + 1.0 : 1.0;
+    double *precision = flight->solver.sample.precision;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        precision[k] = k == worst ? 0.0 : precision[k] / (widening * widening);
+    }
+    return 1;
 }
 
 /* Loads and coefficients at the references of the settings. */
@@ -187,13 +192,15 @@ static int navigation_outside(const Flight *flight) {
     return outside;
 }
 
-/* Whether a quantity of navigation has a value that is not used. */
-static int navigation_dropped(const Flight *flight) {
-    int dropped = 0;
+/* Whether a quantity of navigation has a value that is not used, and that is no correct one. */
+static int navigation_alarms(const Flight *flight) {
+    int alarms = 0;
     for (size_t k = 0; k < N_NAVIGATION; k++) {
-        dropped |= isfinite(flight->value[k]) && !(flight->solver.sample.precision[k] > 0.0);
+        const double size = fabs(flight->solver.solution.navigation_residual[k]);
+        const int may_be_correct = size > 0.0 && size <= flight->map.navigation_alarm;
+        alarms |= isfinite(flight->value[k]) && !(flight->solver.sample.precision[k] > 0.0) && !may_be_correct;
     }
-    return dropped;
+    return alarms;
 }
 
 static size_t navigation_used(const Flight *flight) {
@@ -227,9 +234,10 @@ static int judge(Estimator *e, size_t used) {
     output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
     output[SUSPECTS] = suspect ? 1.0 : 0.0;
     output[ENVELOPE_SCORE] = range_score(flight);
-    const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT];
+    const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT]
+                  && found->largest_shape <= map->shape_threshold * sqrt(alarm_scale);
     const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight);
-    const int missing = used < e->map.n_gauges || navigation_dropped(flight);
+    const int missing = used < e->map.n_gauges || navigation_alarms(flight);
     output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : missing ? DEGRADED : OK;
     return fits;
 }

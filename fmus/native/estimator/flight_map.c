@@ -7,13 +7,14 @@
 
 #define SECTION_HEADER 24
 #define N_FLIGHT_SIZES 8
-#define N_FLIGHT_SCALARS 45
+#define N_FLIGHT_SCALARS 47
 #define MAX_ITERATIONS 1000
 #define MAX_KNOTS 4096
+#define MAX_SHAPES 64
 
 static const char NAME[8] = "FLIGHT";
 
-enum { N_MACH, N_INCIDENCE, N_HARMONICS, N_CHANNELS, N_TERMS, N_COMMON };
+enum { N_MACH, N_INCIDENCE, N_HARMONICS, N_CHANNELS, N_TERMS, N_COMMON, N_SHAPES };
 
 static uint32_t size_of(const unsigned char *content, int place) {
     return u32_at(content, 4 * (size_t)place);
@@ -23,14 +24,14 @@ static size_t number_of_doubles(const FlightMap *map, size_t n) {
     const size_t cells = (map->n_mach + 2) * (map->n_incidence + 2), loads = N_LOADS;
     return N_FLIGHT_SCALARS + map->n_mach + map->n_incidence + cells * map->n_channels * map->n_harmonics
          + map->n_terms * (2 + 2 * map->n_harmonics) + n + loads + 2 * n * n + loads * n + loads * loads
-         + N_PAIRS * n + 6 * map->n_common * n + n + N_NAVIGATION + 1;
+         + N_PAIRS * n + 6 * map->n_common * n + map->n_shapes * n + n + N_NAVIGATION + 1;
 }
 
 static int sensible_sizes(const FlightMap *map, size_t n) {
     return map->n_mach >= 2 && map->n_mach <= MAX_KNOTS && map->n_incidence >= 2 && map->n_incidence <= MAX_KNOTS
         && map->n_harmonics >= 1 && map->n_harmonics <= MAX_KNOTS && map->n_channels >= 1
         && map->n_channels <= 2 * (n + N_LOADS) && map->n_terms >= n + N_LOADS && map->n_terms <= 2 * (n + N_LOADS)
-        && map->n_common <= MAX_KNOTS;
+        && map->n_common <= MAX_KNOTS && map->n_shapes <= MAX_SHAPES;
 }
 
 static const double *take(const double **next, size_t count) {
@@ -60,6 +61,8 @@ static void take_scalars(FlightMap *map, const double **next) {
     copy(next, map->prior_precision, N_STATES);
     copy(next, map->largest_step, N_STATES);
     copy(next, map->navigation_limit, N_NAVIGATION);
+    map->navigation_alarm = *take(next, 1);
+    map->shape_threshold = *take(next, 1);
     map->outlier_threshold = *take(next, 1);
     map->min_incidence = *take(next, 1);
     map->outside_score = *take(next, 1);
@@ -90,6 +93,7 @@ static void take_arrays(FlightMap *map, const double **next, size_t n) {
     map->load_covariance = take(next, N_LOADS * N_LOADS);
     map->gauge_error_product = take(next, N_PAIRS * n);
     map->common_error = take(next, 6 * map->n_common * n);
+    map->shape = take(next, map->n_shapes * n);
     map->chi_square_limit = take(next, n + N_NAVIGATION + 1);
 }
 
@@ -159,6 +163,7 @@ int flight_map_parse(const unsigned char *bytes, size_t length, size_t n_gauges,
     map->n_channels = size_of(content, N_CHANNELS);
     map->n_terms = size_of(content, N_TERMS);
     map->n_common = size_of(content, N_COMMON);
+    map->n_shapes = size_of(content, N_SHAPES);
     if (!sensible_sizes(map, n_gauges) || length - SECTION_HEADER
                                               != 4 * N_FLIGHT_SIZES + 8 * number_of_doubles(map, n_gauges)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds tables whose sizes cannot be");

@@ -20,6 +20,7 @@ typedef struct {
     size_t n_harmonics, n_channels;
     size_t n_terms;             /* of all rows: strains, then loads */
     size_t n_common;            /* errors that all gauges have in common */
+    size_t n_shapes;            /* of pressure off the tables that are tested */
     double reference_area, reference_length;
     double mach_range[2], pressure_range[2], log_pressure_range[2], middle_log_pressure, incidence_limit;
     double error[N_NAVIGATION]; /* of navigation without a deviation: of M [1], relative ones of p_inf and q_inf */
@@ -28,6 +29,8 @@ typedef struct {
     double prior_mean[N_STATES], prior_precision[N_STATES];
     double largest_step[N_STATES];
     double navigation_limit[N_NAVIGATION]; /* standardised residuals above which navigation is inconsistent */
+    double navigation_alarm;               /* from which one that is dropped is an alarm */
+    double shape_threshold;                /* standardised size of a shape from which strain does not fit */
     double outlier_threshold;
     double min_incidence;
     double outside_score, range_tolerance;
@@ -46,6 +49,7 @@ typedef struct {
     const double *load_covariance;                      /* (5, 5) */
     const double *gauge_error_product;                  /* (21, n_gauges) */
     const double *common_error;                         /* (n_common, 6, n_gauges) */
+    const double *shape;                                /* (n_shapes, n_gauges) */
     const double *chi_square_limit;                     /* (n_gauges + 4) by degrees of freedom from 0 on */
 } FlightMap;
 

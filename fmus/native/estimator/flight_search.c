@@ -48,6 +48,12 @@ void flight_search_prepare(FlightSolver *solver) {
             }
         }
     }
+    flight_search_weigh(solver);
+}
+
+void flight_search_weigh(FlightSolver *solver) {
+    const size_t n = solver->n;
+    double state[N_STATES] = {0.0};
     set_state(solver, SEARCH_STARTS / 2, 0, state);
     state[STATE_PRESSURE] = solver->map->middle_log_pressure;
     flight_response(&solver->tables, solver->wide, state, &solver->response);

@@ -17,7 +17,7 @@ static double *taken(double **doubles, size_t count) {
 size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
     const size_t n = in_lanes(n_gauges), rows = in_lanes(n_gauges + N_LOADS);
     return flight_tables_doubles(map, n_gauges) + (1 + N_STATES) * rows + 4 * n * n
-         + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1) * n;
+         + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
 }
 
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
@@ -48,11 +48,23 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->right = taken(doubles, N_RIGHT * n);
     solver->turned = taken(doubles, N_RIGHT * n);
     solver->columns = taken(doubles, (map->n_common + 1) * n);
+    solver->shapes = taken(doubles, map->n_shapes * n);
     solver->sample.used = *bytes;
     *bytes += n_gauges;
     widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);
     widen(n_gauges, n, map->scaled_covariance, solver->scaled_covariance);
     flight_search_prepare(solver);
+}
+
+void flight_solver_add_noise(FlightSolver *solver, const double *added) {
+    const size_t n_gauges = solver->n_gauges;
+    for (size_t i = 0; i < n_gauges; i++) {
+        for (size_t j = 0; j < n_gauges; j++) {
+            const size_t at = i * n_gauges + j;
+            solver->gauge_covariance[i * solver->n + j] = solver->map->gauge_covariance[at] + added[at];
+        }
+    }
+    flight_search_weigh(solver);
 }
 
 double quadratic(size_t order, const double *x, const double *matrix, const double *y) {
@@ -344,6 +356,32 @@ static void set_gauge_residuals(FlightSolver *solver) {
     }
 }
 
+/* a' P r / sqrt(a' P a) of each shape a of pressure off the tables; the largest. */
+static void set_shape_residual(FlightSolver *solver) {
+    const size_t n = solver->n, count = solver->map->n_shapes;
+    Solution *found = &solver->solution;
+    double *shapes = solver->shapes;
+    found->largest_shape = 0.0;
+    memset(shapes, 0, count * n * sizeof *shapes);
+    for (size_t s = 0; s < count; s++) {
+        for (size_t g = 0; g < solver->n_gauges; g++) {
+            shapes[s * n + g] = solver->sample.used[g] ? solver->map->shape[s * solver->n_gauges + g] : 0.0;
+        }
+    }
+    solve_lower(solver->wide, n, solver->factor, count, shapes);
+    for (size_t s = 0; s < count; s++) {
+        const double *shape = shapes + s * n;
+        double row[N_STATES];
+        for (size_t k = 0; k < N_STATES; k++) {
+            row[k] = lane_dot(n, shape, solver->right + (1 + k) * n);
+        }
+        const double variance =
+            lane_dot(n, shape, shape) - quadratic(N_STATES, row, found->state_covariance, row);
+        const double size = variance > 0.0 ? fabs(lane_dot(n, shape, solver->right)) / sqrt(variance) : 0.0;
+        found->largest_shape = size > found->largest_shape ? size : found->largest_shape;
+    }
+}
+
 static void set_navigation_residuals(FlightSolver *solver) {
     Solution *found = &solver->solution;
     for (size_t m = 0; m < N_NAVIGATION; m++) {
@@ -365,6 +403,7 @@ static void set_solution(FlightSolver *solver) {
     set_loads(solver);
     set_gauge_residuals(solver);
     set_navigation_residuals(solver);
+    set_shape_residual(solver);
 }
 
 void flight_solve_warm(FlightSolver *solver, const double *state) {

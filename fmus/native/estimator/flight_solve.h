@@ -32,6 +32,7 @@ typedef struct {
     double chi_square;
     double *standardised_residual; /* (n) */
     double navigation_residual[N_NAVIGATION];
+    double largest_shape; /* standardised size of a shape of pressure off the tables in the residual */
 } Solution;
 
 /* Arrays are by gauge, `n` of them: n_gauges in lanes. */
@@ -56,6 +57,7 @@ typedef struct {
     double *right;               /* (N_RIGHT, n) L^-1 of residual and Jacobian */
     double *turned;              /* (N_RIGHT, n) */
     double *squares;             /* (n) */
+    double *shapes;              /* (n_shapes, n) L^-1 of them */
     double *columns;             /* (n_common + 1, n) */
     double innovation[N_MEASURED];
     double log_mach_slope;       /* derivative of ln q_inf by M */
@@ -66,6 +68,9 @@ typedef struct {
 size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges);
 void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
                           unsigned char **bytes);
+
+/* Let the gauges have further errors of a covariance (n_gauges, n_gauges) beside those of the map. */
+void flight_solver_add_noise(FlightSolver *solver, const double *added);
 
 /* Solve for solver->sample: from a search of the tables, or by a fixed number of iterations from a state. Then the
    solution is in solver->solution. */
@@ -81,8 +86,10 @@ double quadratic(size_t order, const double *x, const double *matrix, const doub
 /* S about the state of solver->response, in solver->factor, before it is decomposed; all gauges. For flight_search.c. */
 void flight_strain_covariance(FlightSolver *solver);
 
-/* Fill in the states of the search; write the best state at an incidence, by its index. */
+/* Fill in the states of the search, or the weights of the gauges in it alone; write the best state at an incidence, by
+   its index. */
 void flight_search_prepare(FlightSolver *solver);
+void flight_search_weigh(FlightSolver *solver);
 void flight_search_start(FlightSolver *solver, size_t start, double *state);
 
 #endif

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define N_SCALARS 26
+#define N_SCALARS 28
 #define MAX_COUNT 4096
 #define MAX_HALF_SPACES 65536
 #define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
@@ -22,10 +22,11 @@ static uint32_t size_at(const unsigned char *bytes, int place) {
 static size_t number_of_doubles(const unsigned char *bytes) {
     const size_t n = u32_at(bytes, 32), states = u32_at(bytes, 36), loads = N_LOADS, triangle = n * (n + 1) / 2;
     size_t count = N_SCALARS + n + loads + loads * n + loads * loads + 4 * triangle + loads * n + loads * loads
-                 + states * n + states * loads + 3 * n + size_at(bytes, N_ALTITUDES)
+                 + states * n + states * loads + 3 * n + n * n + size_at(bytes, N_ALTITUDES)
                  + (1 + loads) * size_at(bytes, N_HALF_SPACES);
     if (size_at(bytes, FORM)) {
         count += n * n + n + loads * n + loads * loads + 2 * n + 2 * loads + n;
+        count += 2 * n * n + loads * n + loads * loads;
         count += size_at(bytes, HAS_ERRORS) ? N_PAIRS * n + N_PAIRS + 6 * size_at(bytes, N_TERMS) * n : 0;
     }
     return count;
@@ -89,7 +90,7 @@ static int check_values(const Map *map, const double *values, size_t count, char
     }
     const int positive = map->reference_area > 0.0 && map->reference_length > 0.0 && map->sensor_range > 0.0
                       && map->dynamic_pressure > 0.0 && map->min_dynamic_pressure > 0.0
-                      && map->chi_square_scale > 0.0 && map->outlier_scale > 0.0 && map->envelope.altitude_step > 0.0;
+                      && map->regularisation >= 0.0 && map->chi_square_scale > 0.0 && map->outlier_scale > 0.0 && map->envelope.altitude_step > 0.0;
     if (!positive) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a reference quantity that is not positive");
     }
@@ -119,6 +120,8 @@ static void take_limits(Map *map, const double *scalars) {
     envelope->altitude_step = scalars[13];
     map->form.min_expected_ratio = scalars[14];
     map->not_known = scalars[15];
+    map->regularisation = scalars[16];
+    map->largest_zero = scalars[17];
 }
 
 static void take_form(Map *map, const double **next) {
@@ -133,6 +136,10 @@ static void take_form(Map *map, const double **next) {
     form->fixed_load = take(next, N_LOADS);
     form->load_of_mean = take(next, N_LOADS);
     form->min_precision = take(next, n);
+    form->gauge_covariance = take(next, n * n);
+    form->spread = take(next, n * n);
+    form->spread_load = take(next, N_LOADS * n);
+    form->spread_unseen = take(next, N_LOADS * N_LOADS);
     if (form->has_errors) {
         form->of_gauge = take(next, N_PAIRS * n);
         form->mean_product = take(next, N_PAIRS);
@@ -168,6 +175,7 @@ static void take_arrays(Map *map, const double *next) {
     map->min_precision = take(&next, n);
     map->chi_square_limit = take(&next, n);
     map->outlier_threshold = take(&next, n);
+    map->noise_covariance = take(&next, n * n);
     take_limits(map, scalars + 10);
     map->envelope.ambient_pressure = take(&next, map->envelope.n_altitudes);
     map->envelope.limit = take(&next, map->envelope.n_half_spaces);

@@ -9,7 +9,7 @@
 
 #include "../core/resource.h"
 
-#define MAP_FORMAT_VERSION 2
+#define MAP_FORMAT_VERSION 3
 #define N_SIZES 8
 #define N_LOADS 5
 #define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
@@ -42,6 +42,10 @@ typedef struct {
     const double *fixed_load;   /* (5) f_0 */
     const double *load_of_mean; /* (5) f_mean - f_0 */
     const double *min_precision; /* (n_gauges) P_ii that is round-off */
+    const double *gauge_covariance; /* (n_gauges, n_gauges) Gamma_g; this and the next three for added_noise.h */
+    const double *spread;        /* (n_gauges, n_gauges) N of what has a prior, N N' the sum over its columns */
+    const double *spread_load;   /* (n_gauges, 5) loads of its columns, */
+    const double *spread_unseen; /* (5, 5) and what those columns do not hold */
     const double *of_gauge;      /* (21, n_gauges) sums of D_a D_b; this and the rest only with has_errors */
     const double *mean_product;  /* (21) of c_a c_b */
     const double *common;        /* (n_terms, 6, n_gauges) E */
@@ -64,6 +68,7 @@ typedef struct {
     double dynamic_pressure_error;                           /* relative, where no deviation is given [1] */
     double chi_square_scale, outlier_scale;                  /* factors on the limits of chi-square and of z^2 */
     double largest_sensor_range, largest_setting;            /* bounds on what may be set */
+    double largest_zero;                                     /* the same for zeros and their deviations [1] */
     double not_known; /* start value of flow and navigation that need not be known, which means what NaN does */
     const double *mean_strain;       /* (n_gauges) m */
     const double *load_of_mean;      /* (5) [N, N m] */
@@ -80,6 +85,8 @@ typedef struct {
     const double *min_precision;   /* (n_gauges) P_ii that is round-off */
     const double *chi_square_limit;  /* (n_gauges) by degrees of freedom 1 .. n_gauges */
     const double *outlier_threshold; /* (n_gauges) by number of gauges 1 .. n_gauges */
+    const double *noise_covariance;  /* (n_gauges, n_gauges) Gamma, for added_noise.h */
+    double regularisation;           /* gamma */
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;

@@ -154,7 +154,7 @@ static void add_squares(size_t length, const double *rows, double *covariance) {
 }
 
 /* S + (G L - X' L'^-1) (..)' + (M - G A) (..)', the Joseph form of strainfmu/estimator/load_errors.py. */
-static void set_load_covariance(const Map *map, MaskedMap *masked, const Workspace *work) {
+void masked_load_covariance(const Map *map, MaskedMap *masked, const Workspace *work) {
     const size_t n = map->n_gauges, states = map->n_states;
     double *rows = work->rows;
     memcpy(masked->load_covariance, map->remainder, sizeof masked->load_covariance);
@@ -238,7 +238,7 @@ void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     }
     set_load_gain(map, masked, n_missing, work);
     if (n_missing > 0) {
-        set_load_covariance(map, masked, work);
+        masked_load_covariance(map, masked, work);
     } else {
         memcpy(masked->load_covariance, map->load_covariance, sizeof masked->load_covariance);
     }

@@ -49,4 +49,7 @@ void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t 
 /* Fill masked for the gauges of masked->mask. */
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work);
 
+/* Set the covariance of the loads from the gain of the gauges in use, term by term. */
+void masked_load_covariance(const Map *map, MaskedMap *masked, const Workspace *work);
+
 #endif

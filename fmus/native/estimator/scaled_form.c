@@ -148,7 +148,7 @@ EVERYWHERE void set_residual(Estimator *e, ScaledStep *step) {
     const ScaledForm *form = &e->map.form;
     Scaled *scaled = &e->scaled;
     for (size_t i = 0; i < n; i++) {
-        scaled->residual[i] = e->input[i] - (form->fixed_strain[i] + step->ratio * form->mean_strain[i]);
+        scaled->residual[i] = e->strain[i] - (form->fixed_strain[i] + step->ratio * form->mean_strain[i]);
     }
     step->n_lost = 0;
     if (e->masked->n_used == n) {

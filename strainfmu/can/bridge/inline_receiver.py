@@ -36,16 +36,17 @@ class InlineReceiver(ReceiverBase):
         super().__init__(queue, acceptance, clock=clock, on_received=on_received)
         self._raw, self._collect_time, self._cycle = raw, collect_time, cycle
         self._known = clock()
-        self._is_broken_off = False
+        self._is_broken_off = self._is_drained = False
 
     def start(self) -> None:
         """Do nothing: there is no thread."""
 
     def stop(self) -> None:
         """Queue what still waits and free the socket; the bus is shut down after that."""
+        self._is_drained = False
         try:
-            while self._raw.is_open and not self._is_broken_off and self._take() == AT_ONCE:
-                pass
+            while self._raw.is_open and not self._is_broken_off and not self._is_drained:
+                self._take()
         except OSError:
             pass  # of a bus that failed nothing more is expected
         self._raw.close()
@@ -55,12 +56,12 @@ class InlineReceiver(ReceiverBase):
         if self._is_broken_off:
             return self._clock()
         try:
-            if timeout > 0.0:
+            # Own frames have come back by now: they are taken without waking once more for them.
+            n_queued = self._take_open()
+            if n_queued == 0 and timeout > 0.0:
                 self._raw.wait(timeout)
-            if not self._raw.is_open:
-                raise OSError("the socket was closed")
-            n_taken = self._take()
-            if 0 < n_taken < self._cycle and self._collect_time > 0.0:
+                n_queued = self._take_open()
+            if 0 < n_queued < self._cycle and self._collect_time > 0.0:
                 time.sleep(self._collect_time)
                 self._take()
         except Exception as error:  # whatever a socket raises, the bridge must learn of it
@@ -68,10 +69,16 @@ class InlineReceiver(ReceiverBase):
             self._is_broken_off = self._is_broken(error)
         return self._known
 
+    def _take_open(self) -> int:
+        """Take the frames of a bus that is still open, as :meth:`_take`; of one that was shut down none counts."""
+        if not self._raw.is_open:
+            raise OSError("the socket was closed")
+        return self._take()
+
     def _take(self) -> int:
-        """Queue the frames that wait; return the number of datagrams."""
+        """Queue the frames that wait, up to :data:`AT_ONCE`; return the number of those that were accepted."""
         now = max(self._clock(), self._known)
-        found, is_drained = self._raw.read(AT_ONCE)
+        found, self._is_drained = self._raw.read(AT_ONCE)
         frames: list[Frame] = []
         after = self._known
         stamped = self._clock() if found else now
@@ -87,8 +94,8 @@ class InlineReceiver(ReceiverBase):
         if frames:
             self._count_dropped(self._queue.put(frames), after)
         # Once nothing waits, all that came before is known; else what waits is younger than what was taken.
-        self._known = max(after, now) if is_drained else after
-        return len(found)
+        self._known = max(after, now) if self._is_drained else after
+        return len(frames)
 
     def _is_open(self) -> bool:
         return self._raw.is_open

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -100,7 +101,7 @@ class FrameQueue:
         return isinstance(item, BusFault) or item.key not in self._uncounted
 
 
-class ReceiverBase:
+class ReceiverBase(ABC):
     """What all receivers do with frames and failures; ``account`` holds the frames refused or dropped here.
 
     Attributes
@@ -124,13 +125,13 @@ class ReceiverBase:
         self.last_failure = self.last_malformed = ""
         self._failure_times: deque[float] = deque(maxlen=ERRORS_PER_SECOND)
 
+    @abstractmethod
     def start(self) -> None:
         """Begin to receive."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stop(self) -> None:
         """End reception; shut the bus down only after that."""
-        raise NotImplementedError
 
     def _is_accepted(self, frame: Frame) -> bool:
         """Report a frame to ``on_received``; return whether it is to be queued, and count it here if not."""

@@ -50,6 +50,7 @@ class BridgeOptions:
     clock_rate, clock_tolerance, hidden_age, synchronised, synchronised_shift : as of :class:`BridgeSettings`.
     max_uncertainty : as there; None for no limit.
     gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
+    zeros : file of what the gauges read without strain (zeros.toml), None for what the FMU was exported with.
     """
 
     interface: str
@@ -75,6 +76,7 @@ class BridgeOptions:
     max_uncertainty: float | None = None
     synchronised: float | None = None
     synchronised_shift: float = 0.0
+    zeros: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,11 +127,14 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     import_can()
     from strainfmu.cosim.fmu_step import FmuStep
     from strainfmu.cosim.step import ENVELOPE_SCORE
+    from strainfmu.cosim.zeros_file import load_zeros
 
     taps = taps or Taps()
     bus = bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
     with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE, *taps.outputs)) as step, ExitStack() as stack:
+        if options.zeros is not None:
+            step.set_zeros(load_zeros(options.zeros, step.gauge_names))
         start = taps.clock()
         core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)
         keeper = _freshness_keeper(core, options)

@@ -14,7 +14,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.signal_plan import SignalPlan
 
 
-@dataclass(eq=False, slots=True, kw_only=True)  # not frozen: one is made for every frame, and that costs thrice
+@dataclass(eq=False, slots=True)  # not frozen: one is made for every frame, and that costs thrice
 class Arrival:
     """A frame of the input, of which only the numbers about it have been read.
 
@@ -26,7 +26,6 @@ class Arrival:
     sample_time : sender's clock [ticks], None if the frame has none.
     counter : E2E counter, None if the frame has none.
     status : sender's own status, 0 if the frame has none.
-    configuration : number of the gauge assignment, None if the frame has none.
     """
 
     slot: int
@@ -35,7 +34,6 @@ class Arrival:
     sample_time: int | None = None
     counter: int | None = None
     status: int = 0
-    configuration: int | None = None
 
     @property
     def raw(self) -> IntArray:
@@ -87,6 +85,7 @@ class CycleAssembler:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._is_timed = limits.clock_bits is not None
+        self._n_slots, self._trailer = limits.n_slots, limits.trailer
         self._half = 1 << ((limits.clock_bits or 1) - 1)
         self._open: Cycle | None = None
         self.deadline: float | None = None
@@ -114,21 +113,18 @@ class CycleAssembler:
                 return verdict, closed
         elif self._open is not None and arrival.slot in self._open.arrivals:
             closed += self._close()
-        if verdict is Verdict.RESTARTED or self._is_new(arrival):
+        if (self._is_timed and arrival.sample_time != self._newest) or verdict is Verdict.RESTARTED:
             closed += self._close()
         if self._open is None:
             self._open = Cycle(arrival, arrival.frame.time)
             self.deadline = arrival.frame.time + self._limits.deadline
             self._newest = arrival.sample_time
         self._late = 0
-        self._open.arrivals[arrival.slot] = arrival
-        if len(self._open.arrivals) == self._limits.n_slots or arrival.slot == self._limits.trailer:
+        arrivals = self._open.arrivals
+        arrivals[arrival.slot] = arrival
+        if len(arrivals) == self._n_slots or arrival.slot == self._trailer:
             closed += self._close()
         return verdict, closed
-
-    def _is_new(self, arrival: Arrival) -> bool:
-        """Return whether a frame belongs to another cycle than the open one, by its sample time."""
-        return self._is_timed and arrival.sample_time != self._newest
 
     def _in_time(self, arrival: Arrival) -> Verdict:
         """Compare the sample time of ``arrival`` with that of the newest cycle."""

@@ -61,6 +61,8 @@ class BridgeCore:
         self._acceptance, self._reception = parts.acceptance, parts.reception
         self._assembler, self._judge = parts.assembler, judge
         self._held_slots = frozenset(layout.held_slots)
+        n_strain = len(layout.strain_frames)
+        self._cycle_slots = frozenset(range(n_strain + (layout.trailer is not None))) - self._held_slots
         self._noted = Cause.NONE
         self._other_bridge = -float("inf")
         self._last_cycle = start
@@ -161,23 +163,17 @@ class BridgeCore:
 
     def _take(self, frame: Frame, is_answered: bool) -> list[CycleResult]:
         """Check a frame of the input; put it into its cycle, or hold its flow or navigation."""
-        slot = self._reception.slot_of(frame)
-        if slot is None:
-            self.account.settle(FrameClass.NOT_USABLE, frame.time)
-            return []
-        arrival = self._reception.arrival(slot, frame)
-        refused = self._reception.check(arrival)
-        if refused is not None:
-            self.account.settle(refused, frame.time)
-            if refused is FrameClass.NOT_AUTHENTIC or refused is FrameClass.NOT_FRESH:
+        arrival = self._reception.take(frame)
+        if isinstance(arrival, FrameClass):
+            self.account.settle(arrival, frame.time)
+            if arrival is FrameClass.NOT_AUTHENTIC or arrival is FrameClass.NOT_FRESH:
                 self.note(Cause.NOT_AUTHENTIC)
             return []
-        if slot in self._held_slots:
-            self.account.settle(self._judge.take_held(arrival), frame.time)
-            return []
-        if slot < self._reception.n_strain or slot == self._reception.trailer:
+        if arrival.slot in self._cycle_slots:
             return self._offer(arrival, is_answered)
-        self.account.settle(self._judge.take_flow(arrival), frame.time)
+        is_held = arrival.slot in self._held_slots
+        kind = self._judge.take_held(arrival) if is_held else self._judge.take_flow(arrival)
+        self.account.settle(kind, frame.time)
         return []
 
     def _offer(self, arrival: Arrival, is_answered: bool) -> list[CycleResult]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite, isnan, nan
+from math import inf, isfinite, isnan, nan
 
 from strainfmu.can.cycle.assembler import Arrival
 from strainfmu.can.cycle.decoder import STATUS_DEGRADED
@@ -16,7 +16,6 @@ from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
     MACH_NUMBER,
-    NAVIGATION,
     FlowSignal,
     InputFrame,
     SignalLayout,
@@ -83,7 +82,11 @@ class HeldValue:
         self.hides_delay = False
         """More delay may hide than is allowed."""
         self._plan = SignalPlan(frame.layout)
-        self._ends = raw_ends(frame.layout.signals[source.index]) or ()
+        self._signal = signal = frame.layout.signals[source.index]
+        self._low = -inf if signal.minimum is None else signal.minimum
+        self._high = inf if signal.maximum is None else signal.maximum
+        self._smallest, self._largest = _SENSIBLE[source.quantity]
+        self._ends = raw_ends(signal) or ()
         self.quantity = source.quantity
         self.was_known = False
         """A value has been taken since the start or the last reset."""
@@ -132,11 +135,11 @@ class HeldValue:
             self._accept(self._clock)
             self._shares_clock = agrees if strain_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
-        signal, code = self._frame.layout.signals[index], int(raw[index])
+        signal, code = self._signal, raw[index]
         bad = (
             not isfinite(value)
             or self._has_no_value(signal, code)
-            or self._is_out_of_range(signal, code, value)
+            or self._is_out_of_range(code, value)
             or self._is_refused_by_sender(raw)
         )
         self._value, self._sampled = (nan, nan) if bad else (value * self._source.to_si, time - delay)
@@ -169,14 +172,11 @@ class HeldValue:
         """Return whether the raw number ``code`` stands for "no value"."""
         return code in signal.no_value_codes
 
-    def _is_out_of_range(self, signal: SignalLayout, code: int, value: float) -> bool:
+    def _is_out_of_range(self, code: int, value: float) -> bool:
         """Return whether a value is outside the limits, or at either end of its converter's range."""
-        low = -float("inf") if signal.minimum is None else signal.minimum
-        high = float("inf") if signal.maximum is None else signal.maximum
-        smallest, largest = _SENSIBLE[self.quantity]
-        sensible = smallest <= value * self._source.to_si <= largest
+        is_sensible = self._smallest <= value * self._source.to_si <= self._largest
         # As of strains: a converter at either end is overdriven, or its wire is broken.
-        return not (low <= value <= high and sensible) or code in self._ends
+        return not (self._low <= value <= self._high and is_sensible) or code in self._ends
 
     def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
         """Return whether the sender's own status forbids to use the value."""
@@ -197,8 +197,9 @@ class HeldFlow:
     def __init__(self, values: Sequence[HeldValue], fixed: float | None, seen: SeenFrames) -> None:
         self._seen = seen
         self._values, self._fixed = tuple(values), fixed
-        self._by_quantity = {value.quantity: value for value in values}
-        self._navigation = tuple(value for value in values if value.quantity in NAVIGATION)
+        by_quantity = {value.quantity: value for value in values}
+        self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
+        self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
 
     def reset(self) -> None:
         """Forget the sender."""
@@ -222,20 +223,26 @@ class HeldFlow:
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""
-        lost, hidden = False, False
-        for value in self._navigation:
-            lost = lost or (value.was_known and isnan(value.value(now)))
-        if self._fixed is None:
+        pressure, hides_delay = self._fixed, False
+        if pressure is None:
+            pressure = _at(self._pressure, now)
             for value in self._values:
-                hidden = hidden or value.hides_delay
+                hides_delay = hides_delay or value.hides_delay
+        mach_number, altitude = _at(self._mach_number, now), _at(self._altitude, now)
         return FlowState(
-            dynamic_pressure=self._at(DYNAMIC_PRESSURE, now) if self._fixed is None else self._fixed,
-            mach_number=self._at(MACH_NUMBER, now),
-            altitude=self._at(ALTITUDE, now),
-            is_navigation_lost=lost,
-            hides_delay=hidden,
+            dynamic_pressure=pressure,
+            mach_number=mach_number,
+            altitude=altitude,
+            is_navigation_lost=_is_lost(self._mach_number, mach_number) or _is_lost(self._altitude, altitude),
+            hides_delay=hides_delay,
         )
 
-    def _at(self, quantity: str, now: float) -> float:
-        value = self._by_quantity.get(quantity)
-        return nan if value is None else value.value(now)
+
+def _at(held: HeldValue | None, now: float) -> float:
+    """Return a quantity at ``now`` [s], NaN of one that no frame gives."""
+    return nan if held is None else held.value(now)
+
+
+def _is_lost(held: HeldValue | None, value: float) -> bool:
+    """Return whether a quantity was known before and is not any more."""
+    return held is not None and held.was_known and isnan(value)

@@ -89,6 +89,8 @@ class GaugeChecks:
         self._all.setflags(write=False)
         # Every gauge was good in the last cycle, at the time given, and is not on its way to be left out.
         self._is_quiet, self._has_zeros, self._last_time = False, False, 0.0
+        # No gauge has been zero for more cycles in a row than this.
+        self._most_zeros = 0
         # The longest time without a change of any gauge, when and how many cycles ago it was found.
         self._longest_found, self._found_at, self._cycles_since = np.inf, 0.0, 0
         self._changed_at = np.nan
@@ -149,15 +151,17 @@ class GaugeChecks:
         if b"\1" in zero.tobytes():
             zeros = (self._zeros + self._one) * zero
             # A change within this has not fallen to zero, whatever the gauge's pace.
-            fell = (change > self._zero_jump) & zero
-            if b"\1" in fell.tobytes() or b"\1" in (zeros >= self._zero_cycles).tobytes():
+            fell = change > self._zero_jump
+            if b"\1" in fell.tobytes() and b"\1" in (fell & zero).tobytes():
+                return False
+            if not self._none_is_zero(zeros):
                 return False
         if not self._none_is_stuck(now):
             return False
         if zeros is not None:
             self._zeros, self._has_zeros = zeros, True
         elif self._has_zeros:
-            self._zeros, self._has_zeros = np.zeros_like(self._zeros), False
+            self._zeros, self._has_zeros, self._most_zeros = np.zeros_like(self._zeros), False, 0
         differs, repeats = raw != self._last_raw, self._repeats
         if b"\1" in differs.tobytes():
             self._changed_at = now
@@ -196,6 +200,13 @@ class GaugeChecks:
         self._changed[recent] = np.array(self._times)[n - 1 - self._repeats[recent]]
         self._good_time.fill(self._times[-1])
         self._times.clear()
+
+    def _none_is_zero(self, zeros: IntArray) -> bool:
+        """Return whether no gauge has been zero for too long; ``zeros`` (n_d,) in a row, this cycle's included."""
+        self._most_zeros += 1
+        if self._most_zeros >= self._least_zeros:
+            self._most_zeros = int(zeros.max())
+        return self._most_zeros < self._least_zeros or bool((zeros < self._zero_cycles).all())
 
     def _none_is_stuck(self, now: float) -> bool:
         """Return whether no gauge can be stuck, even if none has changed."""
@@ -237,6 +248,7 @@ class GaugeChecks:
         self._zero_cycles = np.maximum(by_noise, MIN_ZERO_CYCLES).astype(np.int64)
         if stated.zero_cycles is not None:
             self._zero_cycles = np.full(n, stated.zero_cycles, dtype=np.int64)
+        self._least_zeros = int(self._zero_cycles.min())
 
     def _checked(
         self, strain: FloatArray, raw: IntArray, present: BoolArray, refused: BoolArray, now: float
@@ -263,7 +275,8 @@ class GaugeChecks:
         self._last_strain = np.where(present & finite, strain, self._last_strain)
         self._keep_pace(strain, good, now)
         valid = good & (self._good >= self._settings.heal_cycles)
-        self._is_quiet, self._has_zeros = bool(valid.all()), bool(self._zeros.any())
+        self._is_quiet, self._most_zeros = bool(valid.all()), int(self._zeros.max())
+        self._has_zeros = self._most_zeros > 0
         self._last_time, self._longest_found = now, np.inf
         return valid
 

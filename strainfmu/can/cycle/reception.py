@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of
+from strainfmu.can.wire.crc import Protection, crc_in, crc_of
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
 from strainfmu.can.wire.signal_plan import SignalPlan, number_reader
@@ -49,6 +49,32 @@ class TrailerVerdict:
     status: int = 0
 
 
+@dataclass(eq=False, slots=True, kw_only=True)
+class _Slot:
+    """What reads and checks one frame of the layout, all in one place as it is used for every frame.
+
+    Attributes
+    ----------
+    index : of the slot.
+    plan : its signals.
+    numbers : reads status, sample time and configuration, all that is needed before the cycle is closed.
+    selector : multiplexer's signal and value, None of a frame without.
+    configuration : number of the gauge assignment that is expected, None for any.
+    counter_place : byte and bits of the counter, None without protection.
+    check : of CRC and counter, None without protection.
+    machine : E2E state.
+    """
+
+    index: int
+    plan: SignalPlan
+    numbers: Callable[[bytes], tuple[int | None, ...]]
+    selector: tuple[SignalPlan, int] | None
+    configuration: int | None
+    counter_place: tuple[int, int] | None
+    check: ReceptionCheck | None
+    machine: E2EStateMachine
+
+
 _NOTHING_TO_CHECK = TrailerVerdict()
 _ALL_BITS = (1 << 64) - 1
 """Of a number that a plan returns as int64."""
@@ -67,26 +93,17 @@ class Reception:
         self._layout = layout
         self.n_strain = len(layout.strain_frames)
         self.trailer = self.n_strain if layout.trailer is not None else None
-        self._slots: dict[int, list[int]] = {}
-        for slot, frame in enumerate(layout.frames):
-            self._slots.setdefault(frame.layout.key, []).append(slot)
         self._held = frozenset(layout.held_slots)
         self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
-        self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
-        # Status, sample time and configuration: all that is read of a frame before its cycle is closed.
-        self._numbers = [
-            number_reader(f.layout, (f.status, f.sample_time, f.configuration)) for f in layout.frames
-        ]
-        self._selectors = [_selector(frame) for frame in layout.frames]
-        self._has_selectors = any(self._selectors)
-        configurations = [(f.layout, f.configuration) for f in layout.frames]
-        self._expected = [None if at is None else own.signals[at].initial for own, at in configurations]
         self._n_slots = self.n_strain + (layout.trailer is not None)
         self._every_gauge = np.ones(layout.n_gauges, dtype=bool)
         self._every_gauge.setflags(write=False)
-        self._protections = [frame.layout.protection for frame in layout.frames]
-        self._checks = [None if p is None else self.new_check(p, settings.max_delta) for p in self._protections]
-        self._machines = [E2EStateMachine(settings.state_machine) for _ in layout.frames]
+        slots = [self._slot(index, frame, settings) for index, frame in enumerate(layout.frames)]
+        self._checks, self._machines = [slot.check for slot in slots], [slot.machine for slot in slots]
+        self._by_key: dict[int, list[_Slot]] = {}
+        for slot in slots:
+            self._by_key.setdefault(layout.frames[slot.index].layout.key, []).append(slot)
+        self._has_selectors = any(slot.selector for slot in slots)
         self.authentication = _authentication(layout)
         self._second = SecondSender(settings.alarm_cycles * layout.cycle_time)
 
@@ -94,50 +111,70 @@ class Reception:
         """Return the check of one frame's CRC and counter."""
         return ReceptionCheck(protection, max_delta)
 
-    def slot_of(self, frame: Frame) -> int | None:
-        """Return the slot of a frame, None if its multiplexer's value belongs to no frame of the layout."""
-        slots = self._slots[frame.key]
-        if not self._has_selectors:
-            return slots[0]
+    def _slot(self, index: int, frame: InputFrame, settings: BridgeSettings) -> _Slot:
+        layout, protection, at = frame.layout, frame.layout.protection, frame.configuration
+        return _Slot(
+            index=index,
+            plan=SignalPlan(layout),
+            numbers=number_reader(layout, (frame.status, frame.sample_time, at)),
+            selector=_selector(frame),
+            configuration=None if at is None else layout.signals[at].initial,
+            counter_place=None if protection is None else protection.counter_place,
+            check=None if protection is None else self.new_check(protection, settings.max_delta),
+            machine=E2EStateMachine(settings.state_machine),
+        )
+
+    def take(self, frame: Frame) -> Arrival | FrameClass:
+        """Return a frame with the numbers about it, or its class if it is refused by itself."""
+        slots = self._by_key[frame.key]
+        slot = self._selected(slots, frame.data) if self._has_selectors else slots[0]
+        if slot is None:
+            return FrameClass.NOT_USABLE  # its multiplexer's value belongs to no frame of the layout
+        data, place = frame.data, slot.counter_place
+        status, sample_time, configuration = slot.numbers(data)
+        arrival = Arrival(
+            slot.index,
+            frame,
+            slot.plan,
+            sample_time,
+            None if place is None else data[place[0]] & place[1],
+            0 if status is None else status & _ALL_BITS,
+        )
+        if slot.index == self.trailer:
+            return arrival  # its CRC covers frames that may not have come yet
+        return self._refused(slot, frame, configuration) or arrival
+
+    def _selected(self, slots: Sequence[_Slot], data: bytes) -> _Slot | None:
+        """Return the slot of a frame by its multiplexer's value."""
         for slot in slots:
-            selector = self._selectors[slot]
-            if selector is None or int(selector[0].raw(frame.data)[0]) == selector[1]:
+            if slot.selector is None or int(slot.selector[0].raw(data)[0]) == slot.selector[1]:
                 return slot
         return None
 
-    def arrival(self, slot: int, frame: Frame) -> Arrival:
-        """Return a frame with the numbers about it."""
-        status, sample_time, configuration = self._numbers[slot](frame.data)
-        protection = self._protections[slot]
-        return Arrival(
-            slot=slot,
-            frame=frame,
-            plan=self._plans[slot],
-            sample_time=sample_time,
-            counter=None if protection is None else counter_in(frame.data, protection),
-            status=0 if status is None else status & _ALL_BITS,
-            configuration=None if configuration is None else configuration & _ALL_BITS,
-        )
-
-    def check(self, arrival: Arrival) -> FrameClass | None:
+    def _refused(self, slot: _Slot, frame: Frame, configuration: int | None) -> FrameClass | None:
         """Check a frame by itself; return its class if it is refused."""
-        slot = arrival.slot
-        if slot == self.trailer:
-            return None  # its CRC covers frames that may not have come yet
         if self.authentication is not None:
-            forged = self._not_authentic(slot, arrival.frame.data)
+            forged = self._not_authentic(slot.index, frame.data)
             if forged is not None:
                 return forged
-        check = self._checks[slot]
-        status = E2EStatus.OK if check is None else check.check(arrival.frame.data)
-        wrong = arrival.configuration is not None and status is not E2EStatus.ERROR
-        wrong = wrong and self._is_of_other_configuration(arrival)
-        self._machines[slot].add(E2EStatus.ERROR if wrong else status)
+        check = slot.check
+        status = E2EStatus.OK if check is None else check.check(frame.data)
+        wrong = (
+            configuration is not None
+            and status is not E2EStatus.ERROR
+            and configuration & _ALL_BITS != slot.configuration
+            and self._is_of_other_configuration()
+        )
+        slot.machine.add(E2EStatus.ERROR if wrong else status)
         if status is E2EStatus.OK and not wrong:
             return None
         if check is not None:
-            self._second.take(check, slot, arrival.frame.time)
+            self._second.take(check, slot.index, frame.time)
         return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
+
+    def _is_of_other_configuration(self) -> bool:
+        """Return whether another number is that of a sender with another assignment of gauges."""
+        return True
 
     def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
         """Return the class of a frame that is not of the sender, or not new; None if its CRC does not fit either.
@@ -222,10 +259,6 @@ class Reception:
 
     def _of_strains(self) -> list[E2EStateMachine]:
         return self._machines[: self.n_strain + (self.trailer is not None)]
-
-    def _is_of_other_configuration(self, arrival: Arrival) -> bool:
-        """Return whether a frame is of a sender with another assignment of gauges."""
-        return arrival.configuration != self._expected[arrival.slot]
 
 
 def _authentication(layout: InputLayout) -> Authentication | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from strainfmu.can.wire.crc import Protection, counter_in, crc_check
+from strainfmu.can.wire.crc import Protection, crc_check
 
 
 class E2EStatus(Enum):
@@ -47,6 +47,7 @@ class ReceptionCheck:
         self._max_delta = max_delta
         self._modulus = protection.counter_modulus
         self._fits = crc_check(protection)
+        self._byte, self._bits = protection.counter_place
         self.counter = self._before = self._modulus - 1
         self._content: tuple[bytes, bytes] | None = None
         self.conflicts = self.alternates = False
@@ -58,7 +59,7 @@ class ReceptionCheck:
         self.conflicts = self.alternates = False
         if not self._fits(data, covered):
             return E2EStatus.ERROR
-        counter = counter_in(data, self._protection)
+        counter = data[self._byte] & self._bits
         if counter >= self._modulus:
             return E2EStatus.ERROR
         delta = (counter - self.counter) % self._modulus

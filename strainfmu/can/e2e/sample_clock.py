@@ -265,11 +265,11 @@ class SampleClock:
         return offset
 
     def _reading(self, model: _Model, offset: float, resumed: bool = False) -> ClockReading:
-        reading = ClockReading(offset - model.floor)
-        reading.uncertainty = model.floor - model.fastest + self._tolerance * (model.local - model.start)
-        reading.hides_delay = model.floor - model.lowest >= self._sums_hide
-        reading.resumed = resumed
-        return reading
+        floor = model.floor
+        uncertainty = floor - model.fastest + self._tolerance * (model.local - model.start)
+        return ClockReading(
+            offset - floor, False, False, uncertainty, floor - model.lowest >= self._sums_hide, resumed
+        )
 
     def _uncertainty(self, model: _Model, local: float) -> float:
         """Return by how much delays may be larger than stated [s]: as much as with the fastest clock possible."""

@@ -16,7 +16,7 @@ from strainfmu.errors import InputError
 
 SIDECAR_VERSION = 1
 
-_FILES = ("dbc", "mapping", "key_file", "freshness_file")
+_FILES = ("dbc", "mapping", "key_file", "freshness_file", "zeros")
 """Options that are files."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
@@ -36,8 +37,11 @@ def estimate_log(
     output: Path,
     options: Callable[[BridgeOptions | None], BridgeOptions],
     progress: Callable[[int, int], None] | None = None,
+    zeros: Path | None = None,
 ) -> ReplaySummary:
     """Replay ``log`` with the FMU or map ``source`` and write every result to ``output``.
+
+    ``zeros`` is the file of what the gauges read without strain (zeros.toml), None for that of the recorded run.
 
     Raises
     ------
@@ -45,7 +49,10 @@ def estimate_log(
         As :func:`~strainfmu.can.tools.replay.replay_log`.
     """
     check_output(output)
-    with open_step(source) as ready, estimate_writer(output, LOG_COLUMNS) as writer:
+    recorded = load_description(log)
+    if zeros is None and recorded is not None:
+        zeros = recorded["options"].zeros
+    with open_step(source, zeros) as ready, estimate_writer(output, LOG_COLUMNS) as writer:
         rows = _Rows(writer)
         summary = replay_log(
             log,

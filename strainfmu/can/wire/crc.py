@@ -51,6 +51,11 @@ class Protection:
         return 15 if self.profile == 1 else 256
 
     @property
+    def counter_place(self) -> tuple[int, int]:
+        """Byte of the counter, and its bits in that byte."""
+        return (1, 0x0F) if self.profile == 1 else (2, 0xFF)
+
+    @property
     def header_length(self) -> int:
         """Bytes of CRC and counter: 2 (the upper nibble of the second is free) or 3."""
         return 2 if self.profile == 1 else 3
@@ -92,7 +97,8 @@ def crc_in(data: bytes | bytearray, protection: Protection) -> int:
 
 def counter_in(data: bytes | bytearray, protection: Protection) -> int:
     """Return the counter in ``data``."""
-    return data[1] & 0x0F if protection.profile == 1 else data[2]
+    byte, bits = protection.counter_place
+    return data[byte] & bits
 
 
 def protect(data: bytes, protection: Protection, counter: int, covered: bytes = b"") -> bytes:

@@ -57,7 +57,7 @@ class SignalPlan:
         if len(plain) < 2 or any(b - a < 32 for a, b in pairwise(starts)):
             plain = []
         self._plain_floats = _FloatGroup(layout, plain) if plain else None
-        self._others = [index for index in range(len(layout.signals)) if index not in plain]
+        self._others = [pair for pair in enumerate(self._encoders) if pair[0] not in plain]
         # The last bit stays 0: it pads unsigned numbers.
         self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
 
@@ -118,8 +118,7 @@ class SignalPlan:
             raise ValueError(f"expected {len(self._encoders)} values, got {len(numbers)}")
         if self._plain_floats is not None:
             little = self._plain_floats.encoded(numbers)
-        for index in self._others:
-            encoder = self._encoders[index]
+        for index, encoder in self._others:
             placed = (encoder.raw(numbers[index]) & encoder.mask) << encoder.shift
             if encoder.is_big:
                 big |= placed
@@ -165,7 +164,10 @@ class _Encoder:
     Attributes
     ----------
     shift, mask : bit number of its least significant bit, and its bits.
-    low, high : smallest and largest value; ``raw_low``, ``raw_high`` : smallest and largest raw number.
+    low, high : smallest and largest value.
+    raw_low, raw_high : smallest and largest raw number; half a number beyond them, ``least`` and ``most``: only
+        values in range are rounded.
+    scale, offset : of the signal.
     packed : format of a float, else None.
     """
 
@@ -177,14 +179,16 @@ class _Encoder:
     high: float
     raw_low: float
     raw_high: float
+    least: float
+    most: float
+    scale: float
+    offset: float
     packed: struct.Struct | None
 
     def raw(self, value: float) -> int:
         """Return the raw number of ``value``; of a float its bit pattern."""
-        signal = self.signal
-        scaled = (value - signal.offset) / signal.scale
-        # Half a number beyond the range, so that only values in range are rounded; False of NaN.
-        usable = self.low <= value <= self.high and self.raw_low - 0.5 <= scaled <= self.raw_high + 0.5
+        scaled = (value - self.offset) / self.scale
+        usable = self.low <= value <= self.high and self.least <= scaled <= self.most  # False of NaN
         if self.packed is not None:
             held = scaled if usable and abs(scaled) <= self.raw_high else nan
             return int.from_bytes(self.packed.pack(held), "little")
@@ -192,6 +196,7 @@ class _Encoder:
             number = round(scaled)
             if self.raw_low <= number <= self.raw_high:
                 return number
+        signal = self.signal
         if signal.not_available is None:
             unit = f" {signal.unit}" if signal.unit else ""
             raise InputError(
@@ -244,6 +249,10 @@ def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
         high=np.inf if signal.maximum is None else signal.maximum,
         raw_low=raw_low,
         raw_high=raw_high,
+        least=raw_low - 0.5,
+        most=raw_high + 0.5,
+        scale=signal.scale,
+        offset=signal.offset,
         packed=_FLOATS[signal.length] if signal.kind == FLOAT else None,
     )
 

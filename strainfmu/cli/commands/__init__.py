@@ -7,16 +7,19 @@ from typing import Annotated
 import typer
 
 from strainfmu.cli.commands import (
+    calibration,
     can_bus,
     can_data,
     can_send,
     comparison,
     flights,
     flows,
+    load_tests,
     maps,
     reproduction,
     stress,
     structures,
+    taring,
     whole_way,
 )
 from strainfmu.version import __version__
@@ -55,10 +58,12 @@ for command in (
     flows.convert,
     structures.structure,
     maps.build,
+    calibration.calibrate,
     maps.export,
     maps.crosscheck,
     maps.inspect,
     maps.bench,
+    load_tests.loadtest,
     stress.stress,
     comparison.compare,
     flights.fly,
@@ -68,6 +73,7 @@ for command in (
     can_send.send,
     can_data.replay,
     can_data.estimate,
+    taring.tare,
     can_data.monitor,
 ):
     app.command()(command)

@@ -39,6 +39,10 @@ ContextOption = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Section of python-can's configuration files for further bus options."),
 ]
+ZerosOption = Annotated[
+    Path | None,
+    typer.Option(metavar="TOML", help="What the gauges read without strain, of 'strainfmu tare'; taken off."),
+]
 ExtendedOption = Annotated[bool, typer.Option("--extended", help="29 bit identifiers.")]
 
 
@@ -172,6 +176,7 @@ def bridge(
         Path | None,
         typer.Option(metavar="MAP", help="With --publish: the pressure on the surface too, by this map.h5."),
     ] = None,
+    zeros: ZerosOption = None,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
@@ -216,6 +221,7 @@ def bridge(
         hidden_age=1e-3 * hidden_age,
         max_uncertainty=None if max_uncertainty is None else 1e-3 * max_uncertainty,
         synchronised=None if synchronised is None else 1e-3 * synchronised,
+        zeros=zeros,
     )
     check_bus_options(interface, bus_settings(options).options)
     console = Console()

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.bus_options import cycle_time_of, refuse_cycle_time
-from strainfmu.cli.commands.can_bus import KeyOption, identifiers_of
+from strainfmu.cli.commands.can_bus import KeyOption, ZerosOption, identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
 from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
 from strainfmu.errors import InputError
@@ -41,6 +41,7 @@ def replay(
         float | None,
         typer.Option(metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Fixed dynamic pressure."),
     ] = None,
+    zeros: ZerosOption = None,
 ) -> None:
     """Give the results of a recorded run again, off line, from its time stamps alone.
 
@@ -63,7 +64,7 @@ def replay(
         key_file=key,
         dynamic_pressure=dynamic_pressure,
     )
-    _replay(Console(), log, fmu, output, given)
+    _replay(Console(), log, fmu, output, given, zeros=zeros)
 
 
 def estimate(
@@ -112,6 +113,7 @@ def estimate(
     smooth: Annotated[
         bool, typer.Option("--smooth", help="With --filter: use later samples too (Rauch-Tung-Striebel).")
     ] = False,
+    zeros: ZerosOption = None,
 ) -> None:
     """Estimate loads from recorded strains.
 
@@ -153,7 +155,7 @@ def estimate(
                 "expected none with a CAN log"
             )
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
-        _replay(console, data, source, output, given)
+        _replay(console, data, source, output, given, zeros=zeros)
         return
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
         summary = estimate_file(
@@ -170,6 +172,7 @@ def estimate(
             channels=channels,
             time_constant=filter_seconds,
             smooth=smooth,
+            zeros=zeros,
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -229,7 +232,9 @@ def _given_options(
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[str, Any]) -> None:
+def _replay(
+    console: Console, log: Path, fmu: Path, output: Path, given: dict[str, Any], *, zeros: Path | None
+) -> None:
     """Replay a log and print the result."""
     from dataclasses import replace as replaced
     from time import perf_counter
@@ -245,7 +250,7 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, given: dict[st
 
     begin = perf_counter()
     with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:
-        summary = estimate_log(fmu, log, output=output, options=options, progress=progress)
+        summary = estimate_log(fmu, log, output=output, options=options, progress=progress, zeros=zeros)
     took = perf_counter() - begin
     table = Table(title="Replay", show_header=False)
     table.add_row("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast")

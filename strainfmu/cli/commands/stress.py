@@ -35,7 +35,11 @@ def stress(
     ] = 200,
     draws: Annotated[
         int,
-        typer.Option(metavar="N", callback=within(1, 10_000), help="Vehicles, and noise, at every condition."),
+        typer.Option(
+            metavar="N",
+            callback=within(1, 10_000),
+            help="Vehicles, and noise, at every condition; of the nonlinear estimator a fourth.",
+        ),
     ] = 20,
     seed: Annotated[int, typer.Option(callback=within(0, 2**31 - 1), help="Seed of all draws.")] = 1,
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,

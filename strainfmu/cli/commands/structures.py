@@ -79,6 +79,19 @@ def structure(
     by_position: Annotated[
         bool, typer.Option("--surfaces-by-position", help="Find FILE's surfaces by position, not by name.")
     ] = False,
+    export_loads: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write the snapshots' pressures as load cases for another code instead."),
+    ] = None,
+    export_influence: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.h5", help="Write the strain per force at each outer node of the mesh instead."),
+    ] = None,
+    load_format: Annotated[str, typer.Option(help="Of the load cases: csv or vtu (ParaView).")] = "csv",
+    snapshots: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Pressures of the load cases. Default: snapshots.h5 beside the output."),
+    ] = None,
 ) -> None:
     """Compute the strain of gauges per surface pressure by three-dimensional elasticity.
 
@@ -92,27 +105,47 @@ def structure(
         strainfmu structure my_vehicle.toml --resolution paper --layout configuration_1
 
         strainfmu structure my_vehicle.toml --model wall.msh --mesh-unit 0.001
+
+        strainfmu structure my_vehicle.toml --export-loads loads --snapshots snapshots.h5
     """
-    from builder.structure.solid.case import solid_case
+    from builder.structure.solid.case import solid_case, structure_case
     from builder.structure.solid.mesh_choice import MeshChoice
     from builder.structure.solid.model import update_structure
     from builder.vehicle.file import load_vehicle
     from builder.vehicle.map_needs import used_layouts
     from builder.workspace import Workspace
+    from strainfmu.cli.commands.external_structures import (
+        needed_snapshots,
+        write_external,
+        write_influence_of,
+        write_loads,
+    )
 
     start = perf_counter()
     console = Console()
+    if export_loads is not None:
+        given = needed_snapshots(snapshots, output.parent, "--export-loads")
+        return write_loads(load_vehicle(vehicle), given, export_loads, load_format, console)
     log = _StageLog(console)
     Workspace(output.parent)  # refuses a folder that cannot be written, before the long work
     with log.stage("Vehicle"):
         loaded = load_vehicle(vehicle)
+        entry = loaded.structure.external
+    if entry is not None:
+        given = needed_snapshots(snapshots, output.parent, f"structure.{entry}")
+        return write_external(loaded, given, output, console)
+    with log.stage("Case"):
         choice = MeshChoice(
             source=model,
             resolution=resolution or loaded.structure.resolution,
             unit=mesh_unit,
             by_position=by_position,
         )
-        case = solid_case(loaded, layouts or used_layouts(loaded), choice, solver, allow_locking)
+        chosen = layouts or used_layouts(loaded)
+        case = structure_case(loaded, chosen, choice, solver, allow_locking)
+    if export_influence is not None:
+        revolved = solid_case(loaded, chosen, choice, solver, allow_locking)
+        return write_influence_of(revolved, loaded, export_influence, console)
     made, up_to_date = update_structure(output, case, log)
     for line in _report(made, loaded):
         log.note(line)

@@ -50,14 +50,14 @@ def demo(
         bool, typer.Option("--perfect", help="Fly the vehicle of the file exactly, without hardware errors.")
     ] = False,
     as_built: Annotated[
-        int,
+        int | None,
         typer.Option(
             "--as-built",
             metavar="SEED",
             callback=within(0, 2**31 - 1),
-            help="Seed of the hardware errors of the vehicle that flies.",
+            help="Draw the vehicle by its tolerances, test it on the ground, calibrate the map, and fly.",
         ),
-    ] = 1,
+    ] = None,
     estimator: Annotated[
         Estimator | None,
         typer.Option(help="Instead of the vehicle file's: linear, or manifold, the nonlinear one."),
@@ -77,11 +77,13 @@ def demo(
 
         strainfmu demo --perfect
 
+        strainfmu demo --as-built 7 -o tested
+
         strainfmu demo --estimator manifold -o nonlinear
 
         strainfmu demo --can
     """
-    from builder.pipeline.demo import run_demo
+    from builder.pipeline.demo import AS_BUILT_SEED, run_demo
     from builder.pipeline.pipeline import FilesGiven
     from builder.vehicle.file import IC3X
 
@@ -95,8 +97,17 @@ def demo(
         # Refused before the long work, not after it.
         check_multicast(private_port())
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    seed = None if perfect else as_built
-    result = run_demo(vehicle or IC3X, output, ConsoleReporter(console), given, seed, estimator)
+    if perfect and as_built is not None:
+        raise InputError("--as-built: expected without --perfect, got both")
+    result = run_demo(
+        vehicle or IC3X,
+        output,
+        ConsoleReporter(console),
+        given,
+        None if perfect else AS_BUILT_SEED,
+        estimator,
+        ground_test=as_built,
+    )
     _show_result(console, result)
     if can:
         _fly_over_bus(console, output, can_duration, can_authenticated)
@@ -135,6 +146,23 @@ def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
     console.print(table)
 
 
+def _show_states(console: Console, states: dict[str, Any]) -> None:
+    """Show the accuracy of the map before the ground test, after it, and if the vehicle were known."""
+    table = Table(title="The map before and after the ground test, and of the vehicle known exactly")
+    table.add_column("")
+    for name in states:
+        table.add_column(f"{name}: rms error", justify="right")
+        table.add_column("truth within 3 sigma", justify="right")
+    for coefficient in COEFFICIENT_NAMES:
+        cells = [
+            text
+            for one in states.values()
+            for text in (f"{one['rms'][coefficient]:.2e}", f"{one['coverage_percent'][coefficient]:.2f} %")
+        ]
+        table.add_row(f"{coefficient} [1]", *cells)
+    console.print(table)
+
+
 def _show_result(console: Console, result: DemoResult) -> None:
     score = result.score
     table = Table(title=escape(f"{result.vehicle}: the FMU's estimate against truth, independent finer model"))
@@ -160,6 +188,8 @@ def _show_result(console: Console, result: DemoResult) -> None:
     )
     if result.estimators:
         _show_estimators(console, result.estimators)
+    if result.states:
+        _show_states(console, result.states)
     files = Table(title=escape(f"Files in {result.folder}"), show_header=False, box=None)
     for name, holds in result.files.items():
         files.add_row(name, holds, "reused" if name in result.reused else "new")

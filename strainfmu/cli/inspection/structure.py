@@ -44,8 +44,7 @@ def inspect_structure(path: Path, folder: Path, console: Console) -> None:
     structure = load_structure(path)
     for table in (
         _summary(structure, f"{path}: {structure.vehicle}", content_hash_of(path, SCHEMA, SCHEMA_VERSION)),
-        _mesh_report(structure),
-        _locking(structure),
+        *((_mesh_report(structure), _locking(structure)) if "mesh_report" in structure.settings else ()),
         *(_gauges(structure, layout) for layout in structure.layouts),
     ):
         console.print(table)

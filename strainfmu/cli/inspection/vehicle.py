@@ -89,7 +89,8 @@ def _manoeuvre(vehicle: Vehicle) -> Trajectory:
 
     path = vehicle.beside(vehicle.truth.manoeuvre)
     trajectory = load_trajectory(path)
-    check_envelope(*truth_knots(vehicle), trajectory, path)
+    if vehicle.is_of_revolution:
+        check_envelope(*truth_knots(vehicle), trajectory, path)
     return trajectory
 
 
@@ -103,6 +104,8 @@ def _out_of_reach(
     keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
     for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):
         yield f"conditions: {line}"
+    if not vehicle.is_of_revolution:
+        return
     of_truth = sorted(truth_keys(vehicle))
     mach, incidence = ([key[axis] for key in of_truth] for axis in (0, 1))
     corners = [(m, a) for m in (min(mach), max(mach)) for a in (min(incidence), max(incidence))]
@@ -114,11 +117,9 @@ def _table(
     path: Path, vehicle: Vehicle, gauges: dict[str, int], engine: Engine, conditions: Sequence[FlightCondition]
 ) -> Table:
     """Return what follows from the entries."""
-    body = vehicle.body()
     table = Table(title=escape(f"{path}: {vehicle.name}"), show_header=False)
-    table.add_row("length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m")
-    table.add_row("tip half-angle", f"{degrees(body.tip_angle):.4g} deg")
-    table.add_row("slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none")
+    for what, value in _shape_rows(vehicle, engine):
+        table.add_row(what, value)
     for name, count in gauges.items():
         in_use = " (in use)" if name == vehicle.gauges.layout else ""
         table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
@@ -129,14 +130,37 @@ def _table(
     return table
 
 
+def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:
+    """Yield what follows from the entries of the outer shape."""
+    if not vehicle.is_of_revolution:
+        low, high = engine.surface.point.min(axis=0), engine.surface.point.max(axis=0)
+        spans = ", ".join(f"{axis} {a:.4g} to {b:.4g} m" for axis, a, b in zip("xyz", low, high, strict=True))
+        yield f"shape, by {vehicle.shape_kind}", spans
+        yield (
+            "surface",
+            f"{len(engine.surface.triangle)} triangles, {engine.surface.area.sum():.4g} m2 without base",
+        )
+        return
+    body = vehicle.body()
+    yield "length, base radius", f"{body.length:.4g} m, {body.base_radius:.4g} m"
+    yield "tip half-angle", f"{degrees(body.tip_angle):.4g} deg"
+    yield "slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none"
+
+
 def _warnings(vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition]) -> Iterator[str]:
     """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
     from builder.pipeline.manoeuvre import manoeuvre_warnings
     from builder.structure.fourier.model import refuse_beyond_fourier
 
     yield f"manoeuvre: {trajectory.stop_time:.4g} s"
-    of_revolution = vehicle.aerodynamics.surface is None and vehicle.aerodynamics.engine != "table"
+    of_revolution = (
+        vehicle.is_of_revolution
+        and vehicle.aerodynamics.surface is None
+        and vehicle.aerodynamics.engine != "table"
+    )
     yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
+    if not vehicle.is_of_revolution:
+        return
     try:
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     except InputError as error:

@@ -198,7 +198,7 @@ class FlightFilter:
         if not dropped.any():
             return found, samples
         residual = found.solution.navigation_residual
-        samples = without_navigation(samples, dropped)
+        samples = without_navigation(samples, residual, dropped)
         found = filtered_sample(self.model, law, _rows(samples), start=start, iterations=iterations)
         return replace(found, solution=replace(found.solution, navigation_residual=residual)), samples
 
@@ -290,8 +290,8 @@ class FlightFilter:
         )
 
     def _consistency(self, estimate: FlightEstimates) -> Consistency:
-        manifold, scale = self.estimator.manifold, self.estimator.settings.alarm_scale
-        expected = manifold.chi_square_scale * scale * float(estimate.degrees_of_freedom[0])
+        scale = self.estimator.settings.alarm_scale
+        expected = scale * float(estimate.degrees_of_freedom[0])
         return noted(self.track.consistency, float(estimate.chi_square[0]), expected)
 
 
@@ -302,4 +302,4 @@ def _rows(samples: Samples) -> SampleRows:
 def _fits(estimate: FlightEstimates) -> bool:
     if estimate.health[0] in (HealthState.INVALID, HealthState.UNIDENTIFIED):
         return False
-    return bool(estimate.chi_square[0] <= estimate.chi_square_limit[0])
+    return bool(estimate.fits[0])

@@ -122,4 +122,5 @@ def flight_solution(
         chi_square=np.array([chi_square]),
         standardised_residual=of_gauges[None],
         navigation_residual=of_navigation[None],
+        shape_residual=np.zeros((1, manifold.shapes.shape[1])),  # the filter estimates them
     )

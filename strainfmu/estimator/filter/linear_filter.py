@@ -39,7 +39,7 @@ class LinearStep:
     Attributes
     ----------
     estimate, static : of the step, and of its sample alone.
-    strain : (n_d,).
+    strain : (n_d,) readings less zeros [m/m], 0 of lost gauges.
     dynamic_pressure : q_inf [Pa].
     alone : law of the states after the sample alone, None where nothing was measured.
     before, after, transition, continues : as of :class:`~strainfmu.estimator.filter.flight_filter.FilteredStep`.
@@ -116,7 +116,10 @@ class LinearFilter:
     def stepped(
         self, time_step: float, static: LoadEstimate, strain: FloatArray, dynamic_pressure: float
     ) -> LinearStep:
-        """Return the step of a sample whose estimate on its own is ``static``, and keep what it leaves."""
+        """Return the step of a sample whose estimate on its own is ``static``, and keep what it leaves.
+
+        ``strain`` (n_d,) is what the gauges read.
+        """
         step = linear_transition(self.model, time_step)
         first = self.law is None
         prior = stationary_law(step, self.model.n_gauges)
@@ -124,7 +127,7 @@ class LinearFilter:
         known = LinearStep(
             estimate=static,
             static=static,
-            strain=np.where(static.valid, strain, 0.0),
+            strain=np.where(static.valid, strain - self.estimator.zeros.value, 0.0),
             dynamic_pressure=dynamic_pressure,
             alone=None,
             before=before,
@@ -161,17 +164,19 @@ class LinearFilter:
         by = self._transfer @ (known[1] - alone[1]) @ self._transfer.T
         covariance = static.load_covariance + by
         scale = 1.0 / (step.dynamic_pressure * self._reference)
-        variance = static.coefficients_std**2 + scale**2 * np.diagonal(by)
+        of_coefficients = static.coefficient_covariance + scale[:, None] * by * scale
+        variance = np.diagonal(of_coefficients)
         if not (_is_positive(covariance) and np.all(variance > 0.0)):
             # Errors at a weak current strain are smaller than those that the laws hold.
-            covariance, variance = static.load_covariance, static.coefficients_std**2
+            covariance, of_coefficients = static.load_covariance, static.coefficient_covariance
         return replace(
             static,
             loads=static.loads + apart,
             load_covariance=covariance,
             loads_std=np.sqrt(np.diagonal(covariance)),
             coefficients=static.coefficients + scale * apart,
-            coefficients_std=np.sqrt(variance),
+            coefficients_std=np.sqrt(np.diagonal(of_coefficients)),
+            coefficient_covariance=of_coefficients,
         )
 
 

@@ -20,6 +20,8 @@ AIR_DATA_NAMES = (
     "static_pressure",
     "dynamic_pressure",
 )
+AIR_DATA_UNITS = ("rad", "rad", "rad", "rad", "1", "Pa", "Pa")
+"""Units of :data:`AIR_DATA_NAMES`."""
 
 MIN_GAIN = 0.5
 """Part of the prior's standard deviation above which strain and navigation have not identified a quantity."""
@@ -35,7 +37,7 @@ class AirData:
 
     Attributes
     ----------
-    value, std : (k, 7) [rad, rad, rad, rad, 1, Pa, Pa].
+    value, std : (k, 7) in :data:`AIR_DATA_UNITS`.
     is_identified : (k, 7) whether strain and navigation say more of it than the ranges of the map do.
     """
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.at_temperature import SensorSets, scattered
 from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
@@ -21,6 +23,7 @@ from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
 from strainfmu.estimator.manifold.navigation import (
     NAVIGATION,
     Navigation,
+    doubted_precision,
     inconsistent_navigation,
     prior,
     state_measurement,
@@ -30,13 +33,21 @@ from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator, moment_transfer
+from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors
 
-BLOCK = 256
+BLOCK = 64
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
 
 _INCIDENCE = AIR_DATA_NAMES.index("total_incidence")
 
-_OF_LOADS = ("loads", "loads_std", "coefficients", "coefficients_std", "load_covariance")
+_OF_LOADS = (
+    "loads",
+    "loads_std",
+    "coefficients",
+    "coefficients_std",
+    "load_covariance",
+    "coefficient_covariance",
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +56,7 @@ class EstimatorInputs:
 
     Attributes
     ----------
-    strain, used : (k, n_d) [m/m], and which gauges to use.
+    strain, used : (k, n_d) readings less zeros [m/m], and which gauges to use.
     navigation : with a standard deviation for every value.
     """
 
@@ -53,7 +64,7 @@ class EstimatorInputs:
     used: BoolArray
     navigation: Navigation
 
-    def rows(self, rows: slice) -> EstimatorInputs:
+    def rows(self, rows: slice | IntArray) -> EstimatorInputs:
         """Return the samples ``rows``."""
         navigation = Navigation(value=self.navigation.value[rows], std=self.navigation.std[rows])
         return EstimatorInputs(strain=self.strain[rows], used=self.used[rows], navigation=navigation)
@@ -65,19 +76,28 @@ class ManifoldEstimator:
     Samples that do not fit the tables get the loads of the linear map, and health is not OK.
     """
 
-    def __init__(self, inverse_map: InverseMap, settings: EstimatorSettings | None = None) -> None:
-        """Prepare ``inverse_map``; None takes the settings that it was built with.
+    def __init__(
+        self,
+        inverse_map: InverseMap,
+        settings: EstimatorSettings | None = None,
+        zeros: GaugeZeros | None = None,
+    ) -> None:
+        """Prepare ``inverse_map``; None takes the settings that it was built with, and zeros of 0.
 
         Raises
         ------
         InputError
-            The map has no tables.
+            The map has no tables, or ``zeros`` are of another number of gauges.
         """
+        self.zeros = zeros or no_zeros(inverse_map.n_gauges)
+        self._without_zeros, inverse_map = inverse_map, with_zero_errors(inverse_map, self.zeros)
         if inverse_map.manifold is None:
             raise InputError("inverse map: estimator 'linear' found, expected 'manifold'")
         self.inverse_map, self.manifold = inverse_map, inverse_map.manifold
+        # Of strain: the zeros are taken off before it.
         self.linear = Estimator(inverse_map, settings)
         self.settings = self.linear.settings
+        self._warm = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
         self._search = search_table(self.manifold)
         _, precision = prior(self.manifold)
         self._prior_std = 1.0 / np.sqrt(precision)
@@ -85,6 +105,19 @@ class ManifoldEstimator:
         self._transfer = moment_transfer(shift)
         area, length = self.settings.reference_area, self.settings.reference_length
         self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
+
+    def with_zeros(self, zeros: GaugeZeros) -> ManifoldEstimator:
+        """Return an estimator of the same map with ``zeros`` in place of its own, as
+        :meth:`Estimator.with_zeros`."""
+        if len(zeros.value) == len(self.zeros.value) and np.array_equal(zeros.covariance, self.zeros.covariance):
+            other = copy(self)
+            other.zeros = zeros
+            return other
+        return ManifoldEstimator(self._without_zeros, self.settings, zeros)
+
+    def with_settings(self, settings: EstimatorSettings) -> ManifoldEstimator:
+        """Return an estimator of the same map with other settings."""
+        return ManifoldEstimator(self._without_zeros, settings, self.zeros)
 
     def estimate(
         self,
@@ -98,23 +131,27 @@ class ManifoldEstimator:
         altitude: ArrayLike = np.nan,
         static_pressure: ArrayLike = np.nan,
         static_pressure_std: ArrayLike = np.nan,
+        temperature: ArrayLike | None = None,
     ) -> FlightEstimates:
         """Estimate the loads of k samples, each on its own.
 
         Parameters
         ----------
-        strain : (k, n_d) or (n_d,) strains [m/m].
+        strain : (k, n_d) or (n_d,) readings [m/m].
         dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa] of navigation, one for all
             samples or (k,); NaN where not known. Any of them, and all, may be unknown.
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
         dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
             the map.
         altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
+        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
+            None for none. What the wall's temperature strains is taken off, as far as they tell.
 
         Raises
         ------
         InputError
-            An argument has the wrong shape.
+            An argument has the wrong shape, a standard deviation is negative, or the map knows nothing of the
+            temperatures given.
         """
         inputs = self.checked_inputs(
             strain,
@@ -129,11 +166,36 @@ class ManifoldEstimator:
                 "altitude": altitude,
             },
         )
+        if temperature is None:
+            return self._searched(inputs)
+        parts = [
+            (rows, estimator._searched(of_rows)) for rows, estimator, of_rows in self.groups(inputs, temperature)
+        ]
+        found: FlightEstimates = scattered(parts, len(inputs.strain))
+        return found
+
+    def _searched(self, inputs: EstimatorInputs) -> FlightEstimates:
         blocks = [
             self.estimated(inputs.rows(slice(first, first + BLOCK)), self.search)
             for first in range(0, max(len(inputs.strain), 1), BLOCK)
         ]
         return joined(blocks)
+
+    def groups(
+        self, inputs: EstimatorInputs, temperature: ArrayLike
+    ) -> list[tuple[IntArray, ManifoldEstimator, EstimatorInputs]]:
+        """Return the samples of each set of known sensors with the estimator for it, and their inputs as at the
+        reference temperature; ``temperature`` as of :meth:`estimate`."""
+        known, found = self._warm.readings(temperature, len(inputs.strain)), []
+        for rows, key in self._warm.groups(known):
+            estimator, strain = self._warm.of_set(key, inputs.strain[rows], known[rows])
+            found.append((rows, estimator, replace(inputs.rows(rows), strain=strain)))
+        return found
+
+    def _of_strain(self, inverse_map: InverseMap) -> ManifoldEstimator:
+        """Return the estimator of ``inverse_map`` for readings less zeros."""
+        none = replace(self.zeros, value=np.zeros_like(self.zeros.value))
+        return ManifoldEstimator(inverse_map, self.settings, none)
 
     def checked_inputs(
         self, strain: ArrayLike, valid: ArrayLike | None, flow: Mapping[str, ArrayLike]
@@ -155,9 +217,12 @@ class ManifoldEstimator:
         pressure = of["static_pressure"]
         pressure = np.where(np.isnan(pressure), static_pressure_at(of["altitude"]), pressure)
         value = np.column_stack([of["mach_number"], pressure, of["dynamic_pressure"]])
+        for name in (f"{name}_std" for name in NAVIGATION):
+            if np.any(of[name] < 0.0):
+                raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(of[name]):g}")
         std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
         navigation = Navigation(value=value, std=self._stds(value, std))
-        return EstimatorInputs(strain=d, used=used, navigation=navigation)
+        return EstimatorInputs(strain=d - self.zeros.value, used=used, navigation=navigation)
 
     def _stds(self, value: FloatArray, std: FloatArray) -> FloatArray:
         """Return (k, 3) ``std``, those of the map where it is NaN."""
@@ -192,7 +257,7 @@ class ManifoldEstimator:
         dropped = inconsistent_navigation(found.navigation_residual)
         if dropped.any():
             residual = found.navigation_residual
-            samples = without_navigation(samples, dropped)
+            samples = without_navigation(samples, residual, dropped)
             at = solve(samples)
             found = replace(solution(self.manifold, at, used), navigation_residual=residual)
         return self.concluded(inputs, samples, found)
@@ -232,6 +297,8 @@ class ManifoldEstimator:
             state_covariance=found.state_covariance,
             navigation_residual=found.navigation_residual,
             navigation_used=known,
+            shape_residual=found.shape_residual,
+            fits=judged.fits,
             is_linear=is_linear,
         )
 
@@ -241,7 +308,7 @@ class ManifoldEstimator:
         value, std = inputs.navigation.value, inputs.navigation.std
         return FieldInputs(
             inverse_map=self.inverse_map,
-            strain=inputs.strain.copy(),  # the caller may fill its array with the next sample
+            strain=inputs.strain,
             dynamic_pressure=value[:, 2],
             dynamic_pressure_std=std[:, 2],
             static_pressure=value[:, 1],
@@ -257,7 +324,7 @@ class ManifoldEstimator:
         out.valid[:] = used
         out.loads[:], out.load_covariance[:] = found.loads @ self._transfer.T, of_load
         out.loads_std[:] = np.sqrt(np.diagonal(of_load, axis1=1, axis2=2))
-        out.coefficients[:] = found.coefficients @ turn.T
+        out.coefficients[:], out.coefficient_covariance[:] = found.coefficients @ turn.T, of_coefficient
         out.coefficients_std[:] = np.sqrt(np.diagonal(of_coefficient, axis1=1, axis2=2))
         return out
 
@@ -295,10 +362,10 @@ class ManifoldEstimator:
         return is_linear
 
 
-def without_navigation(samples: Samples, dropped: BoolArray) -> Samples:
-    """Return ``samples`` without the ``dropped`` (k, 3) quantities of navigation."""
+def without_navigation(samples: Samples, residual: FloatArray, dropped: BoolArray) -> Samples:
+    """Return ``samples`` without the ``dropped`` (k, 3) quantities of navigation, of ``residual`` (k, 3)."""
     precision = samples.measured.precision.copy()
-    precision[:, :3] = np.where(dropped, 0.0, precision[:, :3])
+    precision[:, :3] = doubted_precision(precision[:, :3], residual, dropped)
     return replace(samples, measured=replace(samples.measured, precision=precision))
 
 

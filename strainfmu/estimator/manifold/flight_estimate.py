@@ -23,6 +23,8 @@ class FlightEstimate(LoadEstimate):
     state, state_covariance : (4,), (4, 4) flight state (M, u, w, ln p_inf).
     navigation_residual : (3,) standardised difference of each of ``NAVIGATION`` from all else; 0 if not known.
     navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent.
+    shape_residual : (n_s,) standardised size of each shape of pressure off the tables that the map tests.
+    fits : whether strain and navigation fit the tables.
     is_linear : whether loads and coefficients are those of the linear map, because strain does not fit the tables.
     """
 
@@ -31,6 +33,8 @@ class FlightEstimate(LoadEstimate):
     state_covariance: FloatArray
     navigation_residual: FloatArray
     navigation_used: BoolArray
+    shape_residual: FloatArray
+    fits: bool
     is_linear: bool
 
     def pressure(self, with_std: bool = True) -> PressureField:
@@ -59,6 +63,8 @@ class FlightEstimates(LoadEstimates):
     state_covariance: FloatArray
     navigation_residual: FloatArray
     navigation_used: BoolArray
+    shape_residual: FloatArray
+    fits: BoolArray
     is_linear: BoolArray
 
     def __getitem__(self, sample: int) -> FlightEstimate:
@@ -71,6 +77,8 @@ class FlightEstimates(LoadEstimates):
             state_covariance=self.state_covariance[sample],
             navigation_residual=self.navigation_residual[sample],
             navigation_used=self.navigation_used[sample],
+            shape_residual=self.shape_residual[sample],
+            fits=bool(self.fits[sample]),
             is_linear=bool(self.is_linear[sample]),
         )
 
@@ -84,6 +92,8 @@ def joined(blocks: list[FlightEstimates]) -> FlightEstimates:
         values = [getattr(block, entry.name) for block in blocks]
         if entry.name == "field_inputs":
             parts[entry.name] = _joined_inputs(values)
+        elif entry.name == "section_station":
+            parts[entry.name] = values[0]
         elif entry.name == "air_data":
             parts[entry.name] = AirData(
                 **{

@@ -12,7 +12,7 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi
 from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.navigation import NAVIGATION, Navigation
+from strainfmu.estimator.manifold.navigation import NAVIGATION, NAVIGATION_ALARM, Navigation
 from strainfmu.estimator.manifold.solve import FlightSolution
 
 OUTSIDE_SCORE = 3.0
@@ -62,8 +62,11 @@ def flight_health(
     suspect = np.where(size[np.arange(k), worst] > threshold, worst, -1)
     score = range_score(manifold, found)
     outside = (score > OUTSIDE_SCORE) | _navigation_outside(manifold, navigation, navigation_used)
-    dropped = np.any(np.isfinite(navigation.value) & ~navigation_used, axis=1)
     fits = np.asarray(found.chi_square <= limit)
+    shapes = np.abs(found.shape_residual)
+    if shapes.shape[1]:
+        fits &= np.max(shapes, axis=1) <= shape_threshold(manifold, alarm_scale)
+    dropped = _alarming(navigation, navigation_used, found.navigation_residual)
     health = np.select(
         [outside, ~fits, suspect >= 0, dropped | ~used.all(axis=1)],
         [HealthState.OUTSIDE, HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.DEGRADED],
@@ -89,6 +92,25 @@ def gauge_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
     """Return the alarm level of the largest leave-one-out residual |z|."""
     nominal = outlier_threshold(manifold.tables.n_gauges, FALSE_ALARM_PROBABILITY)
     return float(nominal * np.sqrt(manifold.outlier_scale * alarm_scale))
+
+
+def shape_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
+    """Return the alarm level of the largest standardised size of a shape of pressure off the tables."""
+    level = manifold.shape_limit
+    if level is None:
+        level = outlier_threshold(max(manifold.shapes.shape[1], 1), FALSE_ALARM_PROBABILITY)
+    return float(level * np.sqrt(alarm_scale))
+
+
+def _alarming(navigation: Navigation, used: BoolArray, residual: FloatArray) -> BoolArray:
+    """Return (k,) whether a quantity of navigation has a value that is not used, and no correct one.
+
+    Correct ones are dropped at the rates :data:`~strainfmu.estimator.manifold.navigation.FALSE_ALARMS`, and the
+    loads are right as well. Health alarms at the rate of its other tests.
+    """
+    size = np.abs(residual)
+    may_be_correct = (size > 0.0) & (size <= NAVIGATION_ALARM)
+    return np.any(np.isfinite(navigation.value) & ~used & ~may_be_correct, axis=1)
 
 
 def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:

@@ -12,6 +12,7 @@ u and w go through zero incidence without a jump where the polar angle phi_T has
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,12 @@ class FlightTables:
         """Number of gauges n_d."""
         return int(self.response.shape[2]) - 5
 
+    @cached_property
+    def by_harmonic(self) -> FloatArray:
+        """(n_M + 2, n_a + 2, 2 n_m, n_d + 5) the same coefficients, those of a harmonic together."""
+        cells, n = self.response.shape[:2], self.response.shape[2]
+        return np.ascontiguousarray(np.swapaxes(self.response.reshape(*cells, n, -1), 2, 3))
+
 
 class Response(NamedTuple):
     """Strains then loads (k, n_d + 5), and their derivatives by the flight state (k, n_d + 5, 4)."""
@@ -70,15 +77,15 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     """Return the response at ``state`` (k, 4) real or complex."""
     mach, u, w, log_pressure = state.T
     incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
-    amplitude, by_mach, by_incidence = _amplitudes(tables, mach, incidence)
     wind = _harmonics(u, w, incidence, tables.response.shape[3])
+    sums = _sums(tables, mach, incidence, wind)
     pressure = np.exp(log_pressure)[:, None]
-    value = pressure * _sum(amplitude, wind.value)
+    value = pressure * sums.value
     jacobian = np.stack(
         [
-            pressure * _sum(by_mach, wind.value),
-            pressure * ((u / incidence)[:, None] * _sum(by_incidence, wind.value) + _sum(amplitude, wind.by_u)),
-            pressure * ((w / incidence)[:, None] * _sum(by_incidence, wind.value) + _sum(amplitude, wind.by_w)),
+            pressure * sums.by_mach,
+            pressure * ((u / incidence)[:, None] * sums.by_incidence + sums.by_u),
+            pressure * ((w / incidence)[:, None] * sums.by_incidence + sums.by_w),
             value,
         ],
         axis=2,
@@ -86,31 +93,39 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     return Response(value + tables.fixed_response, jacobian)
 
 
-def _amplitudes(tables: FlightTables, mach: FloatArray, incidence: FloatArray) -> tuple[FloatArray, ...]:
-    """Return (k, n_d + 5, n_m, 2) A and B, and their derivatives by Mach number and by incidence."""
+class _Sums(NamedTuple):
+    """Sums over harmonics and phases (k, n_d + 5), and their derivatives, those of u and w by the roll angle."""
+
+    value: FloatArray
+    by_mach: FloatArray
+    by_incidence: FloatArray
+    by_u: FloatArray
+    by_w: FloatArray
+
+
+def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _Harmonics) -> _Sums:
     of_mach, of_incidence = local_basis(tables.mach_knots, mach), local_basis(tables.incidence_knots, incidence)
     factors = (
-        (of_mach.value, of_incidence.value),
-        (of_mach.derivative, of_incidence.value),
-        (of_mach.value, of_incidence.derivative),
+        (of_mach.value, of_incidence.value, wind.value),
+        (of_mach.derivative, of_incidence.value, wind.value),
+        (of_mach.value, of_incidence.derivative, wind.value),
+        (of_mach.value, of_incidence.value, wind.by_u),
+        (of_mach.value, of_incidence.value, wind.by_w),
     )
-    shape = tables.response.shape[2:]
-    found = tuple(np.empty((len(mach), *shape), dtype=of_incidence.value.dtype) for _ in factors)
+    n = tables.response.shape[2]
+    found = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
     cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
-    # Samples of one cell have their 16 coefficients in common.
+    # Samples of one cell have their 16 coefficients of each harmonic in common.
     for i, j in np.unique(cells, axis=0).tolist():
         rows = np.flatnonzero((cells[:, 0] == i) & (cells[:, 1] == j))
-        local = tables.response[i : i + 4, j : j + 4].reshape(16, -1)
-        for out, (first, second) in zip(found, factors, strict=True):
-            weight = first[rows, :, None] * second[rows, None, :]
-            out[rows] = (weight.reshape(-1, 16) @ local).reshape(-1, *shape)
-    return found
-
-
-def _sum(amplitude: FloatArray, wind: FloatArray) -> FloatArray:
-    """Return (k, n) sums over harmonics and phases of ``amplitude`` (k, n, n_m, 2) and ``wind`` (k, n_m, 2)."""
-    k, n = amplitude.shape[:2]
-    return np.asarray((amplitude.reshape(k, n, -1) @ wind.reshape(k, -1, 1))[:, :, 0])
+        local = tables.by_harmonic[i : i + 4, j : j + 4].reshape(-1, n)
+        weight = [
+            (first[rows, :, None] * second[rows, None, :]).reshape(len(rows), -1, 1)
+            * third[rows].reshape(len(rows), 1, -1)
+            for first, second, third in factors
+        ]
+        found[:, rows] = np.reshape(np.reshape(weight, (-1, len(local))) @ local, (len(factors), len(rows), n))
+    return _Sums(*found)
 
 
 class _Harmonics(NamedTuple):

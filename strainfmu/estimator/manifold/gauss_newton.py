@@ -12,9 +12,10 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, evaluate
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, Response, U, evaluate
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import StateMeasurement, predicted
+from strainfmu.estimator.manifold.triangular import forward_substituted
 
 LARGEST_STEP = np.array([0.5, 0.05, 0.05, 0.3])
 """Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
@@ -82,23 +83,36 @@ class Samples:
 
 def strain_factor(manifold: ManifoldMap, state: FloatArray, used: BoolArray) -> FloatArray:
     """Return the Cholesky factor (k, n_d, n_d) of S at ``state`` (k, 4), of the unit matrix for lost gauges."""
-    n_d = manifold.tables.n_gauges
-    response = evaluate(manifold.tables, state).value
-    pressure = np.exp(state[:, LOG_PRESSURE])
-    covariance = strain_covariance(manifold, pressure, response[:, :n_d], response[:, n_d:])
+    return _factor_of(manifold, state, used, evaluate(manifold.tables, state))
+
+
+def _factor_of(manifold: ManifoldMap, state: FloatArray, used: BoolArray, response: Response) -> FloatArray:
+    n_d, pressure = manifold.tables.n_gauges, np.exp(state[:, LOG_PRESSURE])
+    covariance = strain_covariance(manifold, pressure, response.value[:, :n_d], response.value[:, n_d:])
     return np.asarray(np.linalg.cholesky(_without_lost(covariance, used)))
+
+
+def linearise_anew(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
+    """Return the problem of ``samples`` about ``state`` (k, 4), weighted by S there."""
+    response = evaluate(manifold.tables, state)
+    return _linearised(manifold, state, _factor_of(manifold, state, samples.used, response), samples, response)
 
 
 def linearise(manifold: ManifoldMap, state: FloatArray, factor: FloatArray, samples: Samples) -> Linearised:
     """Return the problem of ``samples`` about ``state`` (k, 4), weighted by ``factor`` of
     :func:`strain_factor`."""
+    return _linearised(manifold, state, factor, samples, evaluate(manifold.tables, state))
+
+
+def _linearised(
+    manifold: ManifoldMap, state: FloatArray, factor: FloatArray, samples: Samples, response: Response
+) -> Linearised:
     strain, used, measured = samples.strain, samples.used, samples.measured
     n_d = manifold.tables.n_gauges
-    response = evaluate(manifold.tables, state)
     model, loads = response.value[:, :n_d], response.value[:, n_d:]
     residual = np.where(used, strain - model, 0.0)
     jacobian = np.where(used[:, :, None], response.jacobian[:, :n_d], 0.0)
-    both = np.linalg.solve(factor, np.concatenate([residual[:, :, None], jacobian], axis=2))
+    both = forward_substituted(factor, np.concatenate([residual[:, :, None], jacobian], axis=2))
     whitened, whitened_jacobian = both[:, :, 0], both[:, :, 1:]
     value, of_state = predicted(state)
     innovation = measured.value - value

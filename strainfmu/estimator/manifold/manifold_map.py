@@ -38,6 +38,10 @@ class ManifoldMap:
     mach_number_error : standard deviation of a stated Mach number without its own [1].
     static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
     chi_square_scale, outlier_scale : factors on the alarm levels, from data of an independent model [1].
+    discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, each tested on its own [1]; None
+        for none.
+    shape_limit : standardised size of a shape from which strain does not fit the tables, from data of an
+        independent model; None for that of the theory.
     pressure_field : pressure on the surface over the flight state; None where the map does not hold it.
     """
 
@@ -62,6 +66,8 @@ class ManifoldMap:
     dynamic_pressure_error: float
     chi_square_scale: float = 1.0
     outlier_scale: float = 1.0
+    discrepancy_shapes: FloatArray | None = None
+    shape_limit: float | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
 
     def __post_init__(self) -> None:
@@ -75,6 +81,8 @@ class ManifoldMap:
             "mach_range": (2,),
             "pressure_range": (2,),
         }
+        if self.discrepancy_shapes is not None:
+            shapes["discrepancy_shapes"] = (n_d, *self.discrepancy_shapes.shape[1:2])
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not np.all(np.isfinite(value)):
@@ -102,6 +110,12 @@ class ManifoldMap:
             response=self.response,
             fixed_response=self.fixed_response,
         )
+
+    @cached_property
+    def shapes(self) -> FloatArray:
+        """(n_d, n_s) ``discrepancy_shapes``, n_s = 0 for none."""
+        none = np.zeros((self.tables.n_gauges, 0))
+        return none if self.discrepancy_shapes is None else self.discrepancy_shapes
 
     @cached_property
     def references(self) -> FloatArray:

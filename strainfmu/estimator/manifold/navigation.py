@@ -9,6 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
@@ -20,6 +21,10 @@ NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
 """Rates at which correct values of them are named inconsistent. M and p_inf: at a lower rate 5 sigma would pass.
 q_inf: without it coefficients are those of the estimated flight state."""
+
+
+NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
+"""Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,3 +115,15 @@ def inconsistent_navigation(residual: FloatArray) -> BoolArray:
     out = np.zeros(residual.shape, dtype=bool)
     out[rows, worst] = excess[rows, worst] > 1.0
     return out
+
+
+def doubted_precision(precision: FloatArray, residual: FloatArray, dropped: BoolArray) -> FloatArray:
+    """Return the precision (k, 3) of navigation once ``dropped`` (k, 3) quantities do not count.
+
+    Below :data:`NAVIGATION_ALARM` it may as well be one of the others that is wrong, or none: they count with
+    deviations larger by the standardised ``residual`` (k, 3) of the one that is dropped, and one more for the
+    noise in it. Then three of them hold the error, whichever it is.
+    """
+    size = np.max(np.where(dropped, np.abs(residual), 0.0), axis=1, keepdims=True)
+    widening = np.where((size > 0.0) & (size <= NAVIGATION_ALARM), size + 1.0, 1.0)
+    return np.where(dropped, 0.0, precision / (widening * widening))

@@ -17,11 +17,12 @@ from strainfmu.estimator.manifold.gauss_newton import (
     Linearised,
     Samples,
     linearise,
+    linearise_anew,
     stepped,
-    strain_factor,
 )
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.starts import STARTS, SearchTable, starts
+from strainfmu.estimator.manifold.triangular import forward_substituted
 
 START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 4, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
@@ -38,6 +39,7 @@ class FlightSolution:
     chi_square : (k,) sum of squares of strain and navigation.
     standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
     navigation_residual : (k, 3) the same of M, p_inf and q_inf; 0 where not known.
+    shape_residual : (k, n_s) standardised size of each shape of pressure off the tables in the residual.
     """
 
     state: FloatArray
@@ -49,6 +51,7 @@ class FlightSolution:
     chi_square: FloatArray
     standardised_residual: FloatArray
     navigation_residual: FloatArray
+    shape_residual: FloatArray
 
 
 def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> Linearised:
@@ -60,25 +63,29 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
     state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
     each = samples.rows(np.tile(np.arange(k), STARTS))
     for _ in range(2):
-        factor = strain_factor(manifold, state, each.used)
+        at = linearise_anew(manifold, state, each)
         for _ in range(START_ITERATIONS // 2):
-            state = stepped(manifold, linearise(manifold, state, factor, each))
-    at = linearise(manifold, state, factor, each)
-    cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+            state = stepped(manifold, at)
+            at = linearise(manifold, state, at.factor, each)
+    cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(at.factor, axis1=1, axis2=2)), axis=1)
     best = np.argmin(cost.reshape(STARTS, k), axis=0) * k + np.arange(k)
     state = state[best]
+    return solve_from(manifold, state, samples)
+
+
+def solve_from(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
+    """Return the solution from ``state`` (k, 4), S renewed in every iteration."""
     for _ in range(COLD_ITERATIONS):
-        factor = strain_factor(manifold, state, samples.used)
-        state = stepped(manifold, linearise(manifold, state, factor, samples))
-    return linearise(manifold, state, strain_factor(manifold, state, samples.used), samples)
+        state = stepped(manifold, linearise_anew(manifold, state, samples))
+    return linearise_anew(manifold, state, samples)
 
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
     """Return the solution from ``state`` (k, 4) after a fixed number of iterations, with S of that state."""
-    factor, pressure = strain_factor(manifold, state, samples.used), np.exp(state[:, LOG_PRESSURE])
+    at, pressure = linearise_anew(manifold, state, samples), np.exp(state[:, LOG_PRESSURE])
     for _ in range(WARM_ITERATIONS):
-        state = stepped(manifold, linearise(manifold, state, factor, samples))
-    return replace(linearise(manifold, state, factor, samples), factor_pressure=pressure)
+        at = linearise(manifold, stepped(manifold, at), at.factor, samples)
+    return replace(at, factor_pressure=pressure)
 
 
 def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSolution:
@@ -88,7 +95,7 @@ def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSo
     square = ((pressure if at.factor_pressure is None else at.factor_pressure) ** 2)[:, None, None]
     covariance = np.asarray(np.linalg.inv(at.hessian), dtype=np.float64)
     cross = np.where(used[:, None, :], square * manifold.load_strain_covariance, 0.0)
-    turned = np.swapaxes(np.linalg.solve(at.factor, np.swapaxes(cross, 1, 2)), 1, 2)
+    turned = np.swapaxes(forward_substituted(at.factor, np.swapaxes(cross, 1, 2)), 1, 2)
     loads = at.loads + (turned @ at.whitened[:, :, None])[:, :, 0]
     by_state = at.load_jacobian - turned @ at.whitened_jacobian
     remaining = square * manifold.load_covariance - turned @ np.swapaxes(turned, 1, 2)
@@ -113,6 +120,7 @@ def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSo
         chi_square=at.cost,
         standardised_residual=_gauge_residuals(at, covariance, used),
         navigation_residual=_navigation_residuals(at, covariance),
+        shape_residual=_shape_residuals(manifold, at, covariance, used),
     )
 
 
@@ -139,6 +147,16 @@ def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) ->
     diagonal = diagonal - np.einsum("knx,kxy,kny->kn", of_state, covariance, of_state)
     checked = used & (diagonal > 0.0)
     return np.where(checked, product / np.sqrt(np.where(checked, diagonal, 1.0)), 0.0)
+
+
+def _shape_residuals(manifold: ManifoldMap, at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:
+    """Return (k, n_s) a' P r / sqrt(a' P a) for every shape a, P as of the gauges, whose a are unit vectors."""
+    shapes = np.where(used[:, :, None], manifold.shapes, 0.0)
+    turned = np.swapaxes(forward_substituted(at.factor, shapes), 1, 2)
+    product, of_state = (turned @ at.whitened[:, :, None])[:, :, 0], turned @ at.whitened_jacobian
+    variance = np.sum(turned * turned, axis=2) - np.einsum("ksx,kxy,ksy->ks", of_state, covariance, of_state)
+    seen = variance > 0.0
+    return np.where(seen, product / np.sqrt(np.where(seen, variance, 1.0)), 0.0)
 
 
 def _navigation_residuals(at: Linearised, covariance: FloatArray) -> FloatArray:

@@ -56,6 +56,7 @@ class FlightTracker:
         altitude: float = np.nan,
         static_pressure: float = np.nan,
         static_pressure_std: float = np.nan,
+        temperature: ArrayLike | None = None,
     ) -> FlightEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`ManifoldEstimator.estimate`."""
         inputs = self.estimator.checked_inputs(
@@ -71,7 +72,10 @@ class FlightTracker:
                 "altitude": altitude,
             },
         )
-        found, self.track = tracked(self.estimator, inputs, self.track)
+        estimator = self.estimator
+        if temperature is not None:
+            ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
+        found, self.track = tracked(estimator, inputs, self.track)
         return found
 
 
@@ -91,7 +95,7 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
     one = found[0]
     if one.health in (HealthState.INVALID, HealthState.UNIDENTIFIED):
         return one, track
-    fits = bool(one.chi_square <= one.chi_square_limit)
+    fits = one.fits
     to_return = max(track.to_return - 1, 0) if fits else RETURN_AFTER
     if fits and to_return > 0:
         one = estimator.with_linear_loads(inputs, found)[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -15,8 +16,9 @@ from can.interfaces.udp_multicast.utils import pack_message
 from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.inline_receiver import InlineReceiver
 from strainfmu.can.bridge.raw_bus import RawMulticast, RawSocketCan, can_frame, raw_bus
-from strainfmu.can.bridge.receiver import FrameQueue
+from strainfmu.can.bridge.receiver import BusFault, FrameQueue
 from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.own_frames import OwnFrames
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message, to_message
 
@@ -112,6 +114,37 @@ def test_frames_are_never_older_than_a_time_already_known(buses: list[can.BusABC
         assert later - item.time >= 0.015, "it has waited"
         known = later
     receiver.stop()
+
+
+def test_own_frames_that_have_come_back_do_not_end_the_wait(buses: list[can.BusABC]) -> None:
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 3)
+    own = Frame(identifier=0x390, data=bytes(8))
+    sent = OwnFrames([own.key])
+    sent.sending(own)
+    acceptance = Acceptance(layout(), sent, BridgeSettings())
+    receiver = InlineReceiver(raw, queue, acceptance=acceptance, clock=time.monotonic, cycle=1)
+    buses[1].send(to_message(own))
+    time.sleep(0.05)
+    later = threading.Timer(0.05, buses[1].send, [to_message(FRAMES[0])])
+    later.start()
+    receiver.collect(5.0)
+    later.join()
+    assert [item.key for item in queue.take(0.0, time.monotonic)[0] if isinstance(item, Frame)] == [FRAMES[0].key]
+    assert receiver.account.received == 1
+    receiver.stop()
+
+
+def test_of_a_bus_that_was_shut_down_no_frame_is_answered(buses: list[can.BusABC]) -> None:
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 3)
+    acceptance = Acceptance(layout(), [], BridgeSettings())
+    receiver = InlineReceiver(raw, queue, acceptance=acceptance, clock=time.monotonic, cycle=1)
+    buses[1].send(to_message(FRAMES[0]))
+    time.sleep(0.05)
+    buses[0].shutdown()
+    receiver.collect(1.0)
+    items, _ = queue.take(0.0, time.monotonic)
+    assert [type(item) for item in items] == [BusFault]
+    raw.close()
 
 
 def test_only_known_sockets_are_read_directly(buses: list[can.BusABC]) -> None:

@@ -144,14 +144,17 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     strain = random.uniform(-8e-3, 8e-3, 54)
     strain[5] = np.nan
     frames = OrderedDict(
-        (frame.key, frame) for frame in StrainEncoder(layout).encode(strain, 1.25e5, cycle=3, sample_time=12.5)
+        (frame.key, frame) for frame in StrainEncoder(layout).encode(strain, 1.25e5, cycle=0, sample_time=12.5)
     )
     assert len(frames) == layout.cycle_length == len(layout.frames) - 1, "all but navigation, which is not known"
+    from strainfmu.can.cycle.assembler import Arrival
     from strainfmu.can.cycle.reception import Reception
     from strainfmu.can.settings import BridgeSettings
 
     reception = Reception(layout, BridgeSettings())
-    arrivals = [reception.arrival(slot, frames[item.layout.key]) for slot, item in enumerate(layout.strain_frames)]
+    taken = [reception.take(frames[item.layout.key]) for item in layout.strain_frames]
+    arrivals = [one for one in taken if isinstance(one, Arrival)]
+    assert len(arrivals) == len(layout.strain_frames)
     cycle = StrainDecoder(layout).decode(arrivals, 0)
     assert cycle.present.all()
     assert np.flatnonzero(cycle.refused).tolist() == [5]

@@ -17,6 +17,7 @@ from strainfmu.estimator.manifold.navigation import (
 )
 from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold, solve_warm
 from strainfmu.estimator.manifold.starts import search_table
+from strainfmu.estimator.manifold.triangular import MANY, forward_substituted
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS
@@ -168,3 +169,11 @@ def test_inconsistent_navigation_is_found(which: int) -> None:
     assert np.mean(inconsistent_navigation(wrong.navigation_residual).any(axis=1)) > 0.95
     right = cold(manifold, samples(manifold, strains(state, 18), nav))
     assert np.mean(inconsistent_navigation(right.navigation_residual).any(axis=1)) < 0.05
+
+
+@pytest.mark.parametrize("k", [1, MANY, 3 * MANY])
+def test_forward_substitution_is_that_of_a_solver(k: int) -> None:
+    random = np.random.default_rng(5)
+    factor = np.tril(random.standard_normal((k, 9, 9))) + 9.0 * np.eye(9)
+    right = random.standard_normal((k, 9, 4))
+    np.testing.assert_allclose(forward_substituted(factor, right), np.linalg.solve(factor, right), rtol=1e-12)

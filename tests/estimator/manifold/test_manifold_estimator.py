@@ -5,13 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flight_maps import ROWS, STATIONS, exact_response, flight_map
+from flight_maps import AREA, LENGTH, ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
 import strainfmu
+from builder.manifold.discrepancy import TESTED
 from strainfmu.errors import InputError
-from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
@@ -168,3 +170,72 @@ def test_after_strain_off_the_tables_the_loads_come_back_late() -> None:
     assert all(one.is_linear and one.health is not HealthState.OK for one in late[: RETURN_AFTER - 1])
     assert not late[-1].is_linear
     assert late[-1].health is HealthState.OK
+
+
+def test_navigation_that_may_be_correct_is_dropped_without_an_alarm() -> None:
+    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    flow, states = navigation(CONDITION), {}
+    of_all = estimator.estimate(strain, **flow)[0]
+    for sigmas in (0.0, 4.5, 12.0):
+        found = estimator.estimate(strain, **flow | {"mach_number": CONDITION.mach_number + 0.05 * sigmas})[0]
+        states[sigmas] = (bool(found.navigation_used[0]), found.health)
+        assert np.all(np.abs(found.coefficients - of_all.coefficients) < found.coefficients_std)
+    assert states == {
+        0.0: (True, HealthState.OK),
+        4.5: (False, HealthState.OK),
+        12.0: (False, HealthState.DEGRADED),
+    }
+
+
+def test_a_shape_of_pressure_off_the_tables_is_seen_where_chi_square_is_not() -> None:
+    whole = replace(whole_map(), manifold=flight_map(discrepancy=3e-2))
+    assert whole.manifold is not None
+    shapes = whole.manifold.shapes
+    assert 1 <= shapes.shape[1] <= TESTED
+    estimator, strain = ManifoldEstimator(whole), strain_at(CONDITION)
+    largest = 0.0
+    for size in np.linspace(0.0, 40.0, 41):
+        found = estimator.estimate(strain + size * shapes[:, -1], **navigation(CONDITION))[0]
+        if not found.fits:
+            break
+        largest = float(np.max(np.abs(found.shape_residual)))
+    assert largest < outlier_threshold(shapes.shape[1], FALSE_ALARM_PROBABILITY)
+    assert np.max(np.abs(found.shape_residual)) > largest
+    assert found.chi_square < found.chi_square_limit
+    assert found.health is HealthState.INCONSISTENT
+    assert found.is_linear
+
+
+def test_a_shape_of_one_gauge_is_its_leave_one_out_residual() -> None:
+    whole = whole_map()
+    assert whole.manifold is not None
+    unit = replace(whole.manifold, discrepancy_shapes=1e-6 * np.eye(N_D)[:, [3, 8]])
+    estimator, strain = ManifoldEstimator(replace(whole, manifold=unit)), strain_at(CONDITION)
+    found = estimator.estimate(strain, **navigation(CONDITION))
+    np.testing.assert_allclose(found.shape_residual[0], found.standardised_residual[0, [3, 8]], rtol=1e-9)
+    found = estimator.estimate(strain, valid=np.arange(N_D) != 3, **navigation(CONDITION))
+    assert found.shape_residual[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("name", ["mach_number_std", "static_pressure_std", "dynamic_pressure_std"])
+def test_a_negative_deviation_of_navigation_is_refused(name: str) -> None:
+    estimator = ManifoldEstimator(whole_map())
+    with pytest.raises(InputError, match=rf"{name}: expected numbers from 0 on, got -0.1"):
+        estimator.estimate(strain_at(CONDITION), **navigation(CONDITION) | {name: -0.1})
+
+
+def test_doubt_about_navigation_covers_an_error_of_the_quantity_that_is_kept() -> None:
+    """q_inf wrong by ten deviations looks like a wrong Mach number: three sigma hold the coefficients."""
+    estimator = ManifoldEstimator(whole_map())
+    flow, dropped, silent = navigation(CONDITION), 0, 0
+    flow["dynamic_pressure"] *= 1.1
+    scale = CONDITION.dynamic_pressure * AREA * np.array([1.0, 1.0, 1.0, LENGTH, LENGTH])
+    u, w = (CONDITION.total_incidence * f(CONDITION.leeward_roll_angle) for f in (np.cos, np.sin))
+    true = exact_response(CONDITION.mach_number, u, w, CONDITION.ambient_pressure)[N_D:] / scale
+    for seed in range(20):
+        found = estimator.estimate(strain_at(CONDITION, seed), **flow)[0]
+        wrong = np.any(np.abs(found.coefficients - true) > 3.0 * found.coefficients_std)
+        dropped += not np.all(found.navigation_used)
+        silent += bool(wrong) and found.health is HealthState.OK
+    assert dropped == 20
+    assert silent <= 1

@@ -32,11 +32,11 @@ static void put_u64(unsigned char *bytes, size_t position, uint64_t value) {
 }
 
 #define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
-#define N_SCALARS 26
+#define N_SCALARS 28
 
 /* Whether a scalar of the map must be positive. */
 static int is_positive(size_t scalar) {
-    static const unsigned char POSITIVE[] = {0, 1, 3, 4, 7, 12, 13, 23};
+    static const unsigned char POSITIVE[] = {0, 1, 3, 4, 7, 12, 13, 23, 26, 27};
     return memchr(POSITIVE, (int)scalar, sizeof POSITIVE) != NULL;
 }
 
@@ -48,8 +48,8 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
     const size_t prior = bits & 1u, scaled = bits >> 1 & 1u, errors = scaled & bits >> 2, half_spaces = bits >> 3 & 3u;
     const size_t terms = errors ? bits >> 5 & 3u : 0, altitudes = 2 + (bits >> 7);
     const size_t triangle = n * (n + 1) / 2;
-    size_t doubles = N_SCALARS + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n;
-    doubles += altitudes + 6 * half_spaces + scaled * (n * n + n + 5 * n + 25 + 2 * n + 10 + n);
+    size_t doubles = N_SCALARS + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n + n * n;
+    doubles += altitudes + 6 * half_spaces + scaled * (n * n + n + 5 * n + 25 + 2 * n + 10 + n + 2 * n * n + 5 * n + 25);
     doubles += errors * (21 * n + 21 + 6 * terms * n);
     *length = VALUES_AT + 8 * doubles;
     unsigned char *bytes = calloc(1, *length);

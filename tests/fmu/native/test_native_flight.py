@@ -119,6 +119,28 @@ def test_one_gauge_that_does_not_fit(fmu: FlightFmu, inverse_map: InverseMap) ->
     assert compare(fmu, inverse_map, samples)[1] in (HealthState.SUSPECT, HealthState.INCONSISTENT)
 
 
+def test_a_shape_of_pressure_off_the_tables(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """Chi-square stays below its level."""
+    assert inverse_map.manifold is not None
+    shape, tracker, fits = inverse_map.manifold.shapes[:, 1], fresh_tracker(inverse_map), []
+    for k, one in enumerate(random_flight(inverse_map, 6, seed=18)):
+        sample = replace(one, strain=one.strain + (0.18 * shape if k == 3 else 0.0))
+        found = tracked(tracker, sample)
+        check(fmu.advance(sample), found)
+        assert found.chi_square < found.chi_square_limit
+        fits.append(found.fits)
+    assert fits == [k != 3 for k in range(6)]
+
+
+def test_navigation_that_may_be_correct_widens_the_others(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    right = random_flight(inverse_map, 4, seed=19)
+    samples = [
+        replace(one, flow=one.flow | {"mach_number": one.flow["mach_number"] + 0.05 * off})
+        for one, off in zip(right, (3.0, 4.0, -4.0, 5.0), strict=True)
+    ]
+    assert compare(fmu, inverse_map, samples).count(HealthState.OK) >= 1
+
+
 def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     """What is set after a step belongs to the next one, however often it is set or read before that is taken."""
     samples, tracker = random_flight(inverse_map, 6, seed=17), fresh_tracker(inverse_map)

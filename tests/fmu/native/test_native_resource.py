@@ -72,7 +72,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("position", "value", "text"),
     [
-        (8, 1, "has format version 1, must be 2: export the FMU again"),
+        (8, 1, "has format version 1, must be 3: export the FMU again"),
         (12, 0x04030201, "has another byte order than this machine"),
         (32, 0, "is for 0 gauges"),
         (32, 9, "which is wrong for 9 gauges and 3 states"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from agreement import Reference, Sample
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, Fmu2, Fmu3
+from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, Fmu2, Fmu3, first_zero
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.estimator_variables import NOT_KNOWN
@@ -157,7 +157,7 @@ def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, 
 
 
 def test_wrong_value_references(small: NativeCase) -> None:
-    fmu, end = Fmu2(small.uri, small.n).start(), N_OUTPUTS + 2 * small.n + N_SCALARS
+    fmu, end = Fmu2(small.uri, small.n).start(), first_zero(small.n) + 2 * small.n + 1
     value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
     for name, wrong, memory in (
         ("GetReal", [20, 23, N_OUTPUTS + small.n, end, 2**32 - 1], value),

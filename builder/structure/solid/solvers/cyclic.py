@@ -34,7 +34,7 @@ from builder.structure.solid.solvers.problem import (
 )
 from builder.structure.solid.solvers.shifted_rows import ShiftedRows, shifted_rows
 from builder.structure.solid.solvers.superlu import factor_symmetric
-from builder.structure.solid.surface_load import sector_pressure_load
+from builder.structure.solid.surface_load import sector_pressure_load, surface_nodes
 from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.errors import InputError
 
@@ -230,6 +230,21 @@ def pressure_operator(problem: CyclicProblem, surface_name: str) -> CircularOper
     """
     here, after, before = sector_pressure_load(problem.sector, surface_name)
     return CircularOperator(n_sectors=problem.n_sectors, here=here, after=after, before=before)
+
+
+def force_operator(problem: CyclicProblem, surface_name: str) -> CircularOperator:
+    """Return nodal forces in sector frames per force at a surface's nodes, column = 3 * node + component [-].
+
+    Raises
+    ------
+    InputError
+        The sector has no surface of that name.
+    """
+    node, n_dof = surface_nodes(problem.sector, surface_name), problem.sector.n_dof
+    row = (3 * node[:, None] + np.arange(3)).ravel()
+    here = csr_array((np.ones(len(row)), (row, np.arange(len(row)))), shape=(n_dof, len(row)))
+    none = csr_array(here.shape)
+    return CircularOperator(n_sectors=problem.n_sectors, here=here, after=none, before=none)
 
 
 def _on_each_sector(matrix: csr_array, parts: FloatArray) -> FloatArray:

@@ -1,0 +1,141 @@
+"""What a vehicle as built may have different from its drawing, as one vector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from builder.vehicle.calibration_options import Calibration
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+MICRO = 1e-6
+
+GAUGE_KINDS = (
+    "gauge_gain",
+    "orientation",
+    "axial_shift",
+    "circumferential_shift",
+    "transverse_sensitivity",
+    "zero",
+)
+"""Parameters of each gauge on its own."""
+
+VEHICLE_KINDS = ("common_gain", "layout_roll", "youngs_modulus")
+"""One number each."""
+
+REGION_KINDS = ("wall_thickness", "wall_cosine", "wall_sine")
+"""Parameters of each region of the wall."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AsBuiltParameters:
+    """Errors of a vehicle with n_d gauges and n_r regions of the wall; zero is the vehicle of the file.
+
+    Attributes
+    ----------
+    gauge_gain : (n_d,) relative error of each gauge's gain [1].
+    orientation : (n_d,) turn of each gauge in the surface, from the meridian towards the roll angle [rad].
+    axial_shift, circumferential_shift : (n_d,) of each gauge along the surface [m].
+    transverse_sensitivity : (n_d,) reading per strain across the gauge [1].
+    zero : (n_d,) reading without load [m/m].
+    common_gain : (1,) relative error of all gains together [1].
+    layout_roll : (1,) turn of all gauges round the axis [rad].
+    youngs_modulus : (1,) relative error [1].
+    wall_thickness : (n_r,) relative error of the mean round the body [1].
+    wall_cosine, wall_sine : (n_r,) relative thickness that goes as cos phi and sin phi [1].
+    """
+
+    gauge_gain: FloatArray
+    orientation: FloatArray
+    axial_shift: FloatArray
+    circumferential_shift: FloatArray
+    transverse_sensitivity: FloatArray
+    zero: FloatArray
+    common_gain: FloatArray
+    layout_roll: FloatArray
+    youngs_modulus: FloatArray
+    wall_thickness: FloatArray
+    wall_cosine: FloatArray
+    wall_sine: FloatArray
+
+    def __post_init__(self) -> None:
+        n_d, n_r = len(self.gauge_gain), len(self.wall_thickness)
+        for kind, size in _sizes(n_d, n_r).items():
+            if np.shape(getattr(self, kind)) != (size,):
+                raise InputError(f"{kind}: expected ({size},) values, got {np.shape(getattr(self, kind))}")
+
+    @property
+    def vector(self) -> FloatArray:
+        """(n,) all parameters, in the order of the attributes."""
+        return np.concatenate([getattr(self, one.name) for one in fields(self)])
+
+    @property
+    def n_gauges(self) -> int:
+        return len(self.gauge_gain)
+
+    @property
+    def n_regions(self) -> int:
+        return len(self.wall_thickness)
+
+    def of_vector(self, vector: FloatArray) -> AsBuiltParameters:
+        """Return the parameters of ``vector`` (n,), as many of each kind as here."""
+        parts = slices(self.n_gauges, self.n_regions)
+        return AsBuiltParameters(**{kind: np.asarray(vector[part], dtype=float) for kind, part in parts.items()})
+
+
+def _sizes(n_gauges: int, n_regions: int) -> dict[str, int]:
+    sizes = dict.fromkeys(GAUGE_KINDS, n_gauges) | dict.fromkeys(VEHICLE_KINDS, 1)
+    return sizes | dict.fromkeys(REGION_KINDS, n_regions)
+
+
+def slices(n_gauges: int, n_regions: int) -> dict[str, slice]:
+    """Return where each kind stands in the vector."""
+    found, start = {}, 0
+    for kind, size in _sizes(n_gauges, n_regions).items():
+        found[kind] = slice(start, start + size)
+        start += size
+    return found
+
+
+def parameter_names(gauge_names: Sequence[str], n_regions: int) -> tuple[str, ...]:
+    """Return a name for every entry of the vector."""
+    regions = [f"region {k + 1}" for k in range(n_regions)]
+    names = [f"{kind} {gauge}" for kind in GAUGE_KINDS for gauge in gauge_names]
+    names += list(VEHICLE_KINDS) + [f"{kind} {region}" for kind in REGION_KINDS for region in regions]
+    return tuple(name.replace("_", " ", 1) if "_" in name.split()[0] else name for name in names)
+
+
+def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
+    """Return the vehicle of the file, without errors."""
+    return AsBuiltParameters(**{kind: np.zeros(size) for kind, size in _sizes(n_gauges, n_regions).items()})
+
+
+def prior_std(entry: Calibration, n_gauges: int, n_regions: int) -> AsBuiltParameters:
+    """Return the standard deviation of every parameter before a test, from the section [calibration]."""
+    wall = 0.01 * entry.wall_harmonic_percent
+    std = {
+        "gauge_gain": 0.01 * entry.gauge_gain_percent,
+        "orientation": float(np.deg2rad(entry.gauge_orientation_deg)),
+        "axial_shift": 1e-3 * entry.gauge_position_mm,
+        "circumferential_shift": 1e-3 * entry.gauge_position_mm,
+        "transverse_sensitivity": 0.01 * entry.transverse_sensitivity_percent,
+        "zero": MICRO * entry.zero_um_per_m,
+        "common_gain": 0.01 * entry.common_gain_percent,
+        "layout_roll": float(np.deg2rad(entry.layout_roll_deg)),
+        "youngs_modulus": 0.01 * entry.youngs_modulus_percent,
+        "wall_thickness": 0.01 * entry.wall_thickness_percent,
+        "wall_cosine": wall,
+        "wall_sine": wall,
+    }
+    return AsBuiltParameters(
+        **{kind: np.full(size, std[kind]) for kind, size in _sizes(n_gauges, n_regions).items()}
+    )
+
+
+def drawn(std: AsBuiltParameters, random: np.random.Generator) -> AsBuiltParameters:
+    """Return a vehicle whose errors are drawn from normal distributions of the standard deviations ``std``."""
+    vector = std.vector
+    return std.of_vector(vector * random.standard_normal(len(vector)))

@@ -1,0 +1,395 @@
+"""Strain of a vehicle as built: under any pressure on its surface, and under any known load.
+
+The semi-analytic model is solved once, for the wall of the drawing, for every region thinner and thicker, for an
+uneven wall, and at stations ahead of and behind the gauges. What a vehicle as built reads follows by parabolas in
+the thickness of each region and along the meridian, to first order in the uneven wall, and exactly in gains,
+Young's modulus, direction, transverse sensitivity and roll angle of the gauges:
+
+    reading = (1 + common) (1 + gain) / (1 + E) a(theta) . strain(theta) + zero.
+
+Any resolution will do, so that a finer one plays the vehicle that is tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters, exactly_built
+from builder.calibration.response_tables import (
+    QUARTER,
+    ResponseTable,
+    direction_weights,
+    even_amplitudes,
+    side_phases,
+    uneven_amplitudes,
+)
+from builder.calibration.wall_harmonics import rolled_quarter, times_cosine
+from builder.calibration.wall_regions import WallRegions, thickened, wall_regions
+from builder.calibration.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
+from builder.reporting import Progress
+from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.loads.applied import Acceleration, ApparentStrain, Load, SurfacePressure, Weight
+from builder.structure.loads.gauge_strain import nodal_force
+from builder.structure.loads.loaded_structure import INNER, LoadProperties
+from builder.structure.loads.temperature import TemperatureField
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.sections import Resolution
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+SHIFT = 1e-3
+"""Step along the surface [m]."""
+
+MAX_HARMONIC = 24
+"""Highest harmonic in roll angle of known loads; those of pressure are the resolution's."""
+
+WITHIN_THE_WALL = (Weight, Acceleration, TemperatureField)
+"""Loads whose forces change with the wall."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadResponse:
+    """What one load strains, ready for any vehicle as built.
+
+    Attributes
+    ----------
+    table : amplitudes; the two families of harmonics lead.
+    constant : (n_d,) reading that no parameter changes, as apparent strain [m/m].
+    by_stress : whether strain goes with 1 / E; strain of a temperature does not.
+    """
+
+    table: ResponseTable
+    constant: FloatArray
+    by_stress: bool = True
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AsBuiltStructure:
+    """The structure of a vehicle with what may differ from its drawing.
+
+    Attributes
+    ----------
+    surface : pressure nodes.
+    regions : of the wall.
+    gauges : names, positions and directions by the drawing.
+    placed : the gauges on the inner surface.
+    radius : (n_d,) of the inner surface at the gauges [m].
+    known_thickness : (n_r,) relative thickness of the wall that was solved for; others are taken from there.
+    states : adjoint solutions.
+    pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
+    """
+
+    surface: SurfaceGrid
+    regions: WallRegions
+    gauges: GaugeLayout
+    placed: PlacedGauges
+    radius: FloatArray
+    known_thickness: FloatArray
+    states: WallStates
+    pressure: ResponseTable
+    _responses: dict[Load, LoadResponse] = field(default_factory=dict)
+
+    @property
+    def n_gauges(self) -> int:
+        return len(self.radius)
+
+    @property
+    def n_regions(self) -> int:
+        return len(self.regions)
+
+    def exactly_built(self) -> AsBuiltParameters:
+        """Return the parameters of the vehicle of the file: zeros."""
+        return exactly_built(self.n_gauges, self.n_regions)
+
+    def strain_operator(self, parameters: AsBuiltParameters) -> FloatArray:
+        """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
+        cosine, sine = self._pressure_parts(parameters)
+        grid = self.surface
+        m = np.arange(cosine.shape[1])
+        weight = np.where((m == 0) | (2 * m == grid.n_roll), 1.0, 2.0)[:, None] / grid.n_roll
+        angle = m[:, None] * grid.roll_angle
+        z = cosine.transpose(2, 0, 1) @ (weight * np.cos(angle)) + sine.transpose(2, 0, 1) @ (
+            weight * np.sin(angle)
+        )
+        gain = gain_of(parameters) / (1.0 + parameters.youngs_modulus)
+        return np.asarray(gain[:, None] * z.reshape(self.n_gauges, grid.n_nodes))
+
+    def load_strain(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+        """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m].
+
+        Raises
+        ------
+        InputError
+            As :func:`builder.structure.loads.gauge_strain.gauge_strain`.
+        """
+        found = np.zeros(self.n_gauges)
+        for load in loads:
+            found += self.response_strain(parameters, self.response(load))
+        return found
+
+    def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+        """Return what every gauge reads, zeros included, (n_d,) [m/m]; errors as :meth:`load_strain`."""
+        return self.load_strain(parameters, loads) + parameters.zero
+
+    def response(self, load: Load) -> LoadResponse:
+        """Return what ``load`` strains, kept for the next time; errors as :meth:`load_strain`."""
+        if isinstance(load, ApparentStrain):
+            return self._apparent(load)
+        if load not in self._responses:
+            self._responses[load] = self._solved_response(load)
+        return self._responses[load]
+
+    def response_strain(self, parameters: AsBuiltParameters, response: LoadResponse) -> FloatArray:
+        """Return the readings (n_d,) [m/m] under the load of ``response``."""
+        thickness, station = self._thickness(parameters), self.states.station
+        roll = self._roll_angle(parameters)
+        even = even_amplitudes(response.table, parameters, thickness, station)
+        n_m = even.shape[-3]
+        phase = np.arange(n_m)[:, None] * roll
+        strain = _at_roll(even, np.cos(phase), np.sin(phase))
+        uneven = uneven_amplitudes(response.table, parameters, station)
+        if uneven is not None:
+            for turned, parts in enumerate(uneven):
+                phases = side_phases(roll - turned * QUARTER, n_m)
+                for (cosine, sine, factor), part in zip(phases, parts, strict=True):
+                    strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
+        normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
+        reading = (normal * strain[:, :2]).sum(axis=1) + shear * strain[:, 2]
+        stiffness = 1.0 + parameters.youngs_modulus if response.by_stress else 1.0
+        return np.asarray(gain_of(parameters) * reading / stiffness + response.constant)
+
+    def nominal_response(self, load: Load) -> LoadResponse:
+        """Return what ``load`` strains on the wall that was solved for, alone: for differences between loads.
+
+        It costs a fortieth of :meth:`response`.
+        """
+        forces = self.states.rows.split(nodal_force(self.states.forces[0], load))
+        amplitude = self.states.nominal.strain(forces)
+        none = np.zeros((0, *amplitude.shape))
+        table = ResponseTable(
+            nominal=amplitude,
+            along=np.zeros_like(amplitude),
+            along_twice=np.zeros_like(amplitude),
+            wall=none,
+            wall_twice=none,
+            uneven=np.zeros((2, self.n_regions, 3, *amplitude.shape)),
+        )
+        return LoadResponse(table=table, constant=np.zeros(self.n_gauges))
+
+    def _apparent(self, load: ApparentStrain) -> LoadResponse:
+        if np.shape(load.strain) != (self.n_gauges,):
+            raise InputError(f"apparent strain: expected ({self.n_gauges},) values, got {np.shape(load.strain)}")
+        shape = 2, 1, len(self.states.nominal.outer[0]), 3
+        none = np.zeros((0, *shape))
+        table = ResponseTable(
+            nominal=np.zeros(shape),
+            along=np.zeros(shape),
+            along_twice=np.zeros(shape),
+            wall=none,
+            wall_twice=none,
+            uneven=np.zeros((2, self.n_regions, 3, *shape)),
+        )
+        return LoadResponse(table=table, constant=np.asarray(load.strain, dtype=float))
+
+    def _solved_response(self, load: Load) -> LoadResponse:
+        states, split = self.states, self.states.rows.split
+        even, thin, thick = states.forces
+        force = nodal_force(even, load)
+        within = isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
+        lighter, heavier = ([nodal_force(one, load) for one in part] if within else [] for part in (thin, thick))
+        amplitude, uneven_load = states.nominal.strain(split(force)), None
+        of_thin, of_thick = (
+            np.array([one.strain(split(f)) for one, f in zip(part, forces or [force] * len(part), strict=False)])
+            for part, forces in ((states.thin, lighter), (states.thick, heavier))
+        )
+        if within:
+            slopes = [(b - a) / (2.0 * WALL_STEP) for a, b in zip(lighter, heavier, strict=True)]
+            uneven_load = np.array(
+                [
+                    [states.nominal.strain(split(waved)) for waved in (times_cosine(one) for one in slopes)],
+                    [states.nominal.strain(split(_times_sine(one))) for one in slopes],
+                ]
+            )
+        turned = [split(force), split(rolled_quarter(force))]
+        table = _table(
+            amplitude,
+            (states.fore.strain(split(force)), states.aft.strain(split(force))),
+            (of_thin, of_thick),
+            np.array([states.uneven.strain(one) for one in turned]),
+        )
+        constant = np.zeros(self.n_gauges)
+        if isinstance(load, TemperatureField):
+            at = load.at(self.placed.x, self.placed.roll_angle, np.zeros(self.n_gauges))
+            constant = -np.asarray(even.properties.compensation * at)
+        return LoadResponse(
+            table=replace(table, uneven_load=uneven_load),
+            constant=constant,
+            by_stress=not isinstance(load, TemperatureField),
+        )
+
+    def _pressure_parts(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
+        """Return (n_x, n_m, n_d) strain in the gauges' directions per cos(m phi) and sin(m phi) of a pressure."""
+        thickness, station = self._thickness(parameters), self.states.station
+        roll = self._roll_angle(parameters)
+        normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
+
+        def directed(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> tuple[FloatArray, FloatArray]:
+            even = (amplitude[..., :2] * normal).sum(axis=-1)
+            odd = amplitude[..., 2] * shear
+            return even * cosine + odd * sine, even * sine - odd * cosine
+
+        found = even_amplitudes(self.pressure, parameters, thickness, station)
+        n_m = found.shape[-3]
+        phase = np.arange(n_m)[:, None] * roll
+        cosine, sine = directed(found, np.cos(phase), np.sin(phase))
+        uneven = uneven_amplitudes(self.pressure, parameters, station)
+        if uneven is None:
+            return cosine, sine
+        for turned, parts in enumerate(uneven):
+            sums = np.zeros((2, *cosine.shape))
+            for (cos_m, sin_m, factor), part in zip(side_phases(roll - turned * QUARTER, n_m), parts, strict=True):
+                sums += factor * np.stack(directed(part, cos_m, sin_m))
+            # cos n(phi - pi/2) = cos(n pi/2) cos(n phi) + sin(n pi/2) sin(n phi), and so for the sine.
+            c, s = (np.round(f(turned * QUARTER * np.arange(n_m)))[:, None] for f in (np.cos, np.sin))
+            cosine = cosine + c * sums[0] - s * sums[1]
+            sine = sine + s * sums[0] + c * sums[1]
+        return cosine, sine
+
+    def _thickness(self, parameters: AsBuiltParameters) -> FloatArray:
+        change = parameters.wall_thickness - self.known_thickness
+        if not len(self.states.thin) and np.abs(change).max() > 1e-12:
+            raise InputError("this structure was solved for one wall; its thickness cannot change")
+        return change
+
+    def _roll_angle(self, parameters: AsBuiltParameters) -> FloatArray:
+        shift = parameters.circumferential_shift / self.radius
+        return np.asarray(self.placed.roll_angle + parameters.layout_roll + shift)
+
+
+def as_built_structure(
+    vehicle: Vehicle,
+    layout: str,
+    resolution: Resolution | None = None,
+    properties: LoadProperties | None = None,
+    known_thickness: FloatArray | None = None,
+    max_harmonic: int = MAX_HARMONIC,
+    progress: Progress | None = None,
+) -> AsBuiltStructure:
+    """Solve the structure of a vehicle for what may be as it was built.
+
+    Parameters
+    ----------
+    vehicle, layout : the vehicle and the name of one of its layouts.
+    resolution : mesh and pressure nodes; those of the vehicle's map by default.
+    properties : what loads need; the density of the vehicle file by default.
+    known_thickness : (n_r,) relative thickness where it is known: solved for then, without tables.
+    max_harmonic : highest harmonic in roll angle of known loads.
+    progress : called with (states done, states in all).
+
+    Raises
+    ------
+    InputError
+        The Fourier model cannot do what the file requests, or a gauge is not on the inner surface.
+    """
+    if layout not in vehicle.gauges.layouts:
+        raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
+    resolution = resolution or vehicle.resolution.map
+    wall, regions = wall_of(vehicle), wall_regions(vehicle)
+    if not wall.is_plain or wall.profile or wall.flight is not None or wall.foundation is not None:
+        raise InputError("calibration needs a wall of one thickness and material, clamped aft, without frames")
+    drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    layouts, all_placed = place_layouts(vehicle, drawing, [layout])
+    placed, thickness = all_placed[layout], np.zeros(len(regions))
+    mesh = drawing
+    if known_thickness is not None:
+        thickness = np.asarray(known_thickness, dtype=float)
+        mesh = thickened(drawing, wall, regions, thickness)
+    at_gauge = inner_surface_points(drawing, placed.x)
+    grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    states = wall_states(
+        mesh=mesh,
+        wall=wall,
+        regions=regions,
+        gauges=placed,
+        along=SHIFT * at_gauge.tangent[:, 0],
+        properties=properties or LoadProperties(density=vehicle.material.density_kg_per_m3),
+        max_harmonic=max(max_harmonic, resolution.harmonics),
+        with_regions=known_thickness is None,
+        progress=progress,
+    )
+    load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
+    return AsBuiltStructure(
+        surface=grid,
+        regions=regions,
+        gauges=layouts[layout],
+        placed=placed,
+        radius=at_gauge.radius,
+        known_thickness=thickness,
+        states=states,
+        pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
+    )
+
+
+def gain_of(parameters: AsBuiltParameters) -> FloatArray:
+    """Return (n_d,) reading per strain."""
+    return np.asarray((1.0 + parameters.common_gain) * (1.0 + parameters.gauge_gain))
+
+
+def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
+    """Return strain (n_d, 3) of amplitudes (2, n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
+    c, s = cosine[..., None], sine[..., None]
+    first, second = amplitude
+    normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=0)
+    shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=0)
+    return np.concatenate([normal, shear], axis=-1)
+
+
+def _times_sine(force: FloatArray) -> FloatArray:
+    """Return the amplitudes of sin(phi) times a field: as cos(phi) in a frame rolled by a quarter turn."""
+    turned = times_cosine(rolled_quarter(force))
+    return rolled_quarter(rolled_quarter(rolled_quarter(turned)))
+
+
+def _table(
+    nominal: FloatArray,
+    along: tuple[FloatArray, FloatArray],
+    wall: tuple[FloatArray, FloatArray],
+    uneven: FloatArray,
+) -> ResponseTable:
+    """Return the table through values a step SHIFT before and behind, and WALL_STEP thinner and thicker."""
+    fore, aft = along
+    thin, thick = wall
+    return ResponseTable(
+        nominal=nominal,
+        along=(aft - fore) / (2.0 * SHIFT),
+        along_twice=(aft - 2.0 * nominal + fore) / (2.0 * SHIFT**2),
+        wall=(thick - thin) / (2.0 * WALL_STEP),
+        wall_twice=(thick - 2.0 * nominal + thin) / (2.0 * WALL_STEP**2) if len(thin) else thin,
+        uneven=uneven,
+    )
+
+
+def _pressure_table(states: WallStates, load: FloatArray, n_m: int) -> ResponseTable:
+    """Return the table per pressure; ``load`` (3 n_out, n_x) holds nodal forces on the outer surface [m2]."""
+
+    def of(state: Adjoint) -> FloatArray:
+        outer = state.outer[..., :n_m, :, :, :]
+        return np.moveaxis(outer @ load, -1, -4)
+
+    uneven = of(states.uneven)
+    return _table(
+        of(states.nominal),
+        (of(states.fore), of(states.aft)),
+        (np.array([of(one) for one in states.thin]), np.array([of(one) for one in states.thick])),
+        np.stack([uneven, uneven]),
+    )

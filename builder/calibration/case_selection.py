@@ -1,0 +1,165 @@
+"""Which load cases to apply: each next one is that which leaves the smallest sigmas of the coefficients in flight.
+
+What a case teaches of the vehicle as built follows from the linear model of the calibration (Bayes' rule for a
+normal prior); what that is worth in flight from the estimator's own weights. The readings are not needed.
+
+Source: Fedorov, Theory of Optimal Experiments, 1972 (sequential design); for ground tests Lokos and Stauf, NASA
+TM-2004-212853, who chose among cases that were applied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from strainfmu.arrays import FloatArray
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CaseSensitivity:
+    """What a load case would tell.
+
+    Attributes
+    ----------
+    jacobian : (n_d, n) reading per parameter, each at one standard deviation of its prior [m/m].
+    error : (n_d, k) reading per error of the case's own loads, at one standard deviation each [m/m].
+    noise_std : (n_d,) of a reading [m/m].
+    """
+
+    jacobian: FloatArray
+    error: FloatArray
+    noise_std: FloatArray
+
+    @property
+    def noise_covariance(self) -> FloatArray:
+        """(n_d, n_d) of what the parameters do not explain [(m/m)^2]."""
+        return np.asarray(np.diag(self.noise_std**2) + self.error @ self.error.T)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightSensitivity:
+    """What the parameters do in flight.
+
+    Attributes
+    ----------
+    jacobian : (n_f, n_d, n) strain per parameter at flights, each at one standard deviation of its prior [m/m].
+    state_operator : (n_d, n_q) strain per state of the map.
+    noise_covariance : (n_d, n_d) of a vehicle known exactly [(m/m)^2].
+    regularisation : of the map, 0 in Case 1.
+    coefficient_per_state : (5, n_q) [1].
+    """
+
+    jacobian: FloatArray
+    state_operator: FloatArray
+    noise_covariance: FloatArray
+    regularisation: float
+    coefficient_per_state: FloatArray
+
+    def sigmas(self, error_covariance: FloatArray) -> FloatArray:
+        """Return sigma (5,) of the coefficients where the structure's errors leave a covariance (n_d, n_d) of
+        strain."""
+        factor = cho_factor(self.noise_covariance + error_covariance)
+        size = np.linalg.norm(self.state_operator, axis=0)
+        scaled = self.state_operator / size
+        information = scaled.T @ cho_solve(factor, scaled) + np.diag(self.regularisation / size**2)
+        part = self.coefficient_per_state / size
+        return np.sqrt(np.einsum("cq,qc->c", part, np.linalg.solve(information, part.T)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ChosenCase:
+    """A case of the sequence: its number among the candidates, and the sigmas (5,) that it leaves [1]."""
+
+    number: int
+    sigmas: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Knowledge:
+    """What is known of the parameters so far.
+
+    Attributes
+    ----------
+    flight : what the parameters do in flight.
+    covariance : (n, n) of the parameters over their priors.
+    """
+
+    flight: FlightSensitivity
+    covariance: FloatArray
+
+    def after(self, case: CaseSensitivity) -> Knowledge:
+        """Return what is known when a case has been applied."""
+        cross = self.covariance @ case.jacobian.T
+        factor = cho_factor(case.jacobian @ cross + case.noise_covariance)
+        covariance = self.covariance - cross @ cho_solve(factor, cross.T)
+        return Knowledge(flight=self.flight, covariance=0.5 * (covariance + covariance.T))
+
+    def error_covariance(self) -> FloatArray:
+        """Return the covariance (n_d, n_d) of strain that the parameters leave, averaged over the flights."""
+        return self._error_covariance
+
+    def error_covariance_after(self, case: CaseSensitivity) -> FloatArray:
+        """Return the same when a case has been applied."""
+        cross = self._seen_in_flight @ case.jacobian.T
+        innovation = case.jacobian @ self.covariance @ case.jacobian.T + case.noise_covariance
+        root = np.linalg.cholesky(innovation)
+        n_f, n_d, _ = cross.shape
+        known = solve_triangular(root, cross.reshape(n_f * n_d, -1).T, lower=True).T.reshape(cross.shape)
+        return self.error_covariance() - _mean_of_products(known, known)
+
+    @cached_property
+    def _seen_in_flight(self) -> FloatArray:
+        return np.asarray(self.flight.jacobian @ self.covariance)
+
+    @cached_property
+    def _error_covariance(self) -> FloatArray:
+        return _mean_of_products(self._seen_in_flight, self.flight.jacobian)
+
+
+def no_knowledge(flight: FlightSensitivity) -> Knowledge:
+    """Return what the priors say."""
+    return Knowledge(flight=flight, covariance=np.eye(flight.jacobian.shape[-1]))
+
+
+def select_cases(
+    start: Knowledge, candidates: Sequence[CaseSensitivity], count: int, progress: Progress | None = None
+) -> list[ChosenCase]:
+    """Return ``count`` cases, each the best next one: that with the smallest product of the five sigmas.
+
+    A candidate may be chosen again, which averages its noise. Worths are taken to fall from case to case: a
+    candidate whose last known worth is below one that was worked out anew is not worked out (lazy greedy;
+    Minoux, 1978).
+    """
+    known, chosen = start, list[ChosenCase]()
+    worth = np.full(len(candidates), np.inf)
+    for done in range(count):
+        level, fresh = (
+            _log_product(known.flight.sigmas(known.error_covariance())),
+            np.zeros(len(worth), dtype=bool),
+        )
+        while True:
+            best = int(np.argmax(worth))
+            if fresh[best]:
+                break
+            left = known.flight.sigmas(known.error_covariance_after(candidates[best]))
+            worth[best], fresh[best] = level - _log_product(left), True
+        known = known.after(candidates[best])
+        chosen.append(ChosenCase(number=best, sigmas=known.flight.sigmas(known.error_covariance())))
+        if progress is not None:
+            progress(done + 1, count)
+    return chosen
+
+
+def _log_product(sigmas: FloatArray) -> float:
+    return float(np.sum(np.log(sigmas)))
+
+
+def _mean_of_products(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the mean over f of left_f right_f' of arrays (n_f, n_d, k)."""
+    return np.asarray(np.einsum("fik,fjk->ij", left, right, optimize=True) / len(left))

@@ -1,0 +1,131 @@
+"""The vehicle as built from a ground test: Gauss-Newton with priors, and Laplace's covariance.
+
+Minimises |N^-1 (d - d(theta))|^2 + |theta / sigma|^2 over the vehicle's parameters and the errors of the loads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters
+from builder.calibration.readings_model import ReadingsModel
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+
+STEPS = 6
+"""Most Gauss-Newton steps; from the third on with the derivatives of the second."""
+
+SETTLED = 0.1
+"""Largest change of a parameter, in its standard deviations after the test, that ends the steps."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """What a test says of a vehicle and of itself.
+
+    Attributes
+    ----------
+    model : readings as a function of the vector.
+    vector, covariance : (n,) and (n, n) of the model's vector after the test.
+    used : (n_cases, n_d) readings that were used.
+    before, after : (n_cases, n_d) readings predicted by the drawing, zeros estimated alone, and by the estimate.
+    chi_square : of readings and priors together; its expectation is ``n_readings``.
+    steps : Gauss-Newton steps.
+    """
+
+    model: ReadingsModel
+    vector: FloatArray
+    covariance: FloatArray
+    used: BoolArray
+    before: FloatArray
+    after: FloatArray
+    chi_square: float
+    steps: int
+
+    @property
+    def n_readings(self) -> int:
+        return int(self.used.sum())
+
+    @property
+    def parameters(self) -> AsBuiltParameters:
+        """The vehicle as built."""
+        return self.model.built(self.vector)
+
+    @property
+    def std(self) -> FloatArray:
+        """(n,) of the vector after the test."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def residuals(self) -> FloatArray:
+        """(n_cases, n_d) measured less predicted, in the standard deviations of the readings; NaN if not used."""
+        test = self.model.test
+        found = (test.readings - self.after) / test.reading_stds
+        return np.where(self.used, found, np.nan)
+
+
+def usable(model: ReadingsModel) -> BoolArray:
+    """Return (n_cases, n_d) whether there is a reading."""
+    return np.asarray(np.isfinite(model.test.readings))
+
+
+def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = None) -> Estimate:
+    """Estimate the vector of ``model`` from the readings ``used`` (n_cases, n_d).
+
+    ``start`` (n,) is where the steps begin; zero by default.
+
+    Raises
+    ------
+    InputError
+        No reading is left.
+    """
+    if not used.any():
+        raise InputError("load test: no reading is left to calibrate with")
+    test, free = model.test, model.std > 0.0
+    vector = np.zeros(len(model.std)) if start is None else start * free
+    reading, noise = test.readings[used], test.reading_stds[used]
+    covariance: FloatArray = np.zeros((0, 0))
+    steps = 0
+    predicted, jacobian = model.at_drawing() if start is None else model.jacobian(vector)
+    while steps < STEPS:
+        steps += 1
+        rows = jacobian[used][:, free] * (model.std[free] / noise[:, None])
+        target = (reading - predicted[used]) / noise + rows @ (vector[free] / model.std[free])
+        precision = rows.T @ rows + np.eye(rows.shape[1])
+        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        change = covariance @ (rows.T @ target) * model.std[free] - vector[free]
+        vector = vector.copy()
+        vector[free] += change
+        if np.max(np.abs(change) / (model.std[free] * np.sqrt(np.diag(covariance)))) < SETTLED:
+            break
+        if steps == 1:
+            predicted, jacobian = model.jacobian(vector)
+        else:
+            predicted = model.readings(vector)
+    after = model.readings(vector)
+    misfit = float(np.sum(((reading - after[used]) / noise) ** 2))
+    full = np.zeros((len(vector), len(vector)))
+    full[np.ix_(free, free)] = model.std[free][:, None] * covariance * model.std[free]
+    return Estimate(
+        model=model,
+        vector=vector,
+        covariance=full,
+        used=used,
+        before=drawing_readings(model, used),
+        after=after,
+        chi_square=misfit + float(np.sum((vector[free] / model.std[free]) ** 2)),
+        steps=steps,
+    )
+
+
+def drawing_readings(model: ReadingsModel, used: BoolArray) -> FloatArray:
+    """Return what the vehicle of the drawing reads (n_cases, n_d), its zeros the mean of what is left."""
+    predicted = model.at_drawing()[0].copy()
+    left = np.where(used, model.test.readings - predicted, 0.0)
+    for group in model.groups:
+        rows = np.array([case.group == group for case in model.test.cases])
+        count = np.maximum(used[rows].sum(axis=0), 1)
+        predicted[rows] += left[rows].sum(axis=0) / count
+    return predicted

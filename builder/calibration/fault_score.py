@@ -1,0 +1,127 @@
+"""How surely faults of a ground test are found and rightly named, over vehicles and load errors drawn at random.
+
+python -m builder.calibration.fault_score VEHICLE --draws 40 --cases 12
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import prior_std
+from builder.calibration.as_built_structure import as_built_structure
+from builder.calibration.estimate import usable
+from builder.calibration.faults import calibrate_with_faults, gauge_faults
+from builder.calibration.load_test import LoadErrors
+from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.score import DENSITY, HARMONICS, blank_test
+from builder.structure.loads.loaded_structure import LoadProperties
+from builder.vehicle.file import load_vehicle
+from strainfmu.arrays import FloatArray
+
+Spoil = Callable[[FloatArray, np.random.Generator], dict[str, str]]
+"""Changes readings (n_cases, n_d) in place and returns what should be named: where and kind."""
+
+
+def drawn_readings(model: ReadingsModel, random: np.random.Generator) -> FloatArray:
+    """Return the readings (n_cases, n_d) of a vehicle, loads and pads drawn from their tolerances."""
+    vector = model.std * random.standard_normal(len(model.std))
+    noise = model.test.reading_stds
+    return model.readings(vector) + noise * random.standard_normal(noise.shape)
+
+
+def spoils(model: ReadingsModel) -> dict[str, Spoil]:
+    """Return the faults of gauges by name."""
+    names = model.structure.gauges.names
+
+    def one(random: np.random.Generator) -> int:
+        return int(random.integers(len(names)))
+
+    def swapped(reading: FloatArray, random: np.random.Generator) -> dict[str, str]:
+        a, b = random.choice(len(names), 2, replace=False).tolist()
+        reading[:, [a, b]] = reading[:, [b, a]]
+        return {names[a]: "swapped", names[b]: "swapped"}
+
+    def sign(reading: FloatArray, random: np.random.Generator) -> dict[str, str]:
+        g = one(random)
+        reading[:, g] *= -1.0
+        return {names[g]: "sign"}
+
+    def unit(reading: FloatArray, random: np.random.Generator) -> dict[str, str]:
+        g = one(random)
+        reading[:, g] *= 1e-3
+        return {names[g]: "unit"}
+
+    def dead(reading: FloatArray, random: np.random.Generator) -> dict[str, str]:
+        g = one(random)
+        reading[:, g] = 0.0
+        return {names[g]: "dead"}
+
+    return {"none": lambda reading, random: {}, "swapped": swapped, "sign": sign, "unit": unit, "dead": dead}
+
+
+def gauge_statistics(model: ReadingsModel, draws: int) -> list[dict[str, Any]]:
+    """Return, for each fault of a gauge, in how many of ``draws`` it is found, and named as what it is."""
+    rows = []
+    for kind, spoil in spoils(model).items():
+        tally = {"found": 0, "named": 0, "others blamed": 0}
+        for number in range(draws):
+            random = np.random.default_rng([number, 5])
+            reading = drawn_readings(model, random)
+            wanted = spoil(reading, random)
+            spoiled = model.with_readings(reading)
+            found = {one.where: one.kind for one in gauge_faults(spoiled, usable(spoiled))}
+            tally["found"] += set(wanted) <= set(found)
+            tally["named"] += found == wanted
+            tally["others blamed"] += not set(found) <= set(wanted)
+        rows.append({"fault": kind, "draws": draws, **tally})
+    return rows
+
+
+def load_statistics(model: ReadingsModel, draws: int, error: float = 0.1) -> dict[str, Any]:
+    """Return in how many of ``draws`` a load off by ``error`` is found, it alone, and what chi-square is without
+    it."""
+    tally, chi = {"found": 0, "named": 0}, []
+    first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
+    for number in range(draws):
+        random = np.random.default_rng([number, 6])
+        vector = model.std * random.standard_normal(len(model.std))
+        loads = [k for k, (_, one) in enumerate(model.loads) if one.std > 0.0]
+        wrong = int(random.choice(loads))
+        vector[first + wrong] += error
+        noise = model.test.reading_stds
+        reading = model.readings(vector) + noise * random.standard_normal(noise.shape)
+        found, faults = calibrate_with_faults(model.with_readings(reading))
+        case = model.test.cases[model.loads[wrong][0]].name
+        tally["found"] += case in [one.where for one in faults]
+        tally["named"] += [one.where for one in faults] == [case]
+        chi.append(found.chi_square / found.n_readings)
+    return {"fault": f"load {error:+.0%}", "draws": draws, **tally, "chi_square_per_reading": float(np.mean(chi))}
+
+
+def main() -> None:
+    """Print one line of JSON for each fault."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vehicle", type=Path)
+    parser.add_argument("--draws", type=int, default=40)
+    parser.add_argument("--load-draws", type=int, default=40)
+    parser.add_argument("--cases", type=int, default=12)
+    options = parser.parse_args()
+    vehicle = load_vehicle(options.vehicle)
+    properties = LoadProperties(density=vehicle.material.density_kg_per_m3 or DENSITY)
+    structure = as_built_structure(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=HARMONICS)
+    errors = LoadErrors(common=0.0)
+    prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    model = ReadingsModel(structure, blank_test(vehicle, structure, options.cases, errors), prior)
+    for row in gauge_statistics(model, options.draws):
+        print(json.dumps(row), flush=True)
+    print(json.dumps(load_statistics(model, options.load_draws)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

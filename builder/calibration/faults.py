@@ -1,0 +1,228 @@
+"""Gauges and load cases that do not fit: found, named and left out.
+
+A gauge is judged by all its readings together, against what they should scatter by before the test: tolerances
+of the vehicle, of the loads and of the pads, noise (prior-predictive chi-square). What would make its readings
+right is its name: swapped with another one, of the wrong sign, in the wrong unit, dead. Gauges are judged without
+the cases in which half of them say that the load was another one. A load is judged after the estimate: by the
+factor that would make it right, in that factor's standard deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from builder.calibration.estimate import Estimate, estimate, usable
+from builder.calibration.readings_model import ReadingsModel
+from strainfmu.arrays import BoolArray, FloatArray
+
+GAUGE_ALARM = 1e-7
+"""Probability that a sound gauge is called a fault; of a Gaussian linear model, so with room for what is not."""
+
+FITS = 1e-3
+"""Probability from which readings made right count as fitting."""
+
+LOAD_ALARM = 4.5
+"""Standard deviations from which a load is called wrong."""
+
+DOUBTFUL_LOAD = 0.04
+"""Relative error of a load by the median gauge from which its case does not judge gauges."""
+
+UNITS = (1e3, 1e-3, 1e6, 1e-6)
+"""Factors of a wrong unit: mm/m for um/m and the like."""
+
+FOLLOWS = 0.8
+"""Correlation with prediction from which readings in another unit follow the loads; a dead gauge is below."""
+
+MOST_GAUGES = 0.34
+"""Part of the gauges that may be at fault; more, and it is rather the loads or the vehicle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A gauge or a load case that does not fit.
+
+    Attributes
+    ----------
+    where : name of the gauge or of the load case.
+    kind : "swapped", "sign", "unit", "dead", "gauge" or "load".
+    line : one sentence for the user.
+    """
+
+    where: str
+    kind: str
+    line: str
+
+
+def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
+    """Estimate the vehicle without the gauges and load cases that do not fit, and name these.
+
+    Raises
+    ------
+    InputError
+        No reading is left.
+    """
+    used = usable(model)
+    gauges = gauge_faults(model, used)
+    names = model.structure.gauges.names
+    for fault in gauges:
+        used[:, names.index(fault.where)] = False
+    found, faults = estimate(model, used), list(gauges)
+    while True:
+        wrong = worst_load(found)
+        if wrong is None:
+            return found, tuple(faults)
+        faults.append(wrong)
+        used = found.used.copy()
+        used[[case.name for case in model.test.cases].index(wrong.where)] = False
+        if not used.any():
+            return found, tuple(faults)
+        found = estimate(model, used, start=found.vector)
+
+
+def gauge_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
+    """Return the gauges whose readings do not fit what they may be before the test."""
+    predicted, jacobian = model.at_drawing()
+    scatter = _GaugeScatter(model, used, predicted, jacobian)
+    scatter.used = used & ~doubtful_cases(model, scatter, jacobian)[:, None]
+    names, reading = model.structure.gauges.names, model.test.readings
+    chance = np.array([scatter.chance(g, reading[:, g]) for g in range(len(names))])
+    bad = np.flatnonzero(chance < GAUGE_ALARM).tolist()
+    if len(bad) > MOST_GAUGES * len(names):
+        return []
+    return [_named(scatter, g, bad, reading, names) for g in bad]
+
+
+def worst_load(found: Estimate) -> Fault | None:
+    """Return the load that would have to differ most, in standard deviations; None if all fit."""
+    model = found.model
+    shift, size = load_shifts(found)
+    if not len(shift) or np.abs(shift).max() < LOAD_ALARM:
+        return None
+    worst = int(np.abs(shift).argmax())
+    case = model.test.cases[model.loads[worst][0]]
+    return Fault(
+        where=case.name,
+        kind="load",
+        line=(
+            f"load case '{case.name}': {type(model.loads[worst][1].load).__name__} differs by {size[worst]:+.1%} "
+            f"from what is stated, {abs(shift[worst]):.1f} standard deviations"
+        ),
+    )
+
+
+def load_shifts(found: Estimate) -> tuple[FloatArray, FloatArray]:
+    """Return how far each load is from its statement in standard deviations, and relative to it, (n_loads,) each.
+
+    The load's own error is what the others readings and all priors say without the prior of that error.
+    """
+    model = found.model
+    first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
+    index = first + np.arange(len(model.loads))
+    prior, after = model.std[index] ** 2, np.diag(found.covariance)[index]
+    shift, size = np.zeros(len(index)), np.zeros(len(index))
+    used = np.array([found.used[k].any() for k, _ in model.loads])
+    # Take the prior out: theta / after = likelihood's part + 0 / prior.
+    known = (prior > 0.0) & used & (after < 0.999 * prior)
+    of_data = np.full(len(index), np.inf)
+    of_data[known] = 1.0 / (1.0 / after[known] - 1.0 / prior[known])
+    size[known] = found.vector[index][known] / after[known] * of_data[known]
+    shift[known] = size[known] / np.sqrt(of_data[known] + prior[known])
+    return shift, size
+
+
+def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter, jacobian: FloatArray) -> BoolArray:
+    """Return (n_cases,) whether half of the gauges say that a load was another one.
+
+    Each gauge tells what it should read in a case by its readings in the others; the median of all is not moved by
+    a few gauges at fault.
+    """
+    first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
+    found = np.zeros(len(model.test.cases), dtype=bool)
+    for number, (case, one) in enumerate(model.loads):
+        if one.std > 0.0:
+            factor = [
+                scatter.load_factor(gauge, case, float(jacobian[case, gauge, first + number]))
+                for gauge in range(model.structure.n_gauges)
+            ]
+            value, weight = np.array([pair for pair in factor if pair is not None]).reshape(-1, 2).T
+            if len(value):
+                order = np.argsort(value)
+                middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
+                found[case] |= bool(abs(value[order][middle]) > DOUBTFUL_LOAD)
+    return found
+
+
+class _GaugeScatter:
+    """What each gauge's readings may scatter by before the test."""
+
+    def __init__(self, model: ReadingsModel, used: BoolArray, predicted: FloatArray, jacobian: FloatArray) -> None:
+        self.used, self.predicted, self.reading = used, predicted, model.test.readings
+        self.noise = model.test.reading_stds
+        self.columns = jacobian * model.std
+
+    def load_factor(self, gauge: int, case: int, strain: float) -> tuple[float, float] | None:
+        """Return the relative error of a load by one gauge, and its weight; None where it does not say.
+
+        ``strain`` is the gauge's under the load as stated [m/m].
+        """
+        rows = self.used[:, gauge].copy()
+        if not rows[case] or strain == 0.0:
+            return None
+        rows[case] = False
+        spread, own = self.columns[rows, gauge], self.columns[case, gauge]
+        covariance = spread @ spread.T + np.diag(self.noise[rows, gauge] ** 2)
+        gain = np.linalg.solve(covariance, spread @ own)
+        left = self.reading[rows, gauge] - self.predicted[rows, gauge]
+        variance = own @ own + self.noise[case, gauge] ** 2 - gain @ (spread @ own)
+        error = self.reading[case, gauge] - self.predicted[case, gauge] - gain @ left
+        return float(error / strain), float(abs(strain) / np.sqrt(max(variance, 1e-30)))
+
+    def chance(self, gauge: int, reading: FloatArray, of: int | None = None, factor: float = 1.0) -> float:
+        """Return the probability that readings (n_cases,) of gauge ``of`` scatter as much as these.
+
+        ``factor`` is what readings were multiplied by, their noise with them.
+        """
+        rows = self.used[:, gauge]
+        if not rows.any():
+            return 1.0
+        at = gauge if of is None else of
+        spread = self.columns[rows, at]
+        covariance = spread @ spread.T + np.diag((factor * self.noise[rows, gauge]) ** 2)
+        left = reading[rows] - self.predicted[rows, at]
+        return float(chi2.sf(left @ np.linalg.solve(covariance, left), rows.sum()))
+
+    def follows(self, gauge: int) -> bool:
+        """Return whether the gauge's readings go with what is predicted, whatever their unit."""
+        rows = self.used[:, gauge]
+        pair = np.array([self.reading[rows, gauge], self.predicted[rows, gauge]])
+        if rows.sum() < 3 or np.any(np.ptp(pair, axis=1) == 0.0):
+            return False
+        return float(np.corrcoef(pair)[0, 1]) > FOLLOWS
+
+
+def _named(
+    scatter: _GaugeScatter, gauge: int, bad: list[int], reading: FloatArray, names: tuple[str, ...]
+) -> Fault:
+    """Return what is wrong with a gauge."""
+    own, name = reading[:, gauge], names[gauge]
+    rows = scatter.used[:, gauge]
+    # Before "dead": in a unit 1000 times as large, readings may move by no more than noise is said to.
+    for factor in UNITS if scatter.follows(gauge) else ():
+        if scatter.chance(gauge, own * factor, factor=factor) > FITS:
+            line = f"gauge '{name}': wrong unit, its readings fit when multiplied by {factor:g}"
+            return Fault(where=name, kind="unit", line=line)
+    changes = np.std(own[rows])
+    if changes < 5.0 * np.median(scatter.noise[rows, gauge]) and len(own[rows]) > 1:
+        return Fault(where=name, kind="dead", line=f"gauge '{name}': dead, it reads the same under every load")
+    if scatter.chance(gauge, -own) > FITS:
+        return Fault(where=name, kind="sign", line=f"gauge '{name}': wrong sign")
+    partners = [g for g in bad if g != gauge and scatter.chance(gauge, own, of=g) > FITS]
+    back = [g for g in partners if scatter.chance(g, reading[:, g], of=gauge) > FITS]
+    if back:
+        best = max(back, key=lambda g: scatter.chance(gauge, own, of=g))
+        line = f"gauge '{name}': swapped with '{names[best]}'"
+        return Fault(where=name, kind="swapped", line=line)
+    return Fault(where=name, kind="gauge", line=f"gauge '{name}': its readings fit no cause that is known")

@@ -1,0 +1,180 @@
+"""A ground test that is simulated: a vehicle as built reads loads that are not quite as they are stated.
+
+The vehicle is a structure of its own, finer than the map's. What the recorder writes is a recording, a
+channels.toml and a loadtest.toml, as a test brings them home.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.candidate_cases import Candidate
+from builder.calibration.load_changes import as_applied, scaled
+from builder.calibration.load_entries import NO_LOAD_CELL, entry_of
+from builder.calibration.load_test import KnownLoad, LoadErrors
+from builder.calibration.load_test_writer import WrittenCase, write_load_test
+from strainfmu.arrays import FloatArray
+from strainfmu.files import write_bytes_atomically
+
+SAMPLE_RATE = 25.0
+"""Samples per second [Hz]."""
+
+WINDOW, BETWEEN = 25, 10
+"""Samples of a case while the load stands, and until the next one stands."""
+
+CHANNELS_PER_CARD = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestFaults:
+    """What went wrong.
+
+    Attributes
+    ----------
+    swapped : two gauges whose channels are interchanged, none if empty.
+    reversed_sign, in_mm_per_m, dead : gauges read with the wrong sign, with a unit 1000 times too large, and not
+        at all.
+    wrong_load : case, and the factor on the true size of its loads.
+    """
+
+    __test__ = False
+
+    swapped: tuple[int, int] | None = None
+    reversed_sign: tuple[int, ...] = ()
+    in_mm_per_m: tuple[int, ...] = ()
+    dead: tuple[int, ...] = ()
+    wrong_load: tuple[int, float] | None = None
+
+    def recorded(self, strain: FloatArray) -> FloatArray:
+        """Return readings (.., n_d) as they are recorded."""
+        found = strain.copy()
+        if self.swapped is not None:
+            found[..., list(self.swapped)] = strain[..., list(self.swapped[::-1])]
+        found[..., list(self.reversed_sign)] *= -1.0
+        found[..., list(self.in_mm_per_m)] *= 1e-3
+        found[..., list(self.dead)] = 0.0
+        return found
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GroundTest:
+    """A simulated test.
+
+    Attributes
+    ----------
+    gauge_names : n_d names.
+    cases : as stated.
+    errors : how exactly the loads are known.
+    strain : (n_cases, n_samples, n_d) readings while each load stood [m/m].
+    """
+
+    gauge_names: tuple[str, ...]
+    cases: tuple[Candidate, ...]
+    errors: LoadErrors
+    strain: FloatArray
+
+
+def ground_test(
+    structure: AsBuiltStructure,
+    parameters: AsBuiltParameters,
+    cases: Sequence[Candidate],
+    errors: LoadErrors,
+    noise_std: FloatArray,
+    *,
+    random: np.random.Generator,
+    faults: TestFaults | None = None,
+) -> GroundTest:
+    """Apply ``cases`` to a vehicle as built and read its gauges.
+
+    Parameters
+    ----------
+    structure, parameters : the vehicle.
+    errors : standard deviations that the errors of the loads are drawn with.
+    noise_std : (n_d,) of one sample [m/m].
+    faults : what went wrong; nothing by default.
+    """
+    faults, common = faults or TestFaults(), errors.common * float(random.standard_normal())
+    strain = []
+    for number, case in enumerate(cases):
+        loads = [as_applied(known, errors, common, random) for known in known_loads(case, errors)]
+        if faults.wrong_load is not None and faults.wrong_load[0] == number:
+            loads = [scaled(load, faults.wrong_load[1]) for load in loads]
+        reading = structure.reading(parameters, loads)
+        strain.append(reading + noise_std * random.standard_normal((WINDOW, len(reading))))
+    return GroundTest(
+        gauge_names=structure.gauges.names,
+        cases=tuple(cases),
+        errors=errors,
+        strain=faults.recorded(np.array(strain)),
+    )
+
+
+def known_loads(case: Candidate, errors: LoadErrors) -> tuple[KnownLoad, ...]:
+    """Return the loads of a case as its file states them."""
+    on_cell = [entry_of(load)["kind"] not in NO_LOAD_CELL for load in case.loads]
+    return tuple(
+        KnownLoad(load=load, std=errors.load if read else 0.0, on_load_cell=read)
+        for load, read in zip(case.loads, on_cell, strict=True)
+    )
+
+
+def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | None = None) -> Path:
+    """Write ``loadtest.toml``, ``channels.toml`` and ``loadtest.csv`` into ``folder``; return the first's path.
+
+    ``vehicle`` is the path of the vehicle file from there.
+    """
+    channels = [f"AI{k // CHANNELS_PER_CARD}/ch{k % CHANNELS_PER_CARD}" for k in range(len(test.gauge_names))]
+    time, rows, windows = _recording(test)
+    lines = [",".join(["Time", *channels]), ",".join(["s", *["um/m"] * len(channels)])]
+    lines += [
+        f"{t:.2f}," + ",".join(f"{1e6 * value:.4f}" for value in row) for t, row in zip(time, rows, strict=True)
+    ]
+    write_bytes_atomically(folder / "loadtest.csv", ("\n".join(lines) + "\n").encode())
+    entries = ["time.channel = 'Time'", "[defaults]", "unit = 'um/m'"]
+    for channel, gauge in zip(channels, test.gauge_names, strict=True):
+        entries += ["", "[[channel]]", f"name = '{channel}'", f"gauge = '{gauge}'"]
+    write_bytes_atomically(folder / "channels.toml", ("\n".join(entries) + "\n").encode())
+    written = [
+        WrittenCase(name=case.name, loads=case.loads, window=window)
+        for case, window in zip(test.cases, windows, strict=True)
+    ]
+    path = folder / "loadtest.toml"
+    readings = {"recording": "loadtest.csv", "channels": "channels.toml"}
+    write_load_test(path, name, written, readings, error_entries(test.errors), vehicle=vehicle)
+    return path
+
+
+def error_entries(errors: LoadErrors) -> dict[str, object]:
+    """Return the section [errors] of a file."""
+    return {
+        "load_percent": _rounded(100.0 * errors.load),
+        "load_cell_percent": _rounded(100.0 * errors.common),
+        "pad_position_mm": _rounded(1e3 * errors.pad_position),
+        "pad_roll_deg": _rounded(float(np.rad2deg(errors.pad_roll))),
+        "pad_shape_percent": _rounded(100.0 * errors.pad_shape),
+    }
+
+
+def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:
+    """Return times (n,) [s] and readings (n, n_d) of the whole test, and the window of each case [s]."""
+    parts, windows, first = [], list[tuple[float, float]](), 0
+    for case, strain in enumerate(test.strain):
+        windows.append((_rounded(first / SAMPLE_RATE), _rounded((first + len(strain) - 1) / SAMPLE_RATE)))
+        parts.append(strain)
+        first += len(strain)
+        if case + 1 < len(test.strain):
+            share = (np.arange(BETWEEN) + 1.0)[:, None] / (BETWEEN + 1.0)
+            parts.append(strain[:BETWEEN] + share * (test.strain[case + 1][:BETWEEN] - strain[:BETWEEN]))
+            first += BETWEEN
+    rows = np.concatenate(parts)
+    return np.arange(len(rows)) / SAMPLE_RATE, rows, windows
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.9g}")

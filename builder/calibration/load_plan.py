@@ -1,0 +1,232 @@
+"""Design of a ground test: load cases for a vehicle, each with what it buys in flight."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.aero.loads import coefficient_scale
+from builder.calibration.as_built_parameters import prior_std, slices
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.case_selection import (
+    CaseSensitivity,
+    FlightSensitivity,
+    no_knowledge,
+    select_cases,
+)
+from builder.calibration.ground_test import known_loads
+from builder.calibration.load_changes import scaled
+from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.calibration.readings_model import ReadingsModel
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import AnyStructure, build_inverse_map, on_structure
+from builder.inverse.ensemble import ensemble_of
+from builder.reporting import Progress
+from builder.structure.loads.applied import Load
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import InverseMap
+
+FLIGHTS = 24
+"""Pressure fields of the map's ensemble that stand for the flights."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadPlan:
+    """Load cases in the order in which they are worth most.
+
+    Attributes
+    ----------
+    attitudes : cases of own weight, which come first; none of a vehicle whose density is not known.
+    cases : chosen cases, own weight included.
+    sigmas : (n_cases, 5) sigma of the coefficients in flight after each chosen case [1].
+    before, after_attitudes, exact : (5,) sigma of a vehicle of the drawing's tolerances, of one whose weight has
+        been read, and of one that is known exactly [1].
+    candidates : number of cases that were compared.
+    """
+
+    attitudes: tuple[Candidate, ...]
+    cases: tuple[Candidate, ...]
+    sigmas: FloatArray
+    before: FloatArray
+    after_attitudes: FloatArray
+    exact: FloatArray
+    candidates: int
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlanParts:
+    """What a plan is made from.
+
+    Attributes
+    ----------
+    vehicle : the vehicle.
+    snapshots : pressure of its flights.
+    structure : the map's.
+    as_built : the structure with what may differ from the drawing, on the same pressure nodes.
+    """
+
+    vehicle: Vehicle
+    snapshots: Snapshots
+    structure: AnyStructure
+    as_built: AsBuiltStructure
+
+
+def load_plan(
+    parts: PlanParts,
+    count: int,
+    limits: LoadLimits,
+    errors: LoadErrors,
+    samples: int = 25,
+    progress: Progress | None = None,
+) -> LoadPlan:
+    """Return ``count`` load cases for a vehicle.
+
+    Parameters
+    ----------
+    samples : that a reading is the mean of.
+    progress : called with (cases chosen, cases in all).
+
+    Raises
+    ------
+    InputError
+        Nothing may act within ``limits``, or the map cannot be built.
+    """
+    vehicle, as_built = parts.vehicle, parts.as_built
+    offered = [_within(as_built, one, limits) for one in candidate_cases(vehicle, limits)]
+    attitudes = [] if vehicle.material.density_kg_per_m3 is None else attitude_cases(limits)
+    lying: tuple[Load, ...] = attitudes[0].loads if attitudes else ()
+    cases = [replace(one, loads=(*lying, *one.loads)) for one in offered]
+    exact = exactly_known_map(parts)
+    flight = _flight(parts, exact)
+    lead = attitudes or [Candidate(name="no load", loads=())]
+    told = _sensitivities(parts, [*lead, *offered], errors, exact.noise_std / np.sqrt(samples))
+    first, bare = told[: len(lead)], told[len(lead) :]
+    start = known = no_knowledge(flight)
+    for one in first:
+        known = known.after(one)
+    if attitudes:
+        bare = [_together(one, first[0], slices(as_built.n_gauges, as_built.n_regions)["zero"]) for one in bare]
+    chosen = select_cases(known, bare, count, progress)
+    return LoadPlan(
+        attitudes=tuple(attitudes),
+        cases=_numbered([cases[one.number] for one in chosen]),
+        sigmas=np.array([one.sigmas for one in chosen]),
+        before=flight.sigmas(start.error_covariance()),
+        after_attitudes=flight.sigmas(known.error_covariance()),
+        exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
+        candidates=len(cases),
+    )
+
+
+def exactly_known_map(parts: PlanParts) -> InverseMap:
+    """Return the map of a vehicle that is exactly as drawn: gauge noise alone, the flows as the prior.
+
+    Case 2 whatever the vehicle file says: the choice of loads then hangs on no number of modes.
+    """
+    vehicle = parts.vehicle
+    entry = vehicle.map.model_copy(
+        update={"case": 2, "prior_modes": None, "gamma": 1.0, "estimator": "linear", "keep_field": False}
+    )
+    exact = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors(), "map": entry})
+    return build_inverse_map(exact, parts.snapshots, parts.structure)
+
+
+def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
+    vehicle, as_built = parts.vehicle, parts.as_built
+    ensemble = ensemble_of(vehicle, on_structure(parts.snapshots, parts.structure))
+    pressure = np.concatenate(list(ensemble.members()))
+    chosen = np.random.default_rng(FLIGHTS).choice(len(pressure), FLIGHTS, p=ensemble.member_weight)
+    net = (pressure[chosen] - ensemble.fixed_pressure).T
+
+    found = parameter_derivatives(lambda one: as_built.strain_operator(one) @ net, as_built.exactly_built())
+    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    jacobian = np.zeros((FLIGHTS, as_built.n_gauges, len(std.vector) + 1))
+    where, gauge = slices(as_built.n_gauges, as_built.n_regions), np.arange(as_built.n_gauges)
+    for key, value in found.items():
+        first = where[key[0]].start
+        if of_gauges(key):
+            jacobian[:, gauge, first + gauge] = value.T
+        else:
+            jacobian[:, :, first + key[1]] = value.T
+    jacobian[:, gauge, where["zero"].start + gauge] = 1.0
+    jacobian[:, :, :-1] *= std.vector
+    scale = coefficient_scale(exact.nominal_dynamic_pressure, vehicle.reference_quantities())
+    return FlightSensitivity(
+        jacobian=jacobian,
+        state_operator=exact.state_operator,
+        noise_covariance=exact.noise_covariance,
+        regularisation=exact.regularisation,
+        coefficient_per_state=scale[:, None] * exact.load_per_state,
+    )
+
+
+def _sensitivities(
+    parts: PlanParts, cases: Sequence[Candidate], errors: LoadErrors, noise_std: FloatArray
+) -> list[CaseSensitivity]:
+    """Return what cases would tell; the last parameter is the error of the load cell."""
+    as_built, none = parts.as_built, np.zeros(parts.as_built.n_gauges)
+    test = LoadTest(
+        gauge_names=as_built.gauges.names,
+        cases=tuple(
+            LoadCase(name=one.name, loads=known_loads(one, errors), reading=none, reading_std=noise_std)
+            for one in _numbered(cases)
+        ),
+        errors=errors,
+    )
+    prior = prior_std(parts.vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    model = ReadingsModel(as_built, test, prior)
+    _, jacobian = model.jacobian(np.zeros(len(model.std)))
+    jacobian = jacobian * model.std
+    cell = model.names.index("load cell")
+    own = np.array([k for k in range(model.n_built, len(model.std)) if k != cell], dtype=np.intp)
+    found = []
+    for rows in jacobian:
+        touched = own[np.any(rows[:, own] != 0.0, axis=0)]
+        found.append(
+            CaseSensitivity(
+                jacobian=np.column_stack([rows[:, : model.n_built], rows[:, cell]]),
+                error=rows[:, touched],
+                noise_std=noise_std,
+            )
+        )
+    return found
+
+
+def _together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
+    """Return what a case tells in which own weight acts as well; the parameters ``zeros`` act once."""
+    jacobian = case.jacobian + weight.jacobian
+    jacobian[:, zeros] = case.jacobian[:, zeros]
+    return CaseSensitivity(
+        jacobian=jacobian, error=np.column_stack([case.error, weight.error]), noise_std=case.noise_std
+    )
+
+
+def _nominal_strain(as_built: AsBuiltStructure, load: Load) -> FloatArray:
+    return as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(load))
+
+
+def _within(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
+    """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
+    strain = sum((_nominal_strain(as_built, load) for load in case.loads), np.zeros(as_built.n_gauges))
+    largest = float(np.abs(strain).max())
+    if largest <= limits.largest_strain:
+        return case
+    factor = float(f"{0.995 * limits.largest_strain / largest:.2g}")
+    return Candidate(name=f"{case.name}, times {factor:g}", loads=tuple(scaled(one, factor) for one in case.loads))
+
+
+def _numbered(cases: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return cases whose names are unique: one that is applied again is called so."""
+    count = Counter[str]()
+    found = []
+    for case in cases:
+        count[case.name] += 1
+        again = "" if count[case.name] == 1 else f" ({count[case.name]})"
+        found.append(replace(case, name=f"{case.name}{again}"))
+    return tuple(found)

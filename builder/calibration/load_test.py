@@ -1,0 +1,112 @@
+"""A ground test in memory: load cases, how exactly their loads are known, and what the gauges read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from builder.structure.loads.applied import Load
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownLoad:
+    """One load of a case and how exactly it is known.
+
+    Attributes
+    ----------
+    load : as stated.
+    std : relative error of its size, on its own [1].
+    on_load_cell : whether the error common to all cases touches it, :attr:`LoadErrors.common`.
+    """
+
+    load: Load
+    std: float = 0.0
+    on_load_cell: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadErrors:
+    """Standard deviations of what a test says of its loads.
+
+    Attributes
+    ----------
+    load : relative error of each load, where it states none of its own [1].
+    common : relative error of all loads together, as of their load cell [1].
+    pad_position : of each pad along the body [m].
+    pad_roll : of each pad round it [rad].
+    pad_shape : relative error of each pad's length [1].
+    """
+
+    load: float = 0.005
+    common: float = 0.005
+    pad_position: float = 0.002
+    pad_roll: float = float(np.deg2rad(0.3))
+    pad_shape: float = 0.1
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadCase:
+    """One load case.
+
+    Attributes
+    ----------
+    name : of the case.
+    loads : all that act.
+    reading : (n_d,) what the gauges read, zeros included [m/m]; NaN where there is none.
+    reading_std : (n_d,) standard deviation of it, as of a mean over a window [m/m].
+    temperature : of the whole vehicle above that of the test's zeros [K].
+    group : cases of one group share the recorder's zeros.
+    """
+
+    name: str
+    loads: tuple[KnownLoad, ...]
+    reading: FloatArray
+    reading_std: FloatArray
+    temperature: float = 0.0
+    group: str = "1"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadTest:
+    """A ground test.
+
+    Attributes
+    ----------
+    gauge_names : n_d names, the order of the readings.
+    cases : in the order of the file.
+    errors : of what is stated of the loads.
+
+    Raises
+    ------
+    InputError
+        There is no case, a name is there twice, or shapes differ.
+    """
+
+    gauge_names: tuple[str, ...]
+    cases: tuple[LoadCase, ...]
+    errors: LoadErrors = field(default_factory=LoadErrors)
+
+    def __post_init__(self) -> None:
+        if not self.cases:
+            raise InputError("load test: expected at least one case")
+        shape, seen = (len(self.gauge_names),), set[str]()
+        for case in self.cases:
+            if case.name in seen:
+                raise InputError(f"load test: expected one case '{case.name}', got two")
+            seen.add(case.name)
+            if np.shape(case.reading) != shape or np.shape(case.reading_std) != shape:
+                got = f"{np.shape(case.reading)} and {np.shape(case.reading_std)}"
+                raise InputError(f"load test: case '{case.name}': expected readings {shape}, got {got}")
+
+    @property
+    def readings(self) -> FloatArray:
+        """(n_cases, n_d) [m/m]."""
+        return np.array([case.reading for case in self.cases])
+
+    @property
+    def reading_stds(self) -> FloatArray:
+        """(n_cases, n_d) [m/m]."""
+        return np.array([case.reading_std for case in self.cases])

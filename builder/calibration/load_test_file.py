@@ -1,0 +1,147 @@
+"""The file of a ground test, ``loadtest.toml``: load cases, how exactly they are known, where the readings are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_validator
+
+from builder.calibration.load_entries import NO_LOAD_CELL, AnyLoadEntry
+from builder.calibration.load_test import KnownLoad, LoadErrors
+from builder.vehicle.faults import Faults
+from builder.vehicle.limits import one_line
+from builder.vehicle.sections import FileName, Section
+from builder.vehicle.toml_sections import read_sections
+
+CaseName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
+Percent = Annotated[float, Field(ge=0.0, le=100.0)]
+
+
+class ErrorEntries(Section):
+    """How exactly the loads are known, one standard deviation each.
+
+    ``load_percent`` is of each load on its own where it states no ``std_percent``, ``load_cell_percent`` common
+    to all loads of all cases: the calibration of the load cell. Weight, acceleration and temperature have no part
+    in either: an error of the mass is the same in all attitudes, and no scatter.
+    """
+
+    load_percent: Percent = 0.5
+    load_cell_percent: Percent = 0.5
+    pad_position_mm: float = Field(default=2.0, ge=0.0, le=1e3)
+    pad_roll_deg: float = Field(default=0.3, ge=0.0, le=90.0)
+    pad_shape_percent: Percent = 10.0
+
+    def errors(self) -> LoadErrors:
+        """Return the same in SI units."""
+        return LoadErrors(
+            load=0.01 * self.load_percent,
+            common=0.01 * self.load_cell_percent,
+            pad_position=1e-3 * self.pad_position_mm,
+            pad_roll=float(np.deg2rad(self.pad_roll_deg)),
+            pad_shape=0.01 * self.pad_shape_percent,
+        )
+
+
+class ReadingEntries(Section):
+    """Where the readings are, of all cases that do not say otherwise; files are relative to this one.
+
+    ``channels`` is a channels.toml for recordings whose columns are not named by the gauges. A reading is the mean
+    over its window; its standard deviation follows from the scatter of all windows, and
+    ``reading_std_um_per_m`` (drift, hysteresis) is added to it.
+    """
+
+    recording: FileName | None = None
+    channels: FileName | None = None
+    reading_std_um_per_m: float = Field(default=0.0, ge=0.0, le=1e4)
+
+
+class CaseEntry(Section):
+    """A load case: what acts, and when it was recorded: from ``window_s``, or one ``row`` of the recording.
+
+    Cases of one ``zeros`` were read with the same zeros; a recorder that was balanced again starts another one.
+    ``temperature_K`` is the vehicle's above that at which its zeros were taken. A case without loads is a
+    baseline.
+    """
+
+    name: CaseName
+    recording: FileName | None = None
+    channels: FileName | None = None
+    window_s: list[float] | None = Field(default=None, min_length=2, max_length=2)
+    row: int | None = Field(default=None, ge=1, le=10**9)
+    zeros: CaseName = "1"
+    temperature_K: float = Field(default=0.0, ge=-300.0, le=1000.0)
+    load: list[AnyLoadEntry] = Field(default=[], max_length=200)
+
+    @field_validator("window_s")
+    @classmethod
+    def _rises(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and value[0] >= value[1]:
+            raise ValueError(f"expected two rising times, got {value}")
+        return value
+
+    @model_validator(mode="after")
+    def _window_or_row(self) -> CaseEntry:
+        if self.window_s is not None and self.row is not None:
+            raise ValueError("expected window_s or row, got both")
+        return self
+
+    def known_loads(self, errors: LoadErrors) -> tuple[KnownLoad, ...]:
+        """Return the loads in SI units."""
+        found = []
+        for entry in self.load:
+            on_cell = entry.kind not in NO_LOAD_CELL
+            own = errors.load if on_cell else 0.0
+            std = own if entry.std_percent is None else 0.01 * entry.std_percent
+            found.append(KnownLoad(load=entry.load(), std=std, on_load_cell=on_cell))
+        return tuple(found)
+
+
+class LoadTestFile(Section):
+    """The file of a ground test, whole."""
+
+    name: CaseName
+    vehicle: FileName | None = None
+    errors: ErrorEntries = ErrorEntries()
+    readings: ReadingEntries = ReadingEntries()
+    case: list[CaseEntry] = Field(min_length=1, max_length=1000)
+    _path: Path = PrivateAttr(default=Path("loadtest.toml"))
+
+    @model_validator(mode="after")
+    def _each_name_once(self) -> LoadTestFile:
+        names = [case.name for case in self.case]
+        faults = [
+            f"case.{k}.name: expected each name once, got '{name}' again"
+            for k, name in enumerate(names, start=1)
+            if name in names[: k - 1]
+        ]
+        if faults:
+            raise Faults(faults)
+        return self
+
+    @property
+    def path(self) -> Path:
+        """Where the file is."""
+        return self._path
+
+    def beside(self, name: str) -> Path:
+        """Return the path of a file named in this one, relative to it."""
+        return self._path.parent / name
+
+
+def load_test_file(path: str | Path) -> LoadTestFile:
+    """Read and check the file of a ground test; recordings are read by
+    :func:`~builder.calibration.readings.load_test`.
+
+    Raises
+    ------
+    FaultsError
+        Entries are unknown, missing or outside their limits: one line each.
+    InputError
+        The file is missing or no TOML.
+    """
+    path = Path(path)
+    found = read_sections(path, LoadTestFile)
+    found._path = path
+    return found

@@ -1,0 +1,75 @@
+"""Writing the file of a ground test: a proposal to be filled in, or a test that was simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from builder.calibration.load_entries import entry_of
+from builder.structure.loads.applied import Load
+from strainfmu.files import write_bytes_atomically
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenCase:
+    """A case as it is written.
+
+    Attributes
+    ----------
+    name : of the case.
+    loads : that act, as they are stated.
+    window : first and last time of its reading [s]; None leaves a line to be filled in.
+    remark : comment above the case, empty for none.
+    """
+
+    name: str
+    loads: tuple[Load, ...]
+    window: tuple[float, float] | None = None
+    remark: str = ""
+
+
+def write_load_test(
+    path: Path,
+    name: str,
+    cases: Sequence[WrittenCase],
+    readings: Mapping[str, object],
+    errors: Mapping[str, object],
+    *,
+    head: Sequence[str] = (),
+    vehicle: str | None = None,
+) -> None:
+    """Write ``loadtest.toml``.
+
+    Parameters
+    ----------
+    readings, errors : entries of the sections of these names; a value of None leaves a line to be filled in.
+    head : lines of comment at the top.
+    vehicle : path of the vehicle file, relative to this one; None for none.
+    """
+    lines = [f"# {line}" for line in head] + ["", f"name = {_value(name)}"]
+    lines += [] if vehicle is None else [f"vehicle = {_value(vehicle)}"]
+    for section, entries in (("readings", readings), ("errors", errors)):
+        lines += ["", f"[{section}]", *(_line(key, value) for key, value in entries.items())]
+    for case in cases:
+        lines += ["", *([f"# {case.remark}"] if case.remark else []), "[[case]]", f"name = {_value(case.name)}"]
+        lines.append(_line("window_s", None if case.window is None else list(case.window)))
+        lines += [f"[[case.load]]\n{_table(entry_of(load))}" for load in case.loads]
+    write_bytes_atomically(path, ("\n".join(lines).lstrip("\n") + "\n").encode())
+
+
+def _line(key: str, value: object) -> str:
+    return f"# {key} = " if value is None else f"{key} = {_value(value)}"
+
+
+def _table(entries: Mapping[str, object]) -> str:
+    return "\n".join(f"{key} = {_value(value)}" for key, value in entries.items())
+
+
+def _value(value: object) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    if isinstance(value, list):
+        return f"[{', '.join(_value(one) for one in value)}]"
+    return repr(value)

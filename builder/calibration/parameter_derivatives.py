@@ -1,0 +1,76 @@
+"""Derivatives of readings by the parameters of a vehicle as built.
+
+A parameter of one gauge changes its own reading alone, so one difference serves all gauges. Derivatives are kept
+by kind: (n_d, ..) where each gauge has its own parameter, or one for the whole vehicle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import GAUGE_KINDS, REGION_KINDS, AsBuiltParameters
+from strainfmu.arrays import FloatArray
+
+STEPS = {
+    "orientation": 1e-3,
+    "axial_shift": 1e-4,
+    "circumferential_shift": 1e-4,
+    "transverse_sensitivity": 1e-3,
+    "layout_roll": 1e-3,
+    "wall_thickness": 1e-3,
+    "wall_cosine": 1e-3,
+    "wall_sine": 1e-3,
+}
+"""Steps of central differences [rad, m, 1]; gains, Young's modulus and zeros need none."""
+
+Key = tuple[str, int]
+"""Kind of a parameter, and the number of the region of the wall or 0."""
+
+
+def derivative_keys(n_regions: int) -> list[Key]:
+    """Return the keys in the order of the vector, without the zeros."""
+    kinds = [kind for kind in GAUGE_KINDS if kind != "zero"]
+    whole = [(kind, 0) for kind in (*kinds, "common_gain", "layout_roll", "youngs_modulus")]
+    return whole + [(kind, region) for kind in REGION_KINDS for region in range(n_regions)]
+
+
+def of_gauges(key: Key) -> bool:
+    """Return whether every gauge has its own parameter of a kind."""
+    return key[0] in GAUGE_KINDS
+
+
+def parameter_derivatives(
+    evaluate: Callable[[AsBuiltParameters], FloatArray], parameters: AsBuiltParameters, by_stress: bool = True
+) -> dict[Key, FloatArray]:
+    """Return the derivative of ``evaluate`` (n_d, ..), readings without zeros, by every key.
+
+    ``by_stress`` says whether readings go with 1 / E.
+    """
+    value = evaluate(parameters)
+    scale = (1.0 + parameters.gauge_gain).reshape(-1, *[1] * (value.ndim - 1))
+    found: dict[Key, FloatArray] = {}
+    for key in derivative_keys(parameters.n_regions):
+        kind, region = key
+        if kind == "gauge_gain":
+            found[key] = value / scale
+        elif kind == "common_gain":
+            found[key] = value / (1.0 + parameters.common_gain[0])
+        elif kind == "youngs_modulus":
+            found[key] = -value / (1.0 + parameters.youngs_modulus[0]) if by_stress else np.zeros_like(value)
+        else:
+            found[key] = _difference(evaluate, parameters, kind, region)
+    return found
+
+
+def _difference(
+    evaluate: Callable[[AsBuiltParameters], FloatArray], parameters: AsBuiltParameters, kind: str, region: int
+) -> FloatArray:
+    held = getattr(parameters, kind)
+    change = np.full(len(held), STEPS[kind])
+    if kind in REGION_KINDS:
+        change[np.arange(len(held)) != region] = 0.0
+    plus, minus = (evaluate(replace(parameters, **{kind: held + sign * change})) for sign in (1.0, -1.0))
+    return np.asarray((plus - minus) / (2.0 * STEPS[kind]))

@@ -1,0 +1,196 @@
+"""What a ground test should read: the vehicle as built, and the errors of the loads that were applied.
+
+    reading = sum over the loads of (1 + own error + load cell's) (strain + pad errors) + zero of the recorder.
+
+The vector of a test is the vehicle's parameters, then the zeros of further groups of cases, the relative error of
+every load, that of the load cell, and place, roll and shape of every pad.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters, parameter_names, slices
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.load_test import LoadTest
+from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.structure.loads.applied import Load, PadForce, PadPressure
+from strainfmu.arrays import FloatArray, IntArray
+
+PAD_STEPS = {"place": 1e-3, "roll": 5e-3, "shape": 0.02}
+"""Steps of the differences for pads [m, rad, 1]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StatedErrors:
+    """Errors of one vector, by load.
+
+    Attributes
+    ----------
+    zero : (n_groups, n_d) [m/m].
+    scale : (n_loads,) relative, own and of the load cell [1].
+    pad : (n_loads, 3) place [m], roll [rad], shape [1].
+    """
+
+    zero: FloatArray
+    scale: FloatArray
+    pad: FloatArray
+
+
+class ReadingsModel:
+    """A test's readings as a function of its vector.
+
+    Attributes
+    ----------
+    names : of the vector's entries.
+    std : (n,) of the vector before the test.
+    """
+
+    def __init__(self, structure: AsBuiltStructure, test: LoadTest, prior: AsBuiltParameters) -> None:
+        self.structure, self.test, self.prior = structure, test, prior
+        self.n_built = len(prior.vector)
+        self.groups = list(dict.fromkeys(case.group for case in test.cases))
+        self.loads = [(k, one) for k, case in enumerate(test.cases) for one in case.loads]
+        self._pads = [self._pad_columns(one.load) for _, one in self.loads]
+        self._at_drawing: tuple[FloatArray, FloatArray] | None = None
+        built = parameter_names(structure.gauges.names, structure.n_regions)
+        extra, std = self._extra_names(), self._extra_std()
+        self.names, self.std = (*built, *extra), np.concatenate([prior.vector, std])
+
+    def with_readings(self, readings: FloatArray) -> ReadingsModel:
+        """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared."""
+        pairs = zip(self.test.cases, readings, strict=True)
+        cases = tuple(replace(case, reading=row) for case, row in pairs)
+        found = copy(self)
+        found.test = replace(self.test, cases=cases)
+        return found
+
+    def at_drawing(self) -> tuple[FloatArray, FloatArray]:
+        """Return :meth:`jacobian` of the vehicle and the loads as stated, kept for the next time."""
+        if self._at_drawing is None:
+            self._at_drawing = self.jacobian(np.zeros(len(self.std)))
+        return self._at_drawing
+
+    @property
+    def case_of_load(self) -> IntArray:
+        """(n_loads,) number of the case of each load."""
+        return np.array([k for k, _ in self.loads], dtype=np.int64)
+
+    def built(self, vector: FloatArray) -> AsBuiltParameters:
+        """Return the vehicle's part of a vector."""
+        return self.prior.of_vector(vector[: self.n_built])
+
+    def errors(self, vector: FloatArray) -> StatedErrors:
+        """Return the test's part of a vector."""
+        n_d, n_l, n_g = self.structure.n_gauges, len(self.loads), len(self.groups)
+        rest = vector[self.n_built :]
+        more, scale, cell, pad = np.split(rest, np.cumsum([(n_g - 1) * n_d, n_l, 1]))
+        own = self.built(vector).zero
+        on_cell = np.array([one.on_load_cell for _, one in self.loads], dtype=float)
+        return StatedErrors(
+            zero=np.vstack([own, more.reshape(-1, n_d)]), scale=scale + on_cell * cell, pad=pad.reshape(n_l, 3)
+        )
+
+    def load_strains(self, built: AsBuiltParameters) -> FloatArray:
+        """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
+        responses = [self.structure.response(one.load) for _, one in self.loads]
+        found = [self.structure.response_strain(built, response) for response in responses]
+        return np.array(found).reshape(-1, self.structure.n_gauges)
+
+    def readings(self, vector: FloatArray) -> FloatArray:
+        """Return what the gauges should read (n_cases, n_d) [m/m]."""
+        return self._joined(self.load_strains(self.built(vector)), self.errors(vector))
+
+    def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n)."""
+        built, errors = self.built(vector), self.errors(vector)
+        strain = self.load_strains(built)
+        n_c, n_d = len(self.test.cases), self.structure.n_gauges
+        found = np.zeros((n_c, n_d, len(vector)))
+        gauge, where = np.arange(n_d), slices(n_d, self.structure.n_regions)
+        derivatives = parameter_derivatives(lambda one: self.load_strains(one).T, built)
+        for key, value in derivatives.items():
+            rows = self._summed((1.0 + errors.scale)[:, None] * value.T)
+            start = where[key[0]].start
+            if of_gauges(key):
+                found[:, gauge, start + gauge] = rows
+            else:
+                found[:, :, start + key[1]] = rows
+        self._zero_derivatives(found, where["zero"].start)
+        self._load_derivatives(found, strain)
+        return self._joined(strain, errors), found
+
+    def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
+        moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
+        shape = strain.shape
+        total = (1.0 + errors.scale)[:, None] * (strain + moved.reshape(shape))
+        group = [self.groups.index(case.group) for case in self.test.cases]
+        return self._summed(total) + errors.zero[group]
+
+    def _summed(self, by_load: FloatArray) -> FloatArray:
+        """Return (n_cases, n_d) sums of (n_loads, n_d) over the loads of each case."""
+        found = np.zeros((len(self.test.cases), self.structure.n_gauges))
+        np.add.at(found, self.case_of_load, by_load)
+        return found
+
+    def _zero_derivatives(self, found: FloatArray, start: int) -> None:
+        gauge = np.arange(self.structure.n_gauges)
+        for k, case in enumerate(self.test.cases):
+            group = self.groups.index(case.group)
+            first = start if group == 0 else self.n_built + (group - 1) * len(gauge)
+            found[k, gauge, first + gauge] = 1.0
+
+    def _load_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
+        first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges
+        n_l = len(self.loads)
+        for number, (case, one) in enumerate(self.loads):
+            found[case, :, first + number] += strain[number]
+            if one.on_load_cell:
+                found[case, :, first + n_l] += strain[number]
+            pad = first + n_l + 1 + 3 * number
+            found[case, :, pad : pad + 3] += self._pads[number].T
+
+    def _pad_columns(self, load: Load) -> FloatArray:
+        """Return (3, n_d) change of the readings by place, roll and shape of a pad; zeros for other loads."""
+        if not isinstance(load, PadForce | PadPressure):
+            return np.zeros((3, self.structure.n_gauges))
+        changes = {
+            "place": lambda h: replace(load, station=load.station + h),
+            "roll": lambda h: replace(load, roll_angle=load.roll_angle + h),
+            "shape": lambda h: replace(load, half_length=load.half_length * (1.0 + h)),
+        }
+        nominal = replace(self.structure.exactly_built(), wall_thickness=self.structure.known_thickness)
+
+        def strain(one: Load) -> FloatArray:
+            return self.structure.response_strain(nominal, self.structure.nominal_response(one))
+
+        rows = []
+        for name, changed in changes.items():
+            step = PAD_STEPS[name]
+            rows.append((strain(changed(step)) - strain(changed(-step))) / (2.0 * step))
+        return np.array(rows)
+
+    def _extra_names(self) -> list[str]:
+        gauges = self.structure.gauges.names
+        names = [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges]
+        labels = [
+            f"{type(one.load).__name__} {number} of {self.test.cases[case].name}"
+            for number, (case, one) in enumerate(self.loads, start=1)
+        ]
+        names += [f"load {label}" for label in labels] + ["load cell"]
+        return names + [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
+
+    def _extra_std(self) -> FloatArray:
+        errors = self.test.errors
+        zero = np.tile(self.prior.zero, len(self.groups) - 1)
+        own = [one.std for _, one in self.loads]
+        pad = [errors.pad_position, errors.pad_roll, errors.pad_shape]
+        of_pads = [
+            value if isinstance(one.load, PadForce | PadPressure) else 0.0
+            for _, one in self.loads
+            for value in pad
+        ]
+        return np.concatenate([zero, own, [errors.common], of_pads])

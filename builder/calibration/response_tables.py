@@ -1,0 +1,102 @@
+"""Strain amplitudes under one kind of load as polynomials of the wall and of the gauges' stations.
+
+Amplitudes are arrays (.., n_m, n_s, 3): harmonic in roll angle, station, and meridional, hoop and shear strain.
+What leads is the load's: its two families of harmonics, or the stations of a pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters
+from builder.calibration.wall_harmonics import SIDES
+from strainfmu.arrays import FloatArray, IntArray
+
+QUARTER = 0.5 * np.pi
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResponseTable:
+    """Amplitudes at the parameters' zero and their change.
+
+    Attributes
+    ----------
+    nominal : (.., n_m, n_s, 3).
+    along, along_twice : the same per metre along the surface and per its square.
+    wall, wall_twice : (n_r, .., n_m, n_s, 3) per relative thickness of each region and per its square.
+    uneven : (2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic as cos phi and, in a frame rolled by a quarter
+        turn, as sin phi; the strain goes round the body by n + side.
+    uneven_load : (2, n_r, .., n_m, n_s, 3) per wall harmonic, through the load itself; None where it does not
+        change.
+    """
+
+    nominal: FloatArray
+    along: FloatArray
+    along_twice: FloatArray
+    wall: FloatArray
+    wall_twice: FloatArray
+    uneven: FloatArray
+    uneven_load: FloatArray | None = None
+
+
+def even_amplitudes(
+    table: ResponseTable, parameters: AsBuiltParameters, thickness: FloatArray, station: IntArray
+) -> FloatArray:
+    """Return (.., n_m, n_d, 3) at the gauges, of the part that goes round the body as the load does.
+
+    ``thickness`` (n_r,) is that of the wall over the table's.
+    """
+    found = table.nominal
+    if len(table.wall):
+        found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
+    if table.uneven_load is not None:
+        found = found + np.tensordot(_wave(parameters), table.uneven_load, 2)
+    shift = parameters.axial_shift[:, None]
+    return np.asarray(
+        found[..., station, :]
+        + shift * (table.along[..., station, :] + shift * table.along_twice[..., station, :])
+    )
+
+
+def uneven_amplitudes(table: ResponseTable, parameters: AsBuiltParameters, station: IntArray) -> FloatArray | None:
+    """Return (2, 3 sides, .., n_m, n_d, 3) of the uneven wall; None where it is even."""
+    wave = _wave(parameters)
+    if not wave.any():
+        return None
+    found = np.stack([np.tensordot(w, part, 1) for w, part in zip(wave, table.uneven, strict=True)])
+    return np.asarray(found[..., station, :])
+
+
+def _wave(parameters: AsBuiltParameters) -> FloatArray:
+    """Return (2, n_r) cosine and sine part of the thickness."""
+    return np.stack([parameters.wall_cosine, parameters.wall_sine])
+
+
+def direction_weights(
+    meridional: FloatArray, circumferential: FloatArray, parameters: AsBuiltParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a gauge makes of meridional, hoop and shear strain: (n_d, 2) and (n_d,).
+
+    The arguments (n_d,) are the stated direction cosines. A gauge reads strain along itself and, times its
+    transverse sensitivity, across.
+    """
+    turn_c, turn_s = np.cos(parameters.orientation), np.sin(parameters.orientation)
+    c = turn_c * meridional - turn_s * circumferential
+    s = turn_s * meridional + turn_c * circumferential
+    across = parameters.transverse_sensitivity
+    normal = np.column_stack([c * c + across * s * s, s * s + across * c * c])
+    return normal, 2.0 * c * s * (1.0 - across)
+
+
+def side_phases(roll_angle: FloatArray, n_m: int) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return per side cosine and sine (n_m, n_d) of the strain's harmonic at roll angles, and a factor (n_d,)."""
+    found = []
+    for side in SIDES:
+        m = np.arange(n_m) + side
+        inside = ((m >= 0) & (m < n_m)).astype(np.float64)[:, None]
+        phase = m[:, None] * roll_angle
+        factor = np.cos(roll_angle) if side == 0 else np.ones_like(roll_angle)
+        found.append((inside * np.cos(phase), inside * np.sin(phase), factor))
+    return found

@@ -1,0 +1,95 @@
+"""A wall whose thickness goes as cos phi: to first order it couples each harmonic with its neighbours.
+
+With the stiffness K of the even wall and D its derivative by the amplitude of the harmonic, the strain
+b K^-1 f of a load f changes by -b K^-1 D K^-1 f. At every roll angle D is taken as the derivative of the even
+wall's stiffness there, times cos phi; the slope of the inner surface round the body is left out, thickness over
+radius of what is kept. The strain b on the inner surface moves with it, and so does the mass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from builder.structure.fourier.fourier_elasticity import strain_displacement
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray
+
+SIDES = (-1, 1, 0)
+"""Harmonic of the strain less that of the load: neighbours, and the same where the surface itself moves."""
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicProduct:
+    """Stiffness between displacements of harmonic n (rows) and m: cc + m cl + n cl' + n m ll.
+
+    Attributes
+    ----------
+    cc, cl, ll : (n_dof, n_dof) sums of B' C B over the constant part of B and the one that goes with the harmonic
+        [N/m per radian].
+    """
+
+    cc: csr_array
+    cl: csr_array
+    ll: csr_array
+
+    def times(self, n: int, m: int, motion: FloatArray) -> FloatArray:
+        """Return (n_dof, k) forces in harmonic ``n`` of motions (n_dof, k) in harmonic ``m``."""
+        return np.asarray(
+            self.cc @ motion + m * (self.cl @ motion) + n * (self.cl.T @ motion) + n * m * (self.ll @ motion)
+        )
+
+    def less(self, other: HarmonicProduct, step: float) -> HarmonicProduct:
+        """Return the difference to ``other`` over ``step``."""
+        parts = ((a - b) / step for a, b in zip(self._parts(), other._parts(), strict=True))
+        return HarmonicProduct(*parts)
+
+    def _parts(self) -> tuple[csr_array, csr_array, csr_array]:
+        return self.cc, self.cl, self.ll
+
+
+def harmonic_product(mesh: MeridianMesh, material: Material) -> HarmonicProduct:
+    """Return the stiffness of a wall of revolution between displacements of any two harmonics."""
+    constant, linear, weight = strain_displacement(mesh)
+    n_e = len(mesh.element)
+    dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(n_e, 27)
+    row = np.broadcast_to(dof[:, :, None], (n_e, 27, 27)).ravel()
+    column = np.broadcast_to(dof[:, None, :], (n_e, 27, 27)).ravel()
+
+    def product(left: FloatArray, right: FloatArray) -> csr_array:
+        stress = np.einsum("ij,eqjb,eq->eqib", material.stiffness, right, weight)
+        block = left.reshape(n_e, -1, 27).transpose(0, 2, 1) @ stress.reshape(n_e, -1, 27)
+        return csr_array((block.ravel(), (row, column)), shape=(mesh.n_dof, mesh.n_dof))
+
+    return HarmonicProduct(product(constant, constant), product(constant, linear), product(linear, linear))
+
+
+def neighbour_weight(n: int) -> float:
+    """Return the part of cos(m phi), m a neighbour of the load's harmonic n, in cos(phi) cos(n phi)."""
+    return 1.0 if n == 0 else 0.5
+
+
+def times_cosine(force: FloatArray) -> FloatArray:
+    """Return the amplitudes (2, n_m, .., 3) of cos(phi) times a field of nodal forces in the same form.
+
+    Families and components are those of :mod:`builder.structure.loads.fourier`. What would go beyond the last
+    harmonic is left out.
+    """
+    out = np.zeros_like(force)
+    out[:, 1] = force[:, 0]
+    out[:, 2:] = 0.5 * force[:, 1:-1]
+    out[:, :-1] += 0.5 * force[:, 1:]
+    # At m = 0 sines vanish: no motion round the body in the first family, none else in the second.
+    out[0, 0, ..., 2] = 0.0
+    out[1, 0, ..., :2] = 0.0
+    return out
+
+
+def rolled_quarter(force: FloatArray) -> FloatArray:
+    """Return amplitudes (2, n_m, ..) referred to a roll angle of 90 deg: phi' = phi - pi / 2."""
+    quarter = 0.5 * np.pi * np.arange(force.shape[1]).reshape(-1, *[1] * (force.ndim - 2))
+    cosine, sine = np.round(np.cos(quarter)), np.round(np.sin(quarter))
+    return np.stack([cosine * force[0] + sine * force[1], cosine * force[1] - sine * force[0]])

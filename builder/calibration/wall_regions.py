@@ -1,0 +1,83 @@
+"""Thickness of the wall by regions along the body, and the mesh of a wall of other thickness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
+from builder.structure.wall import Wall, wall_of
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+REGIONS = 4
+"""Regions where the vehicle file names no ends."""
+
+BLEND = 0.02
+"""Length over which one region goes over into the next, over the length of the wall; elements resolve it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WallRegions:
+    """Regions of the wall behind the solid tip.
+
+    Attributes
+    ----------
+    end : (n_r + 1,) stations of their ends [m], from the tip to the base.
+    """
+
+    end: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.end) - 1
+
+    def share(self, x: FloatArray) -> FloatArray:
+        """Return (n, n_r) how far stations ``x`` (n,) [m] belong to each region: 1 in it, 0 in the others.
+
+        The first region starts from 0 at the tip, whose thickness has no meaning.
+        """
+        blend = BLEND * (self.end[-1] - self.end[0])
+        start = self.end[:-1] - 0.5 * blend
+        start[0] = self.end[0]
+        begun = np.clip((x[:, None] - start) / blend, 0.0, 1.0)
+        return np.asarray(begun - np.column_stack([begun[:, 1:], np.zeros(len(x))]))
+
+
+def wall_regions(vehicle: Vehicle) -> WallRegions:
+    """Return the regions of the section [calibration].
+
+    Raises
+    ------
+    InputError
+        An end is ahead of the hollow part or behind the base.
+    """
+    first, last = wall_of(vehicle).solid_tip_length, vehicle.body().length
+    inner = vehicle.calibration.wall_region_ends_m
+    if inner is None:
+        return WallRegions(end=np.linspace(first, last, REGIONS + 1))
+    for station in inner:
+        if not first < station < last:
+            raise InputError(
+                f"calibration.wall_region_ends_m: expected stations of the wall, {first:g} .. {last:g} m, "
+                f"got {station:g}"
+            )
+    return WallRegions(end=np.array([first, *inner, last]))
+
+
+def thickened(mesh: MeridianMesh, wall: Wall, regions: WallRegions, thickness: FloatArray) -> MeridianMesh:
+    """Return the mesh of a wall whose thickness is larger by ``thickness`` (n_r,), relative to that of ``wall``.
+
+    The outer surface stays. Nodes of the wall move along the radius, so that stations keep their meaning.
+    """
+    inner = line_nodes(mesh.inner_edge)
+    outer = line_nodes(mesh.outer_edge)[-len(inner) :]
+    x, r = mesh.node[outer].T
+    slope = np.gradient(r, x)
+    inward = wall.thickness * np.sqrt(1.0 + slope**2) * (regions.share(x) @ thickness)
+    n_through = int(outer[0] - inner[0]) + 1
+    column = inner[:, None] + np.arange(n_through)
+    node = mesh.node.copy()
+    node[column, 1] -= inward[:, None] * np.linspace(1.0, 0.0, n_through)
+    return replace(mesh, node=node)

@@ -1,0 +1,226 @@
+"""A vehicle as built, from its ground test to its flight: the map before the test, after it, and exact.
+
+The vehicle is drawn from the tolerances of the section [calibration]. It is tested and flies on the independent
+model, finer than the map's, with a wall of its own; the map sees the readings of the test alone.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, prior_std
+from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.calibration.calibrated_map import Remaining, calibrated_map, with_provenance
+from builder.calibration.candidate_cases import Candidate
+from builder.calibration.faults import calibrate_with_faults
+from builder.calibration.ground_test import ground_test, write_ground_test
+from builder.calibration.load_test import LoadErrors, LoadTest
+from builder.calibration.load_test_file import load_test_file
+from builder.calibration.plant_gauges import plant_gauges
+from builder.calibration.readings import load_test
+from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.standard_cases import standard_cases
+from builder.calibration.wall_regions import wall_regions
+from builder.campaign.snapshots import load_snapshots
+from builder.figures.as_built import as_built_figure
+from builder.figures.canvas import save
+from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.map_files import FLOWS
+from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.used_files import MAP, SNAPSHOTS
+from builder.structure.loads.applied import Weight
+from builder.truth.flight_tables import plant_flight_model
+from builder.truth.flow_table import load_flow_table
+from strainfmu.arrays import FloatArray
+from strainfmu.cosim import flight_model as flight_model_file
+from strainfmu.cosim.flight_model import save_flight_model
+from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.zeros_file import load_zeros, write_zeros
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.files import write_bytes_atomically
+
+CASES = 12
+"""Load cases of the ground test, beside own weight in four attitudes."""
+
+TEST, CALIBRATED, EXACT, ZEROS = "loadtest.toml", "calibrated.h5", "exact.h5", "zeros.toml"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AsBuiltRun:
+    """A vehicle of the file at ``vehicle_path`` drawn with ``seed``, in the folder of ``pipeline``."""
+
+    pipeline: Pipeline
+    vehicle_path: Path
+    seed: int
+
+    @cached_property
+    def structure(self) -> AsBuiltStructure:
+        """The structure of the map with what may differ from the drawing."""
+        vehicle = self.pipeline.vehicle
+        with self.pipeline.reporter.stage("Structure: as it may be built") as progress:
+            return as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
+
+    @cached_property
+    def built(self) -> AsBuiltParameters:
+        """The vehicle that flies."""
+        vehicle = self.pipeline.vehicle
+        std = prior_std(vehicle.calibration, self._n_gauges, len(wall_regions(vehicle)))
+        return drawn(std, np.random.default_rng(self.seed))
+
+    @cached_property
+    def truth(self) -> AsBuiltStructure:
+        """The independent model, with the wall of the vehicle that flies."""
+        vehicle = self.pipeline.vehicle
+        with self.pipeline.reporter.stage("Structure: the vehicle that flies, as built") as progress:
+            return as_built_structure(
+                vehicle,
+                vehicle.gauges.layout,
+                resolution=vehicle.resolution.truth,
+                known_thickness=self.built.wall_thickness,
+                progress=progress,
+            )
+
+    @property
+    def _n_gauges(self) -> int:
+        return load_inverse_map(self.pipeline.path(MAP)).n_gauges
+
+    @property
+    def inputs(self) -> dict[str, Any]:
+        """What the vehicle that flies depends on."""
+        vehicle = self.pipeline.vehicle
+        parts = {"structure", "material", "gauges", "calibration", "profile", "resolution"}
+        return {"seed": self.seed, "cases": CASES, "vehicle": vehicle.model_dump(mode="json", include=parts)}
+
+    def make_test(self) -> None:
+        """Test the vehicle on the ground: loadtest.toml, channels.toml and the recording."""
+
+        def write(path: Path) -> None:
+            noise = load_inverse_map(self.pipeline.path(MAP)).noise_std
+            random = np.random.default_rng([self.seed, 1])
+            truth, built = self.truth, self.built
+            with self.pipeline.reporter.stage(f"Ground test: {CASES} load cases"):
+                test = ground_test(truth, built, self._cases(), LoadErrors(), noise, random=random)
+            vehicle = Path(os.path.relpath(self.vehicle_path, path.parent)).as_posix()
+            write_ground_test(test, path.parent, f"{self.pipeline.vehicle.name}: ground test", vehicle)
+
+        inputs = {"map": self.pipeline.made_from(MAP), **self.inputs}
+        holds = "ground test: load cases; loadtest.csv and channels.toml hold the recording"
+        self.pipeline.make(TEST, holds, inputs, write)
+
+    def _cases(self) -> list[Candidate]:
+        """Return own weight in four attitudes, where the vehicle has a density, and the pads."""
+        vehicle = self.pipeline.vehicle
+        weighs = vehicle.material.density_kg_per_m3 is not None
+        found = []
+        for name, known in standard_cases(CASES, vehicle.body().length, LoadErrors()):
+            loads = tuple(one.load for one in known if weighs or not isinstance(one.load, Weight))
+            found.append(Candidate(name=name, loads=loads))
+        return found if weighs else [Candidate(name="no load", loads=()), *(one for one in found if one.loads)]
+
+    def make_maps(self) -> None:
+        """Calibrate the map by the test, and make the one that a vehicle known exactly would have."""
+        pipeline = self.pipeline
+
+        def calibrated(path: Path) -> None:
+            test = self.test()
+            prior = prior_std(pipeline.vehicle.calibration, self._n_gauges, self.structure.n_regions)
+            with pipeline.reporter.stage("Calibration: the vehicle as built from its test"):
+                model = ReadingsModel(self.structure, test, prior)
+                found, faults = calibrate_with_faults(model)
+            fit = found.chi_square / found.n_readings
+            pipeline.reporter.note(f"chi-square per reading {fit:.2f}, {len(faults)} faults")
+            for fault in faults:
+                pipeline.reporter.note(fault.line)
+            of_built = slice(0, model.n_built)
+            remaining = Remaining(parameters=found.parameters, covariance=found.covariance[of_built, of_built])
+            facts = {"test": TEST, "chi_square_per_reading": fit, "faults": [one.where for one in faults]}
+            save_inverse_map(with_provenance(self._map(remaining), facts), path)
+            zeros = GaugeZeros(value=remaining.parameters.zero, std=np.zeros(test.readings.shape[1]))
+            write_zeros(path.with_name(ZEROS), test.gauge_names, zeros, {"calibration": CALIBRATED})
+
+        def exact(path: Path) -> None:
+            known = np.zeros((len(self.built.vector),) * 2)
+            save_inverse_map(self._map(Remaining(parameters=self.built, covariance=known)), path)
+
+        inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
+        holds = "the map as calibrated; zeros.toml holds the zeros that are taken off"
+        pipeline.make(CALIBRATED, holds, inputs, calibrated)
+        pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
+
+    def _map(self, remaining: Remaining) -> InverseMap:
+        snapshots = load_snapshots(self.pipeline.path(SNAPSHOTS))
+        return calibrated_map(self.pipeline.vehicle, snapshots, self.structure, remaining)
+
+    def test(self) -> LoadTest:
+        """Return the test as its files tell it."""
+        names = load_inverse_map(self.pipeline.path(MAP)).gauge_names
+        found, notes = load_test(load_test_file(self.pipeline.path(TEST)), names)
+        for note in notes:
+            self.pipeline.reporter.note(note)
+        return found
+
+    def make_flight_model(self) -> None:
+        """Make the flight model of the vehicle as built."""
+        pipeline, vehicle = self.pipeline, self.pipeline.vehicle
+
+        def write(path: Path) -> None:
+            noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
+            flows = load_flow_table(pipeline.path(FLOWS))
+            gauges = plant_gauges(self.truth, self.built, vehicle.resolution.truth.harmonics)
+            save_flight_model(plant_flight_model(vehicle, flows, self.truth.surface, gauges, noise_std), path)
+
+        inputs = {
+            "schema_version": flight_model_file.SCHEMA_VERSION,
+            "map": pipeline.made_from(MAP),
+            "flows": pipeline.made_from(FLOWS),
+            **self.inputs,
+        }
+        pipeline.make("flight_model.h5", "the vehicle that flies: the independent model, as built", inputs, write)
+
+    def start_values(self) -> dict[str, float]:
+        """Return the zeros that the estimator takes off what the plant reads."""
+        zeros = self.zeros()["after"]
+        return {f"estimator.zero[{i}]": value for i, value in enumerate(zeros.tolist(), start=1)}
+
+    def zeros(self) -> dict[str, FloatArray]:
+        """Return the zeros (n_d,) [m/m] by map: before the test, those of a tare, the mean of all attitudes."""
+        inverse_map, test = load_inverse_map(self.pipeline.path(MAP)), self.test()
+        tare = [case.reading for case in test.cases if all(isinstance(one.load, Weight) for one in case.loads)]
+        return {
+            "before": np.mean(tare, axis=0),
+            "after": load_zeros(self.pipeline.path(ZEROS), inverse_map.gauge_names).value,
+            "exact": self.built.zero,
+        }
+
+    def score(self, recording: Recording) -> dict[str, Any]:
+        """Fly the three maps on the strains of one flight; return their accuracy, and draw it."""
+        pipeline = self.pipeline
+
+        def make(path: Path) -> None:
+            flown = self._flown(recording)
+            entries = {name: estimator_entry(one) for name, one in flown.items()}
+            write_bytes_atomically(path, json.dumps(entries, indent=1, allow_nan=False).encode())
+            figure = as_built_figure(recording.time, flown, pipeline.vehicle.name)
+            save(figure, path.with_suffix(".png"))
+
+        inputs = {"maps": pipeline.made_from(MAP, CALIBRATED, EXACT), "flight": pipeline.made_from("flight.h5")}
+        holds = "map before and after the test, and exact, on the same strains (and as a figure, as_built.png)"
+        pipeline.make("as_built.json", holds, inputs, make)
+        entries: dict[str, Any] = json.loads(pipeline.path("as_built.json").read_text(encoding="utf-8"))
+        return entries
+
+    def _flown(self, recording: Recording) -> dict[str, FlownEstimates]:
+        zeros, found = self.zeros(), dict[str, FlownEstimates]()
+        for name, file in (("before", MAP), ("after", CALIBRATED), ("exact", EXACT)):
+            inverse_map = load_inverse_map(self.pipeline.path(file))
+            flown = flown_estimators(inverse_map, recording, zeros=zeros[name])
+            found[name] = flown["linear" if inverse_map.manifold is None else "manifold"]
+        return found

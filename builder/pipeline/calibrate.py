@@ -1,0 +1,149 @@
+"""From a map and the file of a ground test to the calibrated map and the report beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import prior_std, slices
+from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.calibration.calibrated_map import Remaining, calibrated_map, with_provenance
+from builder.calibration.cross_validation import cross_validation
+from builder.calibration.estimate import Estimate
+from builder.calibration.faults import Fault, calibrate_with_faults
+from builder.calibration.load_equations import load_equations
+from builder.calibration.load_test import LoadTest
+from builder.calibration.load_test_file import LoadTestFile, load_test_file
+from builder.calibration.readings import load_test
+from builder.calibration.readings_model import ReadingsModel
+from builder.campaign.snapshot_fit import body_misfits
+from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.reporting import Reporter
+from builder.reports.calibration_page import calibration_page
+from builder.reports.html import write_page
+from builder.structure.fourier.model import structural_model
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.workspace import refuse_misfits
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+
+SNAPSHOTS = "snapshots.h5"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Calibration:
+    """A finished calibration."""
+
+    inverse_map: InverseMap
+    estimate: Estimate
+    faults: tuple[Fault, ...]
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def run_calibrate(
+    map_path: Path,
+    test_path: Path,
+    output: Path,
+    reporter: Reporter,
+    vehicle_path: Path | None = None,
+    snapshots_path: Path | None = None,
+) -> Calibration:
+    """Calibrate a map by a ground test; write the map and a page of the same name.
+
+    Parameters
+    ----------
+    map_path : the map as built from the drawing.
+    test_path : ``loadtest.toml``.
+    output : of the calibrated map.
+    vehicle_path : the vehicle file; by default the one that the test names.
+    snapshots_path : snapshots of the map; by default those beside it.
+
+    Raises
+    ------
+    InputError
+        A file is missing or wrong, or map, test, vehicle and snapshots are not of one vehicle.
+    """
+    drawn, file = load_inverse_map(map_path), load_test_file(test_path)
+    vehicle = _vehicle(file, vehicle_path, drawn, map_path)
+    snapshots_path = snapshots_path or map_path.parent / SNAPSHOTS
+    snapshots = load_snapshots(snapshots_path)
+    refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
+    test, notes = load_test(file, drawn.gauge_names)
+    with reporter.stage("Structure: what may differ as built") as progress:
+        structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
+    if structure.gauges.names != drawn.gauge_names:
+        raise InputError(f"{map_path}: gauges are not those of layout '{vehicle.gauges.layout}'")
+    with reporter.stage("Estimate: the vehicle as built"):
+        found, faults = calibrate_with_faults(_model(structure, vehicle, test))
+    with reporter.stage("Map of the vehicle as built"):
+        made = _map(vehicle, snapshots, structure, found, drawn)
+    made = with_provenance(made, _facts(found, faults, test_path))
+    save_inverse_map(made, output)
+    page = output.with_suffix(".html")
+    with reporter.stage("Report"):
+        equations = load_equations(found, vehicle.reference.moment_station_m)
+        title = f"{vehicle.name}: calibration by {file.name}"
+        write_page(calibration_page(title, found, faults, cross_validation(found), equations), page)
+    return Calibration(inverse_map=made, estimate=found, faults=faults, files=(output, page), notes=notes)
+
+
+def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path: Path) -> Vehicle:
+    """Return the vehicle with the map options of the map that is calibrated."""
+    if path is None and file.vehicle is None:
+        raise InputError(f"{file.path}: vehicle: entry is missing; name the vehicle file there or by --vehicle")
+    vehicle = load_vehicle(path or file.beside(str(file.vehicle)))
+    if vehicle.name != drawn.vehicle:
+        raise InputError(f"{map_path}: expected a map of '{vehicle.name}', got one of '{drawn.vehicle}'")
+    if drawn.form != vehicle.map.form or drawn.case != vehicle.map.case:
+        raise InputError(
+            f"{map_path}: expected map.case {vehicle.map.case} and form '{vehicle.map.form}' of the vehicle file, "
+            f"got {drawn.case} and '{drawn.form}'"
+        )
+    if "calibration" in drawn.provenance:
+        raise InputError(f"{map_path}: already calibrated; expected the map that the vehicle file makes")
+    estimator = "linear" if drawn.manifold is None else "manifold"
+    return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": estimator})})
+
+
+def _model(structure: AsBuiltStructure, vehicle: Vehicle, test: LoadTest) -> ReadingsModel:
+    prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    return ReadingsModel(structure, test, prior)
+
+
+def _map(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AsBuiltStructure, found: Estimate, drawn: InverseMap
+) -> InverseMap:
+    """Return the calibrated map; alarm levels stay those of the map as drawn, which flows set more than gauges."""
+    others: dict[str, FloatArray] = {}
+    named = vehicle.noise.of_layout
+    if named is not None and named != vehicle.gauges.layout:
+        others[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
+    n = found.model.n_built
+    remaining = Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
+    made = calibrated_map(vehicle, snapshots, structure, remaining, others)
+    return replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
+
+
+def _facts(found: Estimate, faults: tuple[Fault, ...], test_path: Path) -> dict[str, Any]:
+    """Return what the map's provenance says of the calibration."""
+    part, sigma = found.parameters, found.std
+    where = slices(part.n_gauges, part.n_regions)
+    return {
+        "test": test_path.name,
+        "cases": [case.name for k, case in enumerate(found.model.test.cases) if found.used[k].any()],
+        "readings": found.n_readings,
+        "chi_square_per_reading": found.chi_square / found.n_readings,
+        "faults": [one.line for one in faults],
+        "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
+        "zero_std_um_per_m": (1e6 * sigma[where["zero"]]).round(6).tolist(),
+        "wall_thickness_percent": (100.0 * part.wall_thickness).round(4).tolist(),
+        "sigma_before_over_after": {
+            kind: float(np.sqrt(np.mean(found.model.std[at] ** 2) / max(float(np.mean(sigma[at] ** 2)), 1e-300)))
+            for kind, at in where.items()
+        },
+    }

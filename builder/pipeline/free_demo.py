@@ -1,0 +1,182 @@
+"""The demonstration of a vehicle that is no body of revolution: from its file to its estimator FMU in flight.
+
+The vehicle that flies is computed, not an FMU: flow on the finer surface along the manoeuvre, another mesh of the
+structure, hardware errors drawn. Its strains go into the estimator FMU step by step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from hashlib import sha256
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from builder.campaign.snapshots import load_snapshots
+from builder.figures import demonstration as figures
+from builder.figures.canvas import save
+from builder.figures.free_shape import shape_with_gauges
+from builder.pipeline.map_files import make_map
+from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
+from builder.structure.mesh_check import MeshCheck
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.free_case import FreeCase, flying_mesh
+from builder.structure.solid.free_model import on_other_mesh
+from builder.structure.structure_file import load_structure
+from builder.truth.as_built import AsBuilt
+from builder.truth.free_flight_path import FlownPath, flown_path, flows_along
+from builder.vehicle.map_needs import used_layouts
+from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.native_package import shipped_libraries
+from strainfmu.interface.fmi_variables import strain_names
+
+STEP_SIZE = 0.01
+"""Time between samples of the flight [s]: 100 Hz."""
+NOISE_SEED = 1
+LIMIT = "health.chi_square_limit"
+
+
+def check_free_demo(vehicle_case: FreeCase, shape_kind: str) -> None:
+    """Refuse a vehicle that has no second mesh to fly.
+
+    Raises
+    ------
+    InputError
+        ``structure.checked_by`` is missing.
+    """
+    if shape_kind == "surface" and vehicle_case.other is None:
+        raise InputError(
+            "structure.checked_by: entry is missing, a second mesh plays the vehicle that flies in a demonstration"
+        )
+
+
+def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
+    """Make the map, the FMU and its flight, with figures, in the pipeline's folder; return the recording.
+
+    Raises
+    ------
+    InputError
+        An entry of the vehicle file does not fit, or a condition is outside the engine's reach.
+    StrainfmuError
+        A file could not be written or the FMU failed.
+    """
+    vehicle = pipeline.vehicle
+    case = structure_case(vehicle, used_layouts(vehicle))
+    assert isinstance(case, FreeCase)
+    check_free_demo(case, vehicle.shape_kind)
+    make_map(pipeline)
+    library = b"".join(content for _, (_, content) in sorted(shipped_libraries("estimator").items()))
+    pipeline.make(
+        "estimator.fmu",
+        "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
+        {"map": pipeline.made_from(MAP), "kind": "native", "library": sha256(library).hexdigest()},
+        lambda path: export_estimator(pipeline.path(MAP), path),
+    )
+    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
+
+    def make(path: Path) -> None:
+        flown = _flown(pipeline, case, built)
+        save_hdf5(_recording(pipeline, flown, built), path)
+
+    inputs = {
+        "fmu": pipeline.made_from("estimator.fmu"),
+        "trajectory": trajectory.read_bytes().hex(),
+        "resolution": vehicle.resolution.truth.model_dump(),
+        "structure": pipeline.made_from(STRUCTURE),
+        "as built": {name: np.asarray(value).tolist() for name, value in asdict(built).items()},
+    }
+    pipeline.make("flight.h5", "the estimator's flight: strains, truth, estimates", inputs, make)
+    recording = load_recording(pipeline.path("flight.h5"))
+    of_flight: dict[str, Any] = {"flight": pipeline.made_from("flight.h5")}
+    pipeline.make("flight.csv", "the same as CSV", of_flight, lambda path: save_csv(recording, path))
+    _figures(pipeline, recording)
+    return recording
+
+
+def _flown(pipeline: Pipeline, case: FreeCase, built: AsBuilt) -> FlownPath:
+    """Compute what the vehicle does on its manoeuvre."""
+    vehicle, reporter = pipeline.vehicle, pipeline.reporter
+    path = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    time = STEP_SIZE * np.arange(round(path.stop_time / STEP_SIZE) + 1, dtype=np.float64)
+    flows = flows_along(vehicle, path, reporter)
+    structure = load_structure(pipeline.path(STRUCTURE)).check
+    if vehicle.shape_kind == "sections" or structure is None:
+        with reporter.stage("Structure: the vehicle that flies") as progress:
+            structure = on_other_mesh(case, flying_mesh(vehicle), progress)
+    assert isinstance(structure, MeshCheck)
+    return flown_path(vehicle, case, structure, flows=flows, time=time, path=path, built=built)
+
+
+def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recording:
+    """Step the estimator FMU through the flight."""
+    inverse_map = load_inverse_map(pipeline.path(MAP))
+    noise = np.random.default_rng(NOISE_SEED).standard_normal(flown.strain.shape) * inverse_map.noise_std
+    strain = flown.strain + noise
+    pressure = np.array([condition.dynamic_pressure for condition in flown.conditions])
+    stated = pressure * (1.0 + float(built.dynamic_pressure))
+    further = {"mach_number": "mach_number", "altitude": "altitude"}
+    rows, cost = [], []
+    with (
+        pipeline.reporter.stage("Flight: the estimator FMU") as progress,
+        FmuStep(pipeline.path("estimator.fmu"), tuple(further), (LIMIT,)) as step,
+    ):
+        for i, condition in enumerate(flown.conditions):
+            values = {"mach_number": condition.mach_number, "altitude": condition.altitude}
+            begun = perf_counter()
+            result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.further_inputs})
+            cost.append(perf_counter() - begun)
+            rows.append(
+                [
+                    *result.coefficients,
+                    *result.coefficients_std,
+                    result.health,
+                    result.chi_square,
+                    result.further[LIMIT],
+                ]
+            )
+            if i % 100 == 0:
+                progress(i, len(strain))
+    table = np.array([condition.as_tuple() for condition in flown.conditions])
+    plant = [*COEFFICIENT_NAMES, *strain_names(strain.shape[1]), "dynamic_pressure"]
+    plant += ["mach_number", "angle_of_attack", "sideslip_angle", "altitude"]
+    estimator = [*COEFFICIENT_NAMES, *(f"sigma.{name}" for name in COEFFICIENT_NAMES)]
+    estimator += ["health.state", "health.chi_square", LIMIT]
+    units = ["1"] * 5 + ["1"] * strain.shape[1] + ["Pa", "1", "rad", "rad", "m"] + ["1"] * 10 + ["", "1", "1"]
+    return Recording(
+        time=flown.time,
+        names=(*(f"plant.{name}" for name in plant), *(f"estimator.{name}" for name in estimator)),
+        units=tuple(units),
+        values=np.column_stack([flown.coefficients, strain, stated, table, np.array(rows)]),
+        instances=("estimator",),
+        step_cost=np.array(cost[1:])[:, None],
+    )
+
+
+def _figures(pipeline: Pipeline, recording: Recording) -> None:
+    """Draw estimated against true coefficients, and the pressed surface with its gauges."""
+    title = pipeline.vehicle.name
+    pipeline.make(
+        "coefficients.png",
+        "figure: estimated against true coefficients, 3 sigma bands",
+        {"flight": pipeline.made_from("flight.h5"), "title": title},
+        lambda path: save(figures.coefficients(recording, title), path),
+    )
+    pipeline.make(
+        "shape.png",
+        "figure: the shape with its gauges and the pressure of one condition",
+        {"snapshots": pipeline.made_from(SNAPSHOTS), "map": pipeline.made_from(MAP), "title": title},
+        lambda path: save(
+            shape_with_gauges(
+                load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP)), title
+            ),
+            path,
+        ),
+    )

@@ -1,0 +1,107 @@
+"""Z_p from an influence matrix: strain per force at nodes times the nodal forces of a pressure on their facets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from builder.aero.surface_mesh import SurfaceMesh
+from builder.structure.external.gauge_columns import columns_found
+from builder.structure.external.influence_checks import check_equilibrium
+from builder.structure.external.influence_file import Influence, read_influence
+from builder.structure.external.thinned_nodes import thinned
+from builder.structure.mesh_check import MeshCheck
+from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.surface_load import facet_pressure_load
+from builder.structure.solid.surface_triangles import facet_triangles, split_facets
+from builder.structure.structure_file import Structure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.profile_record import profile_record
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.version import __version__
+
+MODEL = "influence"
+
+
+def structure_of_influence(
+    path: Path, facets: Path | None, vehicle: Vehicle, layouts: Mapping[str, Gauges]
+) -> Structure:
+    """Return the structure behind the influence matrix of ``path``, on the surface of its loaded nodes.
+
+    What the number of loaded nodes does to strain is measured by leaving out two nodes of three.
+
+    Parameters
+    ----------
+    path, facets : the file, and that of the facets beside a CSV file.
+    vehicle : gives body and support.
+    layouts : those a map needs; displaced ones may be missing.
+
+    Raises
+    ------
+    InputError
+        A file is wrong, does not fit the gauges, or its strains are out of equilibrium with its forces.
+    """
+    influence = read_influence(path, facets)
+    kept = columns_found(path, influence.column, layouts, vehicle.gauges.layout)
+    index = [influence.column.index(name) for names in kept.values() for name in names]
+    strain = influence.strain_per_force[index]
+    gauges = [layouts[name] for name in kept]
+    whole = _outward(influence)
+    surface, column = split_facets(influence.node, influence.facet) if influence.split else (whole, None)
+    if vehicle.structure.support == "clamped_aft":
+        in_use = layouts[vehicle.gauges.layout]
+        rows = [influence.column.index(name) for name in kept[vehicle.gauges.layout]]
+        check_equilibrium(path, influence.node, influence.strain_per_force[rows], in_use)
+    load = facet_pressure_load(influence.node, influence.facet, column)
+    flat = strain.reshape(len(strain), -1)
+    thin = thinned(whole)
+    return Structure(
+        vehicle=vehicle.name,
+        model=MODEL,
+        settings={
+            "strainfmu_version": __version__,
+            "mesh": {"model": MODEL, "file_name": path.name},
+            "profile": profile_record(vehicle.body()),
+        },
+        statistics={"loaded_nodes": len(influence.node)},
+        gauge_names=tuple(name for one in gauges for name in one.name),
+        layout=tuple(name for name in kept for _ in layouts[name].name),
+        gauge_position=np.concatenate([one.position for one in gauges]),
+        gauge_direction=np.concatenate([_unit(one.direction) for one in gauges]),
+        gauge_length=np.concatenate([one.length for one in gauges]),
+        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        point=surface.point,
+        triangle=surface.triangle,
+        normal=surface.node_normal,
+        strain_operator=np.asarray(flat @ load),
+        mesh_error=np.zeros(len(strain)),
+        check=MeshCheck(
+            against=f"forces on {thin.kept} of its {len(influence.node)} nodes",
+            factor=thin.factor,
+            strain_operator=np.asarray(thin.on_kept(strain).reshape(len(strain), -1) @ load),
+        ),
+    )
+
+
+def _outward(influence: Influence) -> SurfaceMesh:
+    """Return the facets as triangles.
+
+    Raises
+    ------
+    InputError
+        The facets face inwards.
+    """
+    surface = SurfaceMesh(influence.node, facet_triangles(influence.facet))
+    away = influence.node - np.array([1.0, 0.0, 0.0]) * influence.node[:, :1]
+    middle = away[surface.triangle].mean(axis=1)
+    if np.einsum("mi,mi->", surface.vector_area, middle) < 0.0:
+        raise InputError(f"{influence.path}: facet: expected nodes anticlockwise seen from outside, got clockwise")
+    return surface
+
+
+def _unit(direction: FloatArray) -> FloatArray:
+    unit: FloatArray = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return unit

@@ -1,0 +1,39 @@
+"""The influence matrix of a mesh of ours, in the form that other codes' matrices are read in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from builder.structure.external.influence_file import Influence, write_influence
+from builder.structure.external.load_cases import strain_columns
+from builder.structure.solid.model import SolidCase, strain_per_force
+from builder.structure.solid.solid_mesh import EXTERNAL
+from builder.structure.solid.surface_load import surface_nodes
+from builder.structure.solid.swept_mesh import SweptMesh
+
+
+def export_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
+    """Solve ``case`` under unit forces at the nodes of its external surface and write the matrix.
+
+    ``in_use`` is the layout whose gauges go by their own names.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`builder.structure.solid.model.solve_solid_structure`; or the file could not be written.
+    """
+    mesh, strain = strain_per_force(case)
+    node = surface_nodes(mesh, EXTERNAL)
+    columns = strain_columns(case.layouts, in_use)
+    influence = Influence(
+        path=path,
+        node=mesh.node[node],
+        facet=np.searchsorted(node, mesh.named_surface(EXTERNAL)),
+        column=tuple(name for names in columns.values() for name in names),
+        strain_per_force=strain,
+        split=not isinstance(mesh, SweptMesh),
+    )
+    write_influence(influence)
+    return influence

@@ -1,0 +1,137 @@
+"""Files of load cases for another structural code: nodal forces, gauges, and the table of strains to fill in."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from math import degrees
+from pathlib import Path
+
+import numpy as np
+
+from builder.aero.cfd.vtk_files import write_vtk
+from builder.aero.mapping import nodal_force_operator
+from builder.structure.external.load_cases import LoadCases, strain_columns
+from builder.structure.external.strain_table import CONDITION_COLUMNS, FIRST_COLUMNS
+from builder.structure.solid.gauge_rows import Gauges
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
+from strainfmu.flight_condition import FlightCondition
+
+FORMATS = ("csv", "vtu")
+NODES, TRIANGLES, GAUGES, STRAINS = "nodes.csv", "triangles.csv", "gauges.csv", "strains.csv"
+_GAUGE_COLUMNS = "column,name,layout,surface,length_mm,x_m,y_m,z_m,direction_x,direction_y,direction_z"
+
+
+def export_loads(
+    cases: LoadCases, layouts: Mapping[str, Gauges], in_use: str, folder: Path, file_format: str = "csv"
+) -> list[Path]:
+    """Write load cases, gauges and an empty table of strains into ``folder``.
+
+    Every case is a file of the nodal forces [N] and the net pressure [Pa] at the nodes of ``nodes.csv``, numbered
+    from 1, or a .vtu of both. Forces are consistent with pressure linear over the triangles, so that force and
+    moment are those of the pressure.
+
+    Parameters
+    ----------
+    cases : the load cases.
+    layouts : gauges by name of layout; those of ``in_use`` go by their own names.
+    in_use : the layout in use.
+    folder : where the files go; it is made.
+    file_format : one of :data:`FORMATS`.
+
+    Returns
+    -------
+    The files written, the table of strains last.
+
+    Raises
+    ------
+    InputError
+        The format is none of these, or ``folder`` holds a table of strains already.
+    StrainfmuError
+        A file could not be written, or needs VTK and that is not installed.
+    """
+    if file_format not in FORMATS:
+        raise InputError(f"--format: expected one of {', '.join(FORMATS)}, got '{file_format}'")
+    table = folder / STRAINS
+    if table.exists():
+        raise InputError(
+            f"{table}: expected a folder without it, it may hold strains; remove it or choose another"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    mesh, operator = cases.surface, nodal_force_operator(cases.surface)
+    _write(folder / NODES, _numbers("node,x_m,y_m,z_m", mesh.point, numbered=True))
+    _write(folder / TRIANGLES, _numbers("node_1,node_2,node_3", mesh.triangle + 1))
+    files = [folder / NODES, folder / TRIANGLES]
+    for name, pressure in zip(cases.names, cases.pressure, strict=True):
+        force = (operator @ pressure).reshape(-1, 3)
+        files.append(folder / f"{name}.{file_format}")
+        if file_format == "vtu":
+            arrays = {f"force_{axis}_N": force[:, k] for k, axis in enumerate("xyz")}
+            write_vtk(files[-1], mesh, {"pressure_Pa": pressure, **arrays})
+        else:
+            header = "node,force_x_N,force_y_N,force_z_N,pressure_Pa"
+            _write(files[-1], _numbers(header, np.column_stack([force, pressure]), numbered=True))
+    _write(folder / GAUGES, _gauge_table(layouts, in_use))
+    _write(table, strain_template(cases, layouts, in_use))
+    return [*files, folder / GAUGES, table]
+
+
+def strain_template(
+    cases: LoadCases,
+    layouts: Mapping[str, Gauges],
+    in_use: str,
+    strain: FloatArray | None = None,
+    unit: str = "m/m",
+) -> str:
+    """Return the table of strains as CSV: a row per case; ``strain`` (n, all gauges) in ``unit``, else empty."""
+    columns = [name for names in strain_columns(layouts, in_use).values() for name in names]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*FIRST_COLUMNS, *columns])
+    for number, (name, load_id) in enumerate(zip(cases.names, cases.ids(), strict=True)):
+        condition = cases.conditions[number] if number < len(cases.conditions) else None
+        values = [""] * len(columns) if strain is None else [repr(float(value)) for value in strain[number]]
+        writer.writerow([name, load_id, *condition_cells(condition), unit, *values])
+    return text.getvalue()
+
+
+def condition_cells(condition: FlightCondition | None) -> list[str]:
+    """Return a condition's cells of the table, empty for the uniform case."""
+    if condition is None:
+        return [""] * len(CONDITION_COLUMNS)
+    values = (
+        condition.mach_number,
+        degrees(condition.angle_of_attack),
+        degrees(condition.sideslip_angle),
+        1e-3 * condition.altitude,
+    )
+    return [f"{value:.9g}" for value in values]
+
+
+def _gauge_table(layouts: Mapping[str, Gauges], in_use: str) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_GAUGE_COLUMNS.split(","))
+    for layout, columns in strain_columns(layouts, in_use).items():
+        gauges = layouts[layout]
+        unit = gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True)
+        for i, column in enumerate(columns):
+            numbers = [1e3 * gauges.length[i], *gauges.position[i], *unit[i]]
+            cells = [column, gauges.name[i], layout, gauges.surface[i], *(f"{float(one):.12g}" for one in numbers)]
+            writer.writerow(cells)
+    return text.getvalue()
+
+
+def _numbers(header: str, rows: FloatArray | IntArray, numbered: bool = False) -> str:
+    text = io.StringIO()
+    form = ["%d"] * rows.shape[1] if np.issubdtype(rows.dtype, np.integer) else ["%.12g"] * rows.shape[1]
+    table = np.column_stack([np.arange(1, len(rows) + 1), rows]) if numbered else rows
+    np.savetxt(text, table, ["%d", *form] if numbered else form, ",", header=header, comments="")
+    return text.getvalue()
+
+
+def _write(path: Path, text: str) -> None:
+    write_bytes_atomically(path, text.encode("utf-8"))

@@ -1,0 +1,160 @@
+"""Z_p from strains under the snapshots' own pressures: all that a map of the listed conditions needs.
+
+A map takes Z_p of combinations of its snapshots alone. So any operator that gives the strains found under them
+gives the same map; the one with the smallest norm is taken, Z = S^T (P P^T)^+ P with P the cases' pressures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.structure.external.gauge_columns import columns_found
+from builder.structure.external.load_cases import LoadCases, load_cases
+from builder.structure.external.strain_table import StrainTable, read_strain_table
+from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.structure_file import Structure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.profile_record import profile_record
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.version import __version__
+
+MODEL = "strain_per_snapshot"
+
+LINEARITY = 1e-3
+"""Of a row's strain: what may be left where loads depend on each other, more is no linear structure."""
+
+DEPENDENT = 1e-11
+"""Singular value of the loads, relative to the largest, below which cases are combinations of others."""
+
+ODD, ODD_OVER_USUAL = 0.3, 20.0
+"""Error of a case predicted from all others, over its strain, and its score over the others', that is refused."""
+
+
+ALIKE = 0.02
+"""Distance of a case's pressure from combinations of the others', over its size, up to which it is judged."""
+
+
+def structure_of_strains(
+    path: Path, vehicle: Vehicle, snapshots: Snapshots, layouts: Mapping[str, Gauges]
+) -> Structure:
+    """Return the structure behind the strains of ``path``, on the surface of ``snapshots``.
+
+    ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.displaced_gauges`) may be
+    missing: placement errors of gauges must then be 0.
+
+    Raises
+    ------
+    InputError
+        The map's entries need more than the listed conditions, or the table does not fit snapshots or gauges.
+    """
+    if vehicle.map.symmetry != "listed":
+        raise InputError(
+            f"map.symmetry: expected 'listed' with structure.strain_per_snapshot, got '{vehicle.map.symmetry}': "
+            "strains are known under the listed conditions alone"
+        )
+    table, cases = read_strain_table(path), load_cases(vehicle, snapshots)
+    kept = columns_found(path, table.column, layouts, vehicle.gauges.layout)
+    strain = _strain_of_cases(table, cases)[:, [table.column.index(name) for one in kept.values() for name in one]]
+    operator = smallest_operator(cases.pressure, strain, _names(table, cases))
+    gauges = [layouts[name] for name in kept]
+    return Structure(
+        vehicle=vehicle.name,
+        model=MODEL,
+        settings={
+            "strainfmu_version": __version__,
+            "mesh": {"model": MODEL, "file_name": path.name},
+            "profile": profile_record(vehicle.body()),
+        },
+        statistics={"load_cases": len(cases.names)},
+        gauge_names=tuple(name for one in gauges for name in one.name),
+        layout=tuple(name for name in kept for _ in layouts[name].name),
+        gauge_position=np.concatenate([one.position for one in gauges]),
+        gauge_direction=np.concatenate([_unit(one.direction) for one in gauges]),
+        gauge_length=np.concatenate([one.length for one in gauges]),
+        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        point=cases.surface.point,
+        triangle=cases.surface.triangle,
+        normal=cases.surface.node_normal,
+        strain_operator=operator,
+        mesh_error=np.zeros(len(operator)),
+    )
+
+
+def _strain_of_cases(table: StrainTable, cases: LoadCases) -> FloatArray:
+    """Return the strains (n, k) [m/m] in the order of ``cases``."""
+    ids = cases.ids()
+    for case, load_id in zip(table.case, table.load_id, strict=True):
+        if load_id not in ids:
+            raise InputError(
+                f"{table.path}: {case}: expected a load_id of these snapshots, got '{load_id}': strains of other "
+                "pressures; export the loads again, or use the snapshots.h5 they were exported from"
+            )
+    for name, load_id in zip(cases.names, ids, strict=True):
+        if load_id not in table.load_id:
+            raise InputError(f"{table.path}: expected a row of {name} (load_id {load_id}), got none")
+    return table.strain[[table.load_id.index(load_id) for load_id in ids]]
+
+
+def _names(table: StrainTable, cases: LoadCases) -> tuple[str, ...]:
+    named = dict(zip(table.load_id, table.case, strict=True))
+    return tuple(f"{table.path}: {named[load_id]}" for load_id in cases.ids())
+
+
+def smallest_operator(pressure: FloatArray, strain: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Return the operator (k, n_p) [1/Pa] of smallest norm that gives ``strain`` (n, k) under ``pressure``.
+
+    ``pressure`` is (n, n_p) [Pa], a row per case; ``names`` are the cases', for messages.
+
+    Raises
+    ------
+    InputError
+        Strains of dependent loads differ, or one case is out of line with all others.
+    """
+    # Of equal size: the uniform case and one at low dynamic pressure count alike.
+    size = np.linalg.norm(pressure, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    left, deviation, right = np.linalg.svd(pressure / size, full_matrices=False)
+    kept = deviation > DEPENDENT * deviation[0]
+    unit = strain / size
+    amplitude = left[:, kept].T @ unit
+    rms = np.linalg.norm(unit, axis=1)
+    rest = np.linalg.norm(unit - left[:, kept] @ amplitude, axis=1)
+    worst = int(rest.argmax())
+    if rest[worst] > LINEARITY * rms.max():
+        raise InputError(
+            f"{names[worst]}: expected the strain that its load has as a combination of the others, got "
+            f"{rest[worst] / max(rms[worst], 1e-300):.2g} of it more; is the analysis linear?"
+        )
+    _refuse_odd(left, deviation, unit, names)
+    return np.asarray((amplitude / deviation[kept, None]).T @ right[kept])
+
+
+def _refuse_odd(left: FloatArray, deviation: FloatArray, strain: FloatArray, names: tuple[str, ...]) -> None:
+    """Refuse a case that is out of line: predicted from the others, as pressures are alike, it is another.
+
+    The prediction is that of the smallest operator of the others: its error is (K^-1 s)_j / (K^-1)_jj with
+    K = P P^T. A single wrong case has the largest (K^-1 s)_j / sqrt((K^-1)_jj), by Cauchy and Schwarz.
+    """
+    inverse = (left / (deviation**2 + 1e-9 * deviation[0] ** 2)) @ left.T
+    leverage = np.diag(inverse)
+    error = np.linalg.norm(inverse @ strain, axis=1)
+    score = error / np.sqrt(leverage)
+    usual = float(np.median(score))
+    score[leverage < ALIKE**-2] = 0.0  # pressure that the others are not like, such as the uniform one's
+    worst = int(score.argmax())
+    relative = error[worst] / leverage[worst] / max(float(np.linalg.norm(strain[worst])), 1e-300)
+    if len(strain) >= 8 and score[worst] > ODD_OVER_USUAL * usual and relative > ODD:
+        raise InputError(
+            f"{names[worst]}: expected strain within {100.0 * ODD:g} % of what the other cases say, got "
+            f"{100.0 * relative:.3g} % off: another load, sign or unit?"
+        )
+
+
+def _unit(direction: FloatArray) -> FloatArray:
+    unit: FloatArray = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return unit

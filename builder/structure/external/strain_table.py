@@ -1,0 +1,145 @@
+"""The table of strains that another structural code found under the load cases: a CSV or HDF5 file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.units import STRAIN_UNITS
+
+CONDITION_COLUMNS = ("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+"""For the reader of the table; cases are told apart by ``load_id``."""
+UNIT_COLUMN = "strain_unit"
+FIRST_COLUMNS = ("case", "load_id", *CONDITION_COLUMNS, UNIT_COLUMN)
+NEEDED_COLUMNS = ("case", "load_id", UNIT_COLUMN)
+
+LARGEST_STRAIN = 0.05
+"""Above this [m/m] a strain is in another unit than stated: linear elasticity ends long before."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StrainTable:
+    """Strains as read.
+
+    Attributes
+    ----------
+    path : the file.
+    case, load_id : (n,) name and load of each row.
+    column : k names of columns.
+    strain : (n, k) [m/m].
+    """
+
+    path: Path
+    case: tuple[str, ...]
+    load_id: tuple[str, ...]
+    column: tuple[str, ...]
+    strain: FloatArray
+
+
+def read_strain_table(path: Path) -> StrainTable:
+    """Read strains per load case: ``.csv``, or ``.h5`` with the datasets case, load_id, column and strain (n, k).
+
+    In a .csv every row names its unit in the column ``strain_unit``; in an .h5 the dataset ``strain`` has it as
+    attribute ``unit``.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or incomplete; the message names row and column.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; `strainfmu structure VEHICLE --export-loads DIR` makes the table")
+    table = _from_hdf5(path) if path.suffix.lower() in (".h5", ".hdf5") else _from_csv(path)
+    _refuse_repeated(path, "case", table.case)
+    _refuse_repeated(path, "column", table.column)
+    large = np.argwhere(np.abs(table.strain) > LARGEST_STRAIN)
+    if len(large):
+        row, column = large[0]
+        raise InputError(
+            f"{path}: {table.case[row]}, column '{table.column[column]}': expected a strain of at most "
+            f"{LARGEST_STRAIN:g} m/m, got {table.strain[row, column]:.4g} m/m; is strain_unit right?"
+        )
+    return table
+
+
+def _from_csv(path: Path) -> StrainTable:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(stream) if row] or [[]]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a CSV file: {error}") from error
+    for name in NEEDED_COLUMNS:
+        if name not in header:
+            raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
+    gauges = [k for k, name in enumerate(header) if name not in FIRST_COLUMNS]
+    place = {name: header.index(name) for name in NEEDED_COLUMNS}
+    strain = np.empty((len(rows), len(gauges)))
+    for number, row in enumerate(rows):
+        where = f"{path}, line {number + 2}"
+        if len(row) != len(header):
+            raise InputError(f"{where}: expected {len(header)} values, got {len(row)}")
+        factor = strain_factor(row[place[UNIT_COLUMN]], where)
+        for column, k in enumerate(gauges):
+            strain[number, column] = factor * table_number(row[k], f"{where}, column '{header[k]}'")
+    return StrainTable(
+        path=path,
+        case=tuple(row[place["case"]] for row in rows),
+        load_id=tuple(row[place["load_id"]] for row in rows),
+        column=tuple(header[k] for k in gauges),
+        strain=strain,
+    )
+
+
+def _from_hdf5(path: Path) -> StrainTable:
+    try:
+        with h5py.File(path, "r") as file:
+            for name in ("case", "load_id", "column", "strain"):
+                if not isinstance(file.get(name), h5py.Dataset):
+                    raise InputError(f"{path}: expected a dataset '{name}', got {', '.join(file) or 'none'}")
+            texts = [tuple(map(str, file[name].asstr()[()])) for name in ("case", "load_id", "column")]
+            strain = np.asarray(file["strain"][()], dtype=np.float64)
+            unit = str(file["strain"].attrs.get("unit", ""))
+    except (OSError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged, or not an HDF5 file of strains: {error}") from error
+    case, load_id, column = texts
+    if strain.shape != (len(case), len(column)) or len(load_id) != len(case):
+        raise InputError(f"{path}: strain: expected shape {(len(case), len(column))}, got {strain.shape}")
+    if not np.isfinite(strain).all():
+        row, k = np.argwhere(~np.isfinite(strain))[0]
+        raise InputError(f"{path}: {case[row]}, column '{column[k]}': expected a number, got {strain[row, k]}")
+    strain *= strain_factor(unit, f"{path}: attribute unit of strain")
+    return StrainTable(path=path, case=case, load_id=load_id, column=column, strain=strain)
+
+
+def strain_factor(unit: str, where: str) -> float:
+    """Return the factor of a unit of strain to m/m; ``where`` begins the message of a unit that is none."""
+    if unit not in STRAIN_UNITS:
+        raise InputError(f"{where}: strain_unit: expected m/m, um/m, mm/m or percent, got '{unit}'")
+    return STRAIN_UNITS[unit]
+
+
+def table_number(text: str, where: str) -> float:
+    """Return a cell as a finite number; ``where`` begins the message of one that is none."""
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise InputError(f"{where}: expected a number, got '{text}'") from error
+    if not isfinite(value):
+        raise InputError(f"{where}: expected a finite number, got '{text}'")
+    return value
+
+
+def _refuse_repeated(path: Path, what: str, names: Sequence[str]) -> None:
+    known: set[str] = set()
+    for name in names:
+        if name in known:
+            raise InputError(f"{path}: expected each {what} once, got '{name}' again")
+        known.add(name)

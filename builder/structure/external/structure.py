@@ -1,0 +1,59 @@
+"""The structure of another code, by the entry of the vehicle file that names its file."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+
+from builder.campaign.snapshots import Snapshots
+from builder.structure.external import strain_per_snapshot
+from builder.structure.external.influence import structure_of_influence
+from builder.structure.solid.case import solid_case
+from builder.structure.structure_file import Structure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map_needs import used_layouts
+from strainfmu.errors import InputError
+
+
+def external_inputs(vehicle: Vehicle) -> list[str]:
+    """Return the content of the files of the structure.
+
+    Raises
+    ------
+    InputError
+        The file is missing.
+    """
+    facets = vehicle.structure.influence_facets
+    beside = [] if facets is None or not vehicle.beside(facets).is_file() else [vehicle.beside(facets)]
+    return [sha256(path.read_bytes()).hexdigest() for path in (external_file(vehicle), *beside)]
+
+
+def external_file(vehicle: Vehicle) -> Path:
+    """Return the path of the file of the structure.
+
+    Raises
+    ------
+    InputError
+        It is missing.
+    """
+    entry = vehicle.structure.external
+    assert entry is not None
+    path = vehicle.beside(getattr(vehicle.structure, entry))
+    if not path.is_file():
+        raise InputError(f"structure.{entry}: {path}: no such file")
+    return path
+
+
+def external_structure(vehicle: Vehicle, snapshots: Snapshots) -> Structure:
+    """Return the structure behind the file that the vehicle file names, for the layouts its map needs.
+
+    Raises
+    ------
+    InputError
+        The file is missing or wrong, or does not fit snapshots or gauges.
+    """
+    layouts, path = solid_case(vehicle, used_layouts(vehicle)).layouts, external_file(vehicle)
+    if vehicle.structure.external == strain_per_snapshot.MODEL:
+        return strain_per_snapshot.structure_of_strains(path, vehicle, snapshots, layouts)
+    facets = vehicle.structure.influence_facets
+    return structure_of_influence(path, None if facets is None else vehicle.beside(facets), vehicle, layouts)

@@ -1,0 +1,41 @@
+"""The section [calibration] of a vehicle file: what drawing and workshop promise before a ground test."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from builder.vehicle.sections import Section, Station
+
+Percent = Annotated[float, Field(ge=0.0, le=50.0)]
+
+
+class Calibration(Section):
+    """Tolerances of the vehicle as built, one standard deviation each: the prior of `strainfmu calibrate`.
+
+    Gain, orientation, position, transverse sensitivity and zero are of each gauge on its own; common gain and
+    layout roll of all gauges together. The wall's thickness is one number for each region of the wall, and so are
+    cosine and sine part of its first harmonic round the body. ``wall_region_ends_m`` are the stations between the
+    regions behind the solid tip; by default there are four regions of one length.
+    """
+
+    gauge_gain_percent: Percent = 1.0
+    common_gain_percent: Percent = 2.0
+    gauge_orientation_deg: float = Field(default=1.5, ge=0.0, le=45.0)
+    gauge_position_mm: float = Field(default=1.0, ge=0.0, le=100.0)
+    layout_roll_deg: float = Field(default=0.5, ge=0.0, le=45.0)
+    transverse_sensitivity_percent: Percent = 1.0
+    zero_um_per_m: float = Field(default=50.0, ge=0.0, le=1e5)
+    youngs_modulus_percent: Percent = 3.0
+    wall_thickness_percent: Percent = 4.0
+    wall_harmonic_percent: Percent = 2.0
+    wall_region_ends_m: Annotated[list[Station], Field(max_length=50)] | None = None
+
+    @model_validator(mode="after")
+    def _ends_rise(self) -> Calibration:
+        ends = self.wall_region_ends_m or []
+        if any(b <= a for a, b in pairwise(ends)):
+            raise ValueError(f"wall_region_ends_m: expected increasing stations, got {ends}")
+        return self

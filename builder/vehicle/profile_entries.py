@@ -1,0 +1,262 @@
+"""Pieces of the profile in the vehicle file: what each is called, its entries, and the segment it makes."""
+
+from __future__ import annotations
+
+import csv
+from itertools import pairwise
+from math import isfinite, radians
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from builder.vehicle.geometry import Segment
+from builder.vehicle.profile_curves import (
+    Haack,
+    PowerLaw,
+    Spline,
+    ogive,
+    spherical_cap,
+    tangent_ogive,
+    with_end_angles,
+)
+from builder.vehicle.sections import FileName, HalfAngle, Section, Station
+from strainfmu.errors import InputError
+
+SAME_RADIUS = 1e-9
+"""Of the length of a table: how far its first point may lie off the end of the piece before it."""
+MIN_POINTS = 4
+TablePoint = Annotated[float, Field(ge=0.0, le=1e3)]
+
+
+class Cone(Section):
+    """A straight piece of the meridian."""
+
+    kind: Literal["cone"]
+    half_angle_deg: HalfAngle
+    end_x_m: Station
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment that begins at ``x``, ``radius`` [m]."""
+        angle = radians(self.half_angle_deg)
+        return Segment(start_x=x, end_x=self.end_x_m, start_radius=radius, start_angle=angle, end_angle=angle)
+
+
+class Arc(Section):
+    """A circular arc of the meridian, such as a tangent ogive."""
+
+    kind: Literal["arc"]
+    start_half_angle_deg: HalfAngle
+    end_half_angle_deg: HalfAngle
+    end_x_m: Station
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment that begins at ``x``, ``radius`` [m]."""
+        return Segment(
+            start_x=x,
+            end_x=self.end_x_m,
+            start_radius=radius,
+            start_angle=radians(self.start_half_angle_deg),
+            end_angle=radians(self.end_half_angle_deg),
+        )
+
+
+class TangentOgive(Section):
+    """A circular arc that ends along the axis, given by where it ends."""
+
+    kind: Literal["tangent_ogive"]
+    end_x_m: Station
+    end_radius_m: Station
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment that begins at ``x``, ``radius`` [m]."""
+        _check_aft(x, self.end_x_m)
+        return tangent_ogive(x, self.end_x_m, radius, self.end_radius_m)
+
+
+class SecantOgive(Section):
+    """A circular arc of a stated radius, given by where it ends."""
+
+    kind: Literal["secant_ogive"]
+    end_x_m: Station
+    end_radius_m: Station
+    arc_radius_m: float = Field(ge=1e-4, le=1e6)
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment that begins at ``x``, ``radius`` [m]."""
+        _check_aft(x, self.end_x_m)
+        return ogive(x, self.end_x_m, radius, self.end_radius_m, self.arc_radius_m)
+
+
+class PowerLawNose(Section):
+    """r = R (x/L)^n from the tip."""
+
+    kind: Literal["power_law"]
+    end_x_m: Station
+    end_radius_m: Station
+    exponent: float = Field(ge=0.3, le=1.0)
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment; it must be the first."""
+        _check_first(self.kind, x)
+        return with_end_angles(
+            PowerLaw(
+                start_x=0.0,
+                end_x=self.end_x_m,
+                start_radius=0.0,
+                start_angle=0.0,
+                end_angle=0.0,
+                base_radius=self.end_radius_m,
+                exponent=self.exponent,
+            )
+        )
+
+
+class VonKarmanNose(Section):
+    """The nose of least wave drag for its length and diameter, from the tip."""
+
+    kind: Literal["von_karman"]
+    end_x_m: Station
+    end_radius_m: Station
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment; it must be the first."""
+        return _haack(self.kind, x, self.end_x_m, self.end_radius_m, 0.0)
+
+
+class HaackNose(Section):
+    """A nose of the Haack series, from the tip; shape factor 1/3 is the one for length and volume."""
+
+    kind: Literal["haack"]
+    end_x_m: Station
+    end_radius_m: Station
+    shape_factor: float = Field(ge=0.0, le=2.0 / 3.0)
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment; it must be the first."""
+        return _haack(self.kind, x, self.end_x_m, self.end_radius_m, self.shape_factor)
+
+
+class SphericalCap(Section):
+    """A blunt tip: part of a sphere, up to where its angle is that of the piece behind it."""
+
+    kind: Literal["spherical_cap"]
+    nose_radius_m: Station
+    end_half_angle_deg: float = Field(ge=0.0, le=80.0)
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment; it must be the first."""
+        _check_first(self.kind, x)
+        return spherical_cap(self.nose_radius_m, radians(self.end_half_angle_deg))
+
+
+class Table(Section):
+    """A curve through points, in the file or in a CSV file with the columns x_m and r_m."""
+
+    kind: Literal["table"]
+    x_m: Annotated[list[TablePoint], Field(min_length=MIN_POINTS, max_length=2000)] | None = None
+    r_m: Annotated[list[TablePoint], Field(min_length=MIN_POINTS, max_length=2000)] | None = None
+    file: FileName | None = None
+    interpolation: Literal["cubic", "monotone"] = "cubic"
+
+    @model_validator(mode="after")
+    def _points_or_file(self) -> Table:
+        if (self.file is None) == (self.x_m is None) or (self.x_m is None) != (self.r_m is None):
+            raise ValueError("a table needs either x_m and r_m or file")
+        return self
+
+    def segment(self, x: float, radius: float, folder: Path) -> Segment:
+        """Return the segment that begins at ``x``, ``radius`` [m]."""
+        if self.file is not None:
+            stations, radii = read_profile(folder / self.file)
+        else:
+            stations, radii = self.x_m or [], self.r_m or []
+        where = self.file or "x_m, r_m"
+        _check_points(where, stations, radii, x, radius)
+        return with_end_angles(
+            Spline(
+                start_x=x,
+                end_x=stations[-1],
+                start_radius=radius,
+                start_angle=0.0,
+                end_angle=0.0,
+                station=(x, *stations[1:]),
+                table_radius=(radius, *radii[1:]),
+                interpolation=self.interpolation,
+            )
+        )
+
+
+Piece = Cone | Arc | TangentOgive | SecantOgive | PowerLawNose | VonKarmanNose | HaackNose | SphericalCap | Table
+"""One piece of the profile; ``kind`` tells which."""
+
+
+def read_profile(path: Path) -> tuple[list[float], list[float]]:
+    """Read stations and radii [m] from a CSV file with the columns x_m and r_m.
+
+    Raises
+    ------
+    InputError
+        The file is missing, a column is, or a value is no number; the message names file and line.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            rows = list(csv.reader(stream))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a CSV file: {error}") from error
+    header = [name.strip() for name in rows[0]] if rows else []
+    if header != ["x_m", "r_m"]:
+        raise InputError(f"{path}: expected the header x_m,r_m, got {','.join(header) or 'nothing'}")
+    points = []
+    for number, row in enumerate(rows[1:], start=2):
+        if not row:
+            continue
+        try:
+            x, r = (float(value) for value in row)
+        except ValueError as error:
+            raise InputError(f"{path}: line {number}: expected two numbers, got {','.join(row)}") from error
+        points.append((x, r))
+    return [x for x, _ in points], [r for _, r in points]
+
+
+def _check_points(where: str, x: list[float], r: list[float], start_x: float, start_radius: float) -> None:
+    if len(x) != len(r) or len(x) < MIN_POINTS:
+        raise InputError(f"{where}: expected {MIN_POINTS} or more points, got {len(x)} x, {len(r)} r")
+    if not all(map(isfinite, (*x, *r))):
+        raise InputError(f"{where}: expected finite numbers, got nan or inf")
+    for one, other in pairwise(x):
+        if other <= one:
+            raise InputError(f"{where}: expected increasing stations, got {one:g} and then {other:g}")
+    tolerance = SAME_RADIUS * (x[-1] - x[0])
+    if abs(x[0] - start_x) > tolerance or abs(r[0] - start_radius) > tolerance:
+        raise InputError(
+            f"{where}: expected x {start_x:.9g}, r {start_radius:.9g} m first, where the piece before it ends, "
+            f"got x {x[0]:.9g}, r {r[0]:.9g}"
+        )
+
+
+def _check_first(kind: str, x: float) -> None:
+    if x != 0.0:
+        raise InputError(f"kind: expected '{kind}' as the first piece alone, got it behind x = {x:g} m")
+
+
+def _check_aft(x: float, end_x: float) -> None:
+    if end_x <= x:
+        raise InputError(f"end_x_m {end_x:g} must lie aft of {x:g}")
+
+
+def _haack(kind: str, x: float, end_x: float, end_radius: float, shape_factor: float) -> Segment:
+    _check_first(kind, x)
+    return with_end_angles(
+        Haack(
+            start_x=0.0,
+            end_x=end_x,
+            start_radius=0.0,
+            start_angle=0.0,
+            end_angle=0.0,
+            base_radius=end_radius,
+            shape_factor=shape_factor,
+        )
+    )

@@ -1,0 +1,47 @@
+"""Section [shape] of the vehicle file: a profile, sections along x, or any closed surface."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from builder.vehicle.profile_entries import Piece
+from builder.vehicle.sections import FileName, Section, Station
+
+KINDS = ("profile", "sections", "surface")
+
+
+class Shape(Section):
+    """The outer shape; exactly one of ``profile``, ``sections`` and ``surface``.
+
+    ``sections`` is a CSV file of superelliptic sections, joined along x by ``interpolation``. ``surface`` is a
+    file of triangles, closed or open at its base alone; its length unit is ``unit``, or follows from ``length_m``.
+    """
+
+    profile: list[Annotated[Piece, Field(discriminator="kind")]] | None = Field(default=None, min_length=1)
+    sections: FileName | None = None
+    interpolation: Literal["linear", "monotone"] = "linear"
+    surface: FileName | None = None
+    unit: Literal["m", "mm", "cm", "in", "ft"] | None = None
+    length_m: Station | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Shape:
+        given = [name for name in KINDS if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"expected one of {', '.join(KINDS)}, got {' and '.join(given) or 'none'}")
+        if self.surface is not None and self.unit is None and self.length_m is None:
+            raise ValueError(
+                "surface: expected unit or length_m beside it, got neither; files of triangles hold no unit"
+            )
+        if self.surface is None and (self.unit is not None or self.length_m is not None):
+            raise ValueError("unit, length_m: expected with surface alone")
+        if self.sections is None and self.interpolation != "linear":
+            raise ValueError("interpolation: expected with sections alone")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """Which of :data:`KINDS` it is."""
+        return next(name for name in KINDS if getattr(self, name) is not None)

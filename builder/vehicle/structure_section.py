@@ -1,0 +1,112 @@
+"""The section [structure] of a vehicle file: wall, support, and the model that the map is built on."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from builder.vehicle.limits import INTERNAL_PRESSURE_PA
+from builder.vehicle.sections import FileName, Section, Station
+from builder.vehicle.wall_sections import CoverEntry, FrameEntry, PointMassEntry, RegionEntry, ThicknessEntry
+
+FoundationStiffness = Annotated[float, Field(ge=1e3, le=1e18)]
+
+EXTERNAL_STRUCTURES = ("strain_per_snapshot", "influence")
+"""Entries of [structure] that name a file of another structural code."""
+
+
+class Structure(Section):
+    """Wall, support, internal pressure, and the model that the map is built on.
+
+    ``wall_thickness_at``, ``regions`` and ``frames`` make it another wall than one of one thickness and material;
+    ``point_masses`` and ``covers`` are masses that free flight carries along. ``resolution`` is that of the solid
+    model. The foundation's stiffnesses are per area, along and across the normal of the aft ring.
+
+    ``strain_per_snapshot`` is a table of strains that another structural code found under the snapshots'
+    pressures, ``influence`` one of strains under unit forces, ``influence_facets`` the facets between its nodes
+    where it is a CSV file (:mod:`builder.structure.external`). They take the place of any model. ``checked_by`` is
+    a second mesh of the solid model, whose difference is the error of the first. ``mesh`` is the volume mesh, or
+    the STEP file, of a vehicle given by a surface; it and ``checked_by`` are in ``mesh_length_unit``, and the
+    wall's thickness is the nominal one.
+    """
+
+    wall_thickness_mm: float = Field(ge=0.01, le=1e3)
+    solid_tip_length_m: Station | None = None
+    mesh: FileName | None = None
+    mesh_length_unit: Literal["m", "mm", "cm", "in", "ft"] = "m"
+    model: Literal["fourier", "solid"] = "fourier"
+    resolution: Literal["paper", "medium", "coarse"] = "medium"
+    support: Literal["clamped_aft", "elastic_foundation", "free_flight"] = "clamped_aft"
+    foundation_normal_N_per_m3: FoundationStiffness | None = None
+    foundation_tangential_N_per_m3: FoundationStiffness | None = None
+    internal_pressure_Pa: float | Literal["ambient"] = "ambient"
+    wall_thickness_at: list[ThicknessEntry] = Field(default_factory=list)
+    regions: list[RegionEntry] = Field(default_factory=list)
+    frames: list[FrameEntry] = Field(default_factory=list)
+    point_masses: list[PointMassEntry] = Field(default_factory=list)
+    covers: list[CoverEntry] = Field(default_factory=list)
+    strain_per_snapshot: FileName | None = None
+    influence: FileName | None = None
+    influence_facets: FileName | None = None
+    checked_by: FileName | None = None
+
+    @property
+    def external(self) -> str | None:
+        """Name of the entry by which another structural code takes the place of our models, or None."""
+        return next((name for name in EXTERNAL_STRUCTURES if getattr(self, name) is not None), None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _external_is_no_model_of_ours(cls, values: Any) -> Any:
+        given = [name for name in EXTERNAL_STRUCTURES if isinstance(values, dict) and values.get(name) is not None]
+        if not given:
+            return values
+        if len(given) > 1:
+            raise ValueError(f"expected one of {' and '.join(given)}, got both")
+        if values.get("checked_by") is not None:
+            raise ValueError(f"checked_by: expected none beside {given[0]}, got {values['checked_by']!r}")
+        if values.get("model", "solid") != "solid":
+            raise ValueError(f"model: expected none beside {given[0]}, got '{values['model']}'")
+        return values | {"model": "solid"}
+
+    @model_validator(mode="after")
+    def _stations_rise(self) -> Structure:
+        stations = [one.x_m for one in self.wall_thickness_at]
+        for before, after in pairwise(stations):
+            if after <= before:
+                raise ValueError(f"wall_thickness_at: expected stations that rise, got {after:g} after {before:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _masses_fly(self) -> Structure:
+        for name in ("point_masses", "covers"):
+            if getattr(self, name) and self.support != "free_flight":
+                raise ValueError(f"{name}: expected none with support '{self.support}', which carries all mass")
+        return self
+
+    @model_validator(mode="after")
+    def _facets_are_of_a_matrix(self) -> Structure:
+        if self.influence_facets is not None and self.influence is None:
+            raise ValueError("influence_facets: expected influence beside it, got none")
+        return self
+
+    @model_validator(mode="after")
+    def _foundation_has_stiffness(self) -> Structure:
+        given = [self.foundation_normal_N_per_m3 is not None, self.foundation_tangential_N_per_m3 is not None]
+        if self.support == "elastic_foundation" and not all(given):
+            raise ValueError(
+                "support 'elastic_foundation' needs foundation_normal_N_per_m3 and foundation_tangential_N_per_m3"
+            )
+        if self.support != "elastic_foundation" and any(given):
+            raise ValueError(f"foundation stiffness found with support '{self.support}', it has no foundation")
+        return self
+
+    @field_validator("internal_pressure_Pa", mode="before")
+    @classmethod
+    def _ambient_or_number(cls, value: Any) -> Any:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value != "ambient" and not (number and INTERNAL_PRESSURE_PA.holds(value)):
+            raise ValueError(f"expected 'ambient' or {INTERNAL_PRESSURE_PA}, got {value!r}")
+        return value

@@ -1,0 +1,32 @@
+/* A map whose gauges err by more than the file says, in ways that do not scale with the dynamic pressure: errors of
+   their zeros. Gains, whitening and covariances follow anew.
+
+   The C counterpart of strainfmu/estimator/added_noise.py, and of decomposition.py for form "dynamic_pressure". */
+
+#ifndef ADDED_NOISE_H
+#define ADDED_NOISE_H
+
+#include "masked_map.h"
+
+/* What takes the place of the arrays of the file. */
+typedef struct {
+    Map original;    /* as the file has it */
+    double *added;   /* (n_gauges, n_gauges) covariance of the further errors [1] */
+    double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
+    double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
+    double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
+    double *large;   /* scratch: see added_noise.c */
+    double *head;
+    double *square[3]; /* (n_gauges, n_gauges) each */
+    double *rows;      /* (5, n_gauges + n_states) */
+} AddedNoise;
+
+/* Number of doubles that its arrays take, and handing them out for the map of a file. */
+size_t added_noise_doubles(const Map *map);
+void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
+
+/* Let map be that of the file with the errors noise->added besides; `masked` and `work` are scratch. Without any, it is
+   that of the file to the bit. 0, and map is that of the file, if the sum is no covariance. */
+int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work);
+
+#endif

@@ -1,0 +1,16 @@
+/* The directions of a map in form "dynamic_pressure" that serve every dynamic pressure, for gauges with further errors.
+
+   The C counterpart of strainfmu/estimator/decomposition.py, where the formulas are. */
+
+#ifndef PRESSURE_DIRECTIONS_H
+#define PRESSURE_DIRECTIONS_H
+
+#include "added_noise.h"
+
+/* Number of doubles of noise->large that it needs. */
+size_t pressure_directions_doubles(const Map *map);
+
+/* Set what takes the place of the arrays of ScaledForm. 0 if the covariance of the gauges is none. */
+int set_pressure_directions(AddedNoise *noise);
+
+#endif

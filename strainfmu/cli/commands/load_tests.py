@@ -1,0 +1,142 @@
+"""Ground tests with known loads: ``strainfmu loadtest``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.number_ranges import within
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+if TYPE_CHECKING:
+    from builder.calibration.load_plan import LoadPlan
+
+
+def loadtest(
+    vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    cases: Annotated[
+        int, typer.Option(metavar="N", callback=within(1, 200), help="Load cases, beside those of own weight.")
+    ] = 12,
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")] = Path("loadtest.toml"),
+    force: Annotated[
+        float, typer.Option(metavar="N", callback=within(0.0, 1e7, "N"), help="Largest force on a pad.")
+    ] = 1500.0,
+    directions: Annotated[
+        str, typer.Option(help="Of a pad's force: some of in, out, axial, around, with commas.")
+    ] = "in",
+    stations: Annotated[
+        str, typer.Option(help="Of pads in m, with commas. Default: ten along the hollow part.")
+    ] = "",
+    roll_angles: Annotated[str, typer.Option(help="Of pads in deg, with commas.")] = "0,45,90,135,180,225,270,315",
+    attitudes: Annotated[
+        str,
+        typer.Option(
+            help="Roll angles of the meridian that points up in which the vehicle lies, deg, with commas."
+        ),
+    ] = "0,90,180,270",
+    pad_length: Annotated[
+        float, typer.Option(metavar="MM", callback=within(1.0, 1e4, "mm"), help="Length of a pad.")
+    ] = 100.0,
+    pad_angle: Annotated[
+        float, typer.Option(metavar="DEG", callback=within(1.0, 180.0, "deg"), help="Angle that a pad spans.")
+    ] = 60.0,
+    pressure: Annotated[
+        float, typer.Option(metavar="KPA", callback=within(0.0, 1e5, "kPa"), help="Internal pressure; 0: none.")
+    ] = 0.0,
+    axial: Annotated[
+        float, typer.Option(metavar="N", callback=within(0.0, 1e7, "N"), help="Axial force; 0: none.")
+    ] = 0.0,
+    largest_strain: Annotated[
+        float,
+        typer.Option(
+            metavar="UM/M", callback=within(1.0, 1e5, "um/m"), help="Of any gauge; loads are lowered to it."
+        ),
+    ] = 1000.0,
+    load_error: Annotated[
+        float, typer.Option(metavar="%", callback=within(0.0, 100.0, "%"), help="Error of each load, 1 sigma.")
+    ] = 0.5,
+    cell_error: Annotated[
+        float,
+        typer.Option(metavar="%", callback=within(0.0, 100.0, "%"), help="Error of all loads together, 1 sigma."),
+    ] = 0.5,
+    snapshots: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Flows to judge by (snapshots.h5). Default: local inclination."),
+    ] = None,
+) -> None:
+    """Propose the load cases of a ground test: each is the one that most lowers the sigmas in flight.
+
+    Prints what each case buys, writes a loadtest.toml to be filled in after the test, and a figure beside it. Own
+    weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. What may differ
+    from the drawing, and how far, is the section `calibration` of that file.
+
+    Examples:
+
+        strainfmu loadtest my_vehicle.toml --cases 12 -o loadtest.toml
+
+        strainfmu loadtest my_vehicle.toml --force 800 --stations 0.6,1.2,2.4 --directions in,around --pressure 100
+    """
+    from builder.calibration.candidate_cases import LoadLimits
+    from builder.calibration.load_test import LoadErrors
+    from builder.figures.canvas import save
+    from builder.figures.load_plan import load_plan_figure
+    from builder.pipeline.load_test_proposal import propose_load_test, write_proposal
+
+    console, start = Console(), perf_counter()
+    limits = LoadLimits(
+        force=force,
+        stations=tuple(_numbers("--stations", stations)) if stations else None,
+        roll_angles=tuple(np.deg2rad(_numbers("--roll-angles", roll_angles)).tolist()),
+        directions=tuple(one.strip() for one in directions.split(",")),
+        half_length=0.5e-3 * pad_length,
+        half_angle=float(np.deg2rad(0.5 * pad_angle)),
+        internal_pressure=1e3 * pressure,
+        axial_force=axial,
+        attitudes=tuple(np.deg2rad(_numbers("--attitudes", attitudes)).tolist()),
+        largest_strain=1e-6 * largest_strain,
+    )
+    errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
+    plan = propose_load_test(vehicle, cases, limits, errors, ConsoleReporter(console), snapshots)
+    write_proposal(plan, vehicle, output, errors)
+    picture = output.with_suffix(".png")
+    save(load_plan_figure(plan, vehicle.stem), picture)
+    _show(console, plan)
+    console.print(
+        f"{output}, {picture}: {perf_counter() - start:.1f} s in all",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _show(console: Console, plan: LoadPlan) -> None:
+    from builder.pipeline.load_test_proposal import sigma_rows
+
+    table = Table(title="Sigma in flight over that of a vehicle known exactly")
+    table.add_column("", justify="right")
+    table.add_column("applied, beside all above")
+    for name in COEFFICIENT_NAMES:
+        table.add_column(name, justify="right")
+    for number, (name, ratio) in enumerate(sigma_rows(plan), start=-1):
+        table.add_row(str(number) if number > 0 else "", escape(name), *(f"{one:.3g}" for one in ratio))
+    console.print(table)
+    console.print(f"{plan.candidates} load cases compared.", highlight=False)
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        found = [float(one) for one in text.split(",")]
+    except ValueError as error:
+        raise InputError(f"{option}: expected numbers with commas, got '{text}'") from error
+    if not np.isfinite(found).all():
+        raise InputError(f"{option}: expected finite numbers, got '{text}'")
+    return found

@@ -1,0 +1,165 @@
+"""Zeros of the gauges from a recording: ``strainfmu tare``."""
+
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from strainfmu.cli.commands.number_ranges import within
+from strainfmu.errors import InputError, StrainfmuError
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.tare import KnownStrain, Tare
+    from strainfmu.recorded.tare_window import Window
+
+
+def tare(
+    inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")],
+    recording: Annotated[
+        Path,
+        typer.Argument(metavar="RECORDING", help="CSV, HDF5, MF4, TDMS, MAT, Parquet, as for `estimate`."),
+    ],
+    window: Annotated[
+        str, typer.Option(metavar="FROM:TO", help="Times of the recording, in s, while loads are known.")
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Zeros to write (TOML).")] = Path("zeros.toml"),
+    channels: Annotated[
+        Path | None, typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge.")
+    ] = None,
+    max_dynamic_pressure: Annotated[
+        float,
+        typer.Option(metavar="PA", callback=within(0.0, 1e5, "Pa"), help="Largest dynamic pressure meanwhile."),
+    ] = 100.0,
+    largest_zero: Annotated[
+        float,
+        typer.Option(metavar="UM/M", callback=within(1.0, 5e4, "um/m"), help="Largest plausible zero."),
+    ] = 2000.0,
+    largest_drift: Annotated[
+        float,
+        typer.Option(metavar="UM/M", callback=within(0.0, 5e4, "um/m"), help="Largest drift over the window."),
+    ] = 2.0,
+    vehicle: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Vehicle file: takes off the strain of own weight and of ambient air."),
+    ] = None,
+    weight_up_roll_deg: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DEG", callback=within(-360.0, 360.0, "deg"), help="Roll angle of the meridian that is up."
+        ),
+    ] = None,
+    weight_nose_deg: Annotated[
+        float,
+        typer.Option(metavar="DEG", callback=within(-90.0, 90.0, "deg"), help="Elevation of the nose."),
+    ] = 0.0,
+    ambient_pressure: Annotated[
+        float,
+        typer.Option(metavar="PA", callback=within(0.0, 1e6, "Pa"), help="Of the air inside and outside."),
+    ] = 0.0,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Write the zeros although something speaks against them.")
+    ] = False,
+) -> None:
+    """Find the zeros of the gauges: mean of a window of a recording, with standard deviations.
+
+    Refused while loads are not known: dynamic pressure, readings that drift or move, values that are no zeros or
+    look like those of a flight. Own weight and ambient pressure are loads too: state them with --vehicle, or the
+    estimates count them with the other sign.
+
+    Examples:
+
+        strainfmu tare map.h5 ground.csv --window 0:10 -o zeros.toml
+
+        strainfmu tare map.h5 ground.tdms --window 5:65 --channels channels.toml --vehicle my_vehicle.toml
+        --weight-up-roll-deg 0 --ambient-pressure 101325
+    """
+    from strainfmu.cosim.zeros_file import write_zeros
+    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.tare import TareLimits
+    from strainfmu.recorded.tare_window import tare_file
+
+    chosen = _window(window)
+    known_loads = weight_up_roll_deg is not None or ambient_pressure > 0.0
+    if known_loads != (vehicle is not None):
+        raise InputError("--vehicle: expected with --weight-up-roll-deg or --ambient-pressure, and they with it")
+    held = load_inverse_map(inverse_map)
+    limits = TareLimits(
+        dynamic_pressure=max_dynamic_pressure, zero=1e-6 * largest_zero, drift=1e-6 * largest_drift
+    )
+    known: KnownStrain | None = None
+    stated: dict[str, str | float] = {}
+    if vehicle is not None:
+        known, stated = _known_strain(
+            held, vehicle, up_roll=weight_up_roll_deg, nose=weight_nose_deg, ambient=ambient_pressure
+        )
+    found = tare_file(held, recording, chosen, limits, known, channels=channels)
+    console = Console()
+    for note in found.notes:
+        console.print(f"{recording}: {note}", highlight=False, markup=False, soft_wrap=True)
+    if found.faults and not accept:
+        raise StrainfmuError(f"{recording}: {'; '.join(found.faults)}; no zeros written")
+    for fault in found.faults:
+        console.print(f"{recording}: accepted: {fault}", highlight=False, markup=False, soft_wrap=True)
+    made_from: dict[str, str | float] = {
+        "recording": str(recording),
+        "from_s": chosen.begin,
+        "to_s": chosen.end,
+        "samples": float(found.samples),
+        **stated,
+    }
+    if found.faults:
+        made_from["accepted"] = "; ".join(found.faults)
+    write_zeros(output, held.gauge_names, found.zeros, made_from)
+    console.print(_summary(found), highlight=False, markup=False, soft_wrap=True)
+    console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+
+
+def _window(text: str) -> Window:
+    from strainfmu.recorded.tare_window import Window
+
+    begin, colon, end = text.partition(":")
+    try:
+        numbers = float(begin), float(end)
+    except ValueError as error:
+        raise InputError(f"--window: expected FROM:TO in seconds, as 0:10, got '{text}'") from error
+    if not colon or not np.all(np.isfinite(numbers)):
+        raise InputError(f"--window: expected FROM:TO in seconds, as 0:10, got '{text}'")
+    return Window(begin=numbers[0], end=numbers[1])
+
+
+def _known_strain(
+    held: InverseMap, vehicle: Path, *, up_roll: float | None, nose: float, ambient: float
+) -> tuple[KnownStrain, dict[str, str | float]]:
+    """Return the strain of own weight and ambient pressure, and what to state of it."""
+    from builder.structure.loads.applied import Weight
+    from builder.structure.loads.standing import squeeze_strain, weight_strain
+    from builder.vehicle.file import load_vehicle
+    from strainfmu.estimator.tare import KnownStrain
+
+    loaded, strain = load_vehicle(vehicle), np.zeros(held.n_gauges)
+    if up_roll is not None:
+        weight = Weight(up_roll_angle=radians(up_roll), nose_elevation=radians(nose))
+        strain = weight_strain(loaded, loaded.gauges.layout, weight)
+        if len(strain) != held.n_gauges:
+            raise InputError(f"{vehicle}: layout in use has {len(strain)} gauges, the map has {held.n_gauges}")
+    stated: dict[str, str | float] = {"vehicle": str(vehicle), "ambient_pressure_Pa": ambient}
+    if up_roll is not None:
+        stated |= {"weight_up_roll_deg": up_roll, "weight_nose_deg": nose}
+    return KnownStrain(value=strain + squeeze_strain(loaded, ambient)), stated
+
+
+def _summary(found: Tare) -> str:
+    zeros = 1e6 * found.zeros.value
+    known = found.zeros.std < 0.01
+    std = 1e6 * found.zeros.std[known]
+    return (
+        f"{int(known.sum())} zeros from {found.samples} samples: rms {np.sqrt(np.mean(zeros**2)):.4g} um/m, "
+        f"standard deviations {std.min(initial=np.inf):.2g} to {std.max(initial=0.0):.2g} um/m each and "
+        f"{1e6 * found.zeros.common_std:.2g} um/m in common (readings remember: factor {found.memory:.2g})"
+    )

@@ -1,0 +1,59 @@
+"""Parameters of an FMU for the zeros of its gauges, and how well they are known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from strainfmu.estimator.zeros import LARGEST_ZERO
+from strainfmu.interface.fmi_variables import Variable
+
+ZERO_COMMON_STD = "zero_common_std"
+
+ZERO_ARRAYS = {
+    "zero": "Reading of each gauge without strain, taken off its strain; same order as strain",
+    "zero_std": "Standard deviation of the error of each zero, independent of the others",
+}
+
+
+def zero_names(n_gauges: int) -> tuple[str, ...]:
+    """Return the names of zeros, of their deviations, and that of the deviation they have in common."""
+    each = range(1, n_gauges + 1)
+    return (*(f"zero[{i}]" for i in each), *(f"zero_std[{i}]" for i in each), ZERO_COMMON_STD)
+
+
+def with_zero_parameters(interface: Sequence[Variable], gauge_names: Sequence[str]) -> tuple[Variable, ...]:
+    """Return ``interface`` with the zeros of the gauges behind it, on which all outputs depend but one.
+
+    The number of gauges in use follows from the readings as they come.
+    """
+    names = zero_names(len(gauge_names))
+    outputs = tuple(
+        replace(one, initially_depends_on=(*one.initially_depends_on, *names))
+        if one.causality == "output" and one.name != "health.valid_gauges"
+        else one
+        for one in interface
+    )
+    return (*outputs, *(_parameter(name, gauge_names) for name in names))
+
+
+def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
+    array, _, index = name.partition("[")
+    text = "Standard deviation of an error that all zeros have in common"
+    if index:
+        gauge = gauge_names[int(index[:-1]) - 1]
+        text = f"Reading of gauge {gauge} without strain, taken off strain[{index}"
+        if array == "zero_std":
+            text = f"Standard deviation of the error of zero[{index}, of gauge {gauge}"
+    return Variable(
+        name=name,
+        description=text,
+        causality="parameter",
+        variability="tunable",
+        unit="1",
+        display_unit="um/m",
+        minimum=-LARGEST_ZERO if array == "zero" else 0.0,
+        maximum=LARGEST_ZERO,
+        start=0.0,
+        array=array if index else None,
+    )

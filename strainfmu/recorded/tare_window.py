@@ -1,0 +1,80 @@
+"""The readings of a window of a recording, and the zeros that follow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits, tare
+from strainfmu.recorded.column_names import STATIC_PRESSURE, Wanted
+from strainfmu.recorded.strain_files import open_strains
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """From ``begin`` to ``end``, both included, by the times of the recording [s]."""
+
+    begin: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if not self.begin < self.end:
+            raise InputError(f"window: expected a begin before its end, got {self.begin:g} to {self.end:g} s")
+
+
+def tare_file(
+    inverse_map: InverseMap,
+    recording: str | PathLike[str],
+    window: Window,
+    limits: TareLimits | None = None,
+    known: KnownStrain | None = None,
+    *,
+    channels: str | PathLike[str] | None = None,
+) -> Tare:
+    """Return the zeros of ``inverse_map``'s gauges from ``window`` of ``recording``.
+
+    Parameters
+    ----------
+    known : strain of the loads that act meanwhile, None for none.
+    channels : file that tells which channel is which gauge (channels.toml).
+
+    Raises
+    ------
+    InputError
+        A file, a column, a unit or a number is wrong, or the window holds too few samples.
+    StrainfmuError
+        The reader of its kind is not installed.
+    """
+    path = Path(recording)
+    strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels))
+    try:
+        return tare(inverse_map, strain, pressure, limits, known)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read(
+    inverse_map: InverseMap, path: Path, window: Window, channels: Path | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return strain (n, n_d) and q_inf (n,) in the window; NaN where the recording holds no q_inf."""
+    wanted = Wanted(
+        gauge_names=tuple(inverse_map.gauge_names),
+        flow=("dynamic_pressure", "mach_number", "altitude", STATIC_PRESSURE),
+        needs_pressure=False,
+        computes_pressure=True,
+    )
+    strains, pressures = [np.empty((0, inverse_map.n_gauges))], [np.empty(0)]
+    with open_strains(path, wanted, channels) as opened:
+        for block, _ in opened.blocks:
+            inside = (block.time >= window.begin) & (block.time <= window.end)
+            strains.append(block.strain[inside])
+            pressures.append(block.dynamic_pressure[inside])
+            if block.time[-1] > window.end:
+                break
+    return np.concatenate(strains), np.concatenate(pressures)

@@ -1,0 +1,63 @@
+"""``strainfmu loadtest``: what it proposes, and one line for each wrong option."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from builder.calibration.load_entries import PushEntry, WeightEntry
+from builder.calibration.load_test_file import load_test_file
+
+OGIVE = Path(__file__).parent / "ogive" / "ogive.toml"
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+def with_density(folder: Path) -> Path:
+    """Write the coarse vehicle with a density."""
+    shutil.copytree(OGIVE.parent, folder / "vehicle")
+    path = folder / "vehicle" / OGIVE.name
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("[material]", "[material]\ndensity_kg_per_m3 = 2700.0", 1), encoding="utf-8")
+    return path
+
+
+@pytest.mark.slow
+def test_proposal_lowers_sigmas_case_by_case_and_reads_back(tmp_path: Path, run: Run) -> None:
+    vehicle, output = with_density(tmp_path), tmp_path / "proposed" / "loadtest.toml"
+    output.parent.mkdir()
+    code, said, _ = run("loadtest", vehicle, "--cases", "3", "--roll-angles", "0,90,180", "-o", output)
+    assert code == 0
+    file = load_test_file(output)
+    assert file.vehicle == "../vehicle/ogive.toml"
+    weights, pads = file.case[:4], file.case[4:]
+    assert [type(case.load[0]) for case in weights] == [WeightEntry] * 4
+    assert [[type(load) for load in case.load] for case in pads] == [[WeightEntry, PushEntry]] * 3
+    rows = [[float(one) for one in line.split("│")[3:8]] for line in said.splitlines() if line.count("│") == 8]
+    assert len(rows) == 5
+    for before, after in pairwise(rows):
+        assert all(b >= a >= 1.0 for b, a in zip(before, after, strict=True))
+    assert rows[-1][1] - 1.0 < 0.2 * (rows[1][1] - 1.0)
+    assert output.with_suffix(".png").stat().st_size > 10_000
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--stations", "a,b"), "--stations: expected numbers with commas, got 'a,b'"),
+        (("--directions", "up"), "--directions: expected some of in, out, axial, around, got 'up'"),
+        (("--cases", "0"), "--cases: expected 1 .. 200"),
+        (("--roll-angles", "0,inf"), "--roll-angles: expected finite numbers, got '0,inf'"),
+    ],
+)
+def test_wrong_options_are_one_line(options: tuple[str, str], words: str, tmp_path: Path, run: Run) -> None:
+    code, _, message = run("loadtest", OGIVE, *options, "-o", tmp_path / "loadtest.toml")
+    assert code == 2
+    assert message.count("\n") == 1
+    assert words in message
+    assert not (tmp_path / "loadtest.toml").exists()

@@ -1,0 +1,119 @@
+"""The strain of a vehicle as built against the models that it joins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from as_built_case import LAYOUT, TITANIUM
+
+from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, parameter_names, prior_std
+from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.inverse.gauge_derivatives import fourier_gauge_derivatives
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.loads.applied import Load, PadForce, SurfacePressure, Weight
+from builder.structure.loads.gauge_strain import gauge_strain
+from builder.structure.loads.of_vehicle import fourier_structure_of
+from builder.vehicle.file import Vehicle
+from strainfmu.errors import InputError
+
+LOADS: tuple[Load, ...] = (
+    PadForce(station=1.0, roll_angle=0.3, half_length=0.15, half_angle=0.9, force=(0.0, 300.0, -1500.0)),
+    Weight(up_roll_angle=1.0),
+    SurfacePressure(surface="inner", pressure=1e5),
+)
+
+
+@pytest.fixture(scope="module")
+def errors(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuiltParameters:
+    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    return drawn(std, np.random.default_rng(4))
+
+
+@pytest.mark.fast
+def test_without_errors_it_is_the_structure_of_the_map(
+    vehicle: Vehicle, as_built: AsBuiltStructure, structure: StructuralModel
+) -> None:
+    nominal = as_built.exactly_built()
+    z_p = structure.strain_operator(LAYOUT)
+    np.testing.assert_allclose(as_built.strain_operator(nominal), z_p, atol=1e-12 * np.abs(z_p).max())
+    loaded = fourier_structure_of(vehicle, LAYOUT, properties=TITANIUM, max_harmonic=12)
+    for load in LOADS:
+        expected = gauge_strain(loaded, [load])
+        found = as_built.load_strain(nominal, [load])
+        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_gauges_move_as_the_derivatives_of_the_map_say(
+    vehicle: Vehicle, as_built: AsBuiltStructure, structure: StructuralModel
+) -> None:
+    by = fourier_gauge_derivatives(vehicle, structure, LAYOUT)
+    nominal, step = as_built.exactly_built(), 1e-3  # that of the map's differences
+    kinds = {"axial_shift": by.axial, "circumferential_shift": by.circumferential, "orientation": by.orientation}
+    for kind, expected in kinds.items():
+        plus, minus = (
+            as_built.strain_operator(replace(nominal, **{kind: np.full(as_built.n_gauges, sign * step)}))
+            for sign in (1.0, -1.0)
+        )
+        np.testing.assert_allclose((plus - minus) / (2.0 * step), expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.slow
+def test_tables_follow_the_thickness_that_is_solved_for(
+    vehicle: Vehicle, as_built: AsBuiltStructure, errors: AsBuiltParameters
+) -> None:
+    even = replace(as_built.exactly_built(), wall_thickness=errors.wall_thickness)
+    known = as_built_structure(
+        vehicle, LAYOUT, properties=TITANIUM, known_thickness=even.wall_thickness, max_harmonic=12
+    )
+    for load in LOADS:
+        nominal = as_built.load_strain(as_built.exactly_built(), [load])
+        expected, found = known.load_strain(even, [load]), as_built.load_strain(even, [load])
+        assert np.abs(found - expected).max() < 0.03 * np.abs(expected - nominal).max()
+    with pytest.raises(InputError, match="solved for one wall"):
+        known.load_strain(as_built.exactly_built(), [LOADS[0]])
+
+
+def test_an_uneven_wall_rolls_with_the_vehicle(as_built: AsBuiltStructure) -> None:
+    """Thickness as the sine, load and gauges rolled by a quarter turn: the same strain as with the cosine."""
+    nominal = as_built.exactly_built()
+    wave = np.full(as_built.n_regions, 0.02)
+    pad = LOADS[0]
+    assert isinstance(pad, PadForce)
+    _, across, up = pad.force
+    turned = replace(pad, roll_angle=pad.roll_angle + 0.5 * np.pi, force=(0.0, up, -across))
+    quarter = replace(nominal, layout_roll=np.array([0.5 * np.pi]))
+    rolled = Weight(up_roll_angle=1.0 + 0.5 * np.pi)
+    for one, other in ((pad, turned), (LOADS[1], rolled)):
+        by_cosine = as_built.load_strain(replace(nominal, wall_cosine=wave), [one])
+        by_sine = as_built.load_strain(replace(quarter, wall_sine=wave), [other])
+        np.testing.assert_allclose(by_sine, by_cosine, atol=1e-9 * np.abs(by_cosine).max())
+    grid = len(as_built.surface.x), as_built.surface.n_roll
+    z_cosine = as_built.strain_operator(replace(nominal, wall_cosine=wave)).reshape(-1, *grid)
+    z_sine = as_built.strain_operator(replace(quarter, wall_sine=wave)).reshape(z_cosine.shape)
+    np.testing.assert_allclose(np.roll(z_cosine, grid[1] // 4, axis=2), z_sine, atol=1e-9 * np.abs(z_cosine).max())
+
+
+@pytest.mark.fast
+def test_gains_zeros_and_stiffness(as_built: AsBuiltStructure) -> None:
+    nominal, n_d = as_built.exactly_built(), as_built.n_gauges
+    plain = as_built.load_strain(nominal, LOADS)
+    changed = replace(
+        nominal,
+        gauge_gain=np.full(n_d, 0.02),
+        common_gain=np.array([0.01]),
+        youngs_modulus=np.array([0.03]),
+        zero=np.full(n_d, 5e-5),
+    )
+    np.testing.assert_allclose(as_built.reading(changed, LOADS), plain * 1.02 * 1.01 / 1.03 + 5e-5, rtol=1e-12)
+
+
+@pytest.mark.fast
+def test_parameters_pack_into_a_vector(as_built: AsBuiltStructure, errors: AsBuiltParameters) -> None:
+    names = parameter_names(as_built.gauges.names, as_built.n_regions)
+    assert len(names) == len(set(names)) == len(errors.vector)
+    np.testing.assert_array_equal(errors.of_vector(errors.vector).vector, errors.vector)
+    assert names[list(errors.vector).index(errors.wall_sine[1])] == "wall sine region 2"
+    with pytest.raises(InputError, match=r"gauge_gain: expected|zero: expected"):
+        replace(errors, zero=np.zeros(3))

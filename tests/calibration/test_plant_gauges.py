@@ -1,0 +1,31 @@
+"""The gauges of the plant: with an uneven wall and turned gauges they read what the structure's operator gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from builder.calibration.as_built_parameters import drawn, prior_std
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.plant_gauges import plant_gauges
+from builder.vehicle.file import Vehicle
+
+HARMONICS = 5
+
+
+@pytest.mark.fast
+def test_gauges_read_any_flow_at_any_roll_angle(vehicle: Vehicle, as_built: AsBuiltStructure) -> None:
+    """Harmonics of a pressure whose crest is at several roll angles, against Z_p times the nodes' pressure."""
+    random = np.random.default_rng(2)
+    built = drawn(prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions), random)
+    gauges = plant_gauges(as_built, built, HARMONICS)
+    grid, operator = as_built.surface, as_built.strain_operator(built)
+    amplitude, m = random.normal(size=(len(grid.x), HARMONICS + 1)), np.arange(HARMONICS + 1)
+    for crest in (0.0, 1.3, -2.1):
+        pressure = amplitude @ np.cos(np.outer(m, grid.roll_angle - crest))
+        phase = np.outer(gauges.roll_angle - crest, m)
+        wave = np.stack([np.cos(phase), np.sin(phase)], axis=-1)
+        found = np.einsum("gmxw,xm,gmw->g", gauges.response, amplitude, wave, optimize=True)
+        expected = operator @ pressure.ravel()
+        np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+    np.testing.assert_array_equal(gauges.apparent_strain, built.zero)

@@ -1,0 +1,106 @@
+"""A vehicle drawn at random and tested on the same mesh: what the estimate finds, and which faults it names."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, prior_std
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.estimate import Estimate, estimate, usable
+from builder.calibration.faults import calibrate_with_faults, load_shifts
+from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.standard_cases import standard_cases
+from builder.vehicle.file import Vehicle
+
+NOISE = 0.05e-6
+ERRORS = LoadErrors(common=0.002)
+
+
+@pytest.fixture(scope="module")
+def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuiltParameters:
+    return prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+
+
+@pytest.fixture(scope="module")
+def model(as_built: AsBuiltStructure, prior: AsBuiltParameters) -> tuple[ReadingsModel, np.ndarray]:
+    """A test of ten pads and four attitudes, and the vector that its readings were drawn with."""
+    n_d, random = as_built.n_gauges, np.random.default_rng(11)
+    blank = tuple(
+        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
+        for name, loads in standard_cases(10, 3.6, ERRORS)
+    )
+    empty = ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=blank, errors=ERRORS), prior)
+    vector = empty.std * random.standard_normal(len(empty.std))
+    vector[: empty.n_built] = drawn(prior, random).vector
+    reading = empty.readings(vector) + NOISE * random.standard_normal((len(blank), n_d))
+    return empty.with_readings(reading), vector
+
+
+@pytest.fixture(scope="module")
+def found(model: tuple[ReadingsModel, np.ndarray]) -> Estimate:
+    return estimate(model[0], usable(model[0]))
+
+
+def test_derivatives_are_those_of_the_readings(model: tuple[ReadingsModel, np.ndarray]) -> None:
+    built, vector = model
+    readings, jacobian = built.jacobian(vector)
+    np.testing.assert_allclose(readings, built.readings(vector), rtol=1e-12, atol=1e-15)
+    random = np.random.default_rng(2)
+    direction = built.std * random.standard_normal(len(vector))
+    step = 1e-3
+    change = (built.readings(vector + step * direction) - built.readings(vector - step * direction)) / (2.0 * step)
+    # The change by pads is that of the drawing: to first order in the load's own error.
+    np.testing.assert_allclose(jacobian @ direction, change, atol=1e-2 * np.abs(change).max())
+
+
+def test_the_estimate_is_as_good_as_it_says(
+    model: tuple[ReadingsModel, np.ndarray], found: Estimate, as_built: AsBuiltStructure
+) -> None:
+    built, vector = model
+    known = found.std > 0.0
+    pull = (found.vector - vector)[known] / found.std[known]
+    assert np.sqrt(np.mean(pull**2)) == pytest.approx(1.0, abs=0.15)
+    assert 0.9 <= found.chi_square / found.n_readings <= 1.1
+    truth = as_built.strain_operator(built.built(vector))
+    before, after = (
+        np.abs(as_built.strain_operator(one) - truth).max() for one in (as_built.exactly_built(), found.parameters)
+    )
+    assert after < 0.35 * before
+    assert np.all(found.std <= built.std * (1.0 + 1e-9))
+
+
+def test_sound_readings_raise_no_alarm(found: Estimate) -> None:
+    shift, _ = load_shifts(found)
+    assert np.abs(shift).max() < 4.0
+
+
+@pytest.mark.slow
+def test_faults_are_named_and_left_out(model: tuple[ReadingsModel, np.ndarray], found: Estimate) -> None:
+    built, vector = model
+    names = built.structure.gauges.names
+    reading = built.test.readings.copy()
+    strain = built.readings(np.where(np.arange(len(vector)) < built.n_built, vector, 0.0))
+    reading[:, 3] *= -1.0
+    reading[:, 20] *= 1e3
+    reading[:, 30] = 1e-5 + NOISE * np.random.default_rng(1).standard_normal(len(reading))
+    reading[:, [5, 40]] = reading[:, [40, 5]]
+    case = [one.name for one in built.test.cases].index("pad 4")
+    zero = built.built(vector).zero
+    reading[case] += (
+        0.1 * (strain[case] - zero) * (reading[case] != 0.0) * ~np.isin(np.arange(len(names)), [3, 20, 30, 5, 40])
+    )
+    repaired, faults = calibrate_with_faults(built.with_readings(reading))
+    kinds = {fault.where: fault.kind for fault in faults}
+    assert kinds == {
+        names[3]: "sign",
+        names[20]: "unit",
+        names[30]: "dead",
+        names[5]: "swapped",
+        names[40]: "swapped",
+        "pad 4": "load",
+    }
+    assert not repaired.used[:, [3, 20, 30, 5, 40]].any()
+    assert not repaired.used[case].any()
+    assert 0.9 <= repaired.chi_square / repaired.n_readings <= 1.1

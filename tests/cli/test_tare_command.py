@@ -1,0 +1,82 @@
+"""``strainfmu tare``: zeros from a recording, used by ``estimate``; one line for what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from recorded_case import NAMES, samples, write_csv
+from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
+
+from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.estimator.step import Estimator
+
+pytestmark = pytest.mark.fast
+
+Run = Callable[..., tuple[int, str, str]]
+
+ZERO = 2e-4 * np.random.default_rng(1).normal(size=N_GAUGES)
+
+
+def standing(path: Path, load: float = 0.0, pressure: bool = False) -> Path:
+    """A recording of 3 s on the ground, and q_inf if that is recorded."""
+    held, random, time = synthetic_inverse_map(1), np.random.default_rng(2), 0.01 * np.arange(300)
+    strain = ZERO + held.noise_std * random.normal(size=(300, N_GAUGES)) + load * held.mean_strain
+    headings, more = ["time", *(f"{name} [um/m]" for name in NAMES)], []
+    if pressure:
+        headings, more = [*headings, "dynamic_pressure"], [np.full(300, 4e4)]
+    return write_csv(path, headings, time, 1e6 * strain, *more)
+
+
+def test_zeros_found_on_the_ground_serve_the_flight(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    ground, zeros = standing(tmp_path / "ground.csv"), tmp_path / "zeros.toml"
+    code, out, error = run("tare", synthetic.map_1, ground, "--window", "0.5:2.5", "-o", zeros)
+    assert (code, error) == (0, "")
+    assert "6 zeros from 201 samples" in out
+    assert "taken on trust" in out
+    held = synthetic_inverse_map(1)
+    found = load_zeros(zeros, held.gauge_names)
+    assert np.all(np.abs(found.value - ZERO) < 5.0 * found.std)
+    np.testing.assert_allclose(found.std, held.noise_std / np.sqrt(201), rtol=0.7)
+    time, strain, q = samples(20)
+    flight = write_csv(tmp_path / "flight.csv", ["time", *NAMES, "dynamic_pressure"], time, strain + ZERO, q)
+    code, _, error = run("estimate", synthetic.map_1, flight, "-o", tmp_path / "o.h5", "--zeros", zeros)
+    assert (code, error) == (0, "")
+    with h5py.File(tmp_path / "o.h5") as file:
+        c_n, sigma = file["C_N"][()], file["sigma.C_N"][()]
+    truth = Estimator(held).estimate(strain, q).coefficients[:, 1]
+    assert np.all(np.abs(c_n - truth) < 3.0 * sigma)
+
+
+def test_refused_while_loads_are_not_known(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    ground, zeros = standing(tmp_path / "g.csv", pressure=True), tmp_path / "zeros.toml"
+    code, _, error = run("tare", synthetic.map_1, ground, "--window", "0:2", "-o", zeros)
+    assert code == 1
+    expected = "loads are not known: dynamic pressure reaches 4e+04 Pa, expected at most 100 Pa; no zeros written"
+    assert error.strip() == f"strainfmu: {ground}: {expected}"
+    assert not zeros.exists()
+    code, out, _ = run("tare", synthetic.map_1, ground, "--window", "0:2", "-o", zeros, "--accept")
+    assert code == 0
+    assert "accepted: loads are not known" in out
+    assert "accepted = " in zeros.read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--window", "0-2"), "--window: expected FROM:TO in seconds, as 0:10, got '0-2'"),
+        (("--window", "2:0"), "window: expected a begin before its end, got 2 to 0 s"),
+        (("--window", "0:0.1"), "g.csv: window: expected at least 64 samples, got 11"),
+        (("--window", "0:2", "--ambient-pressure", "1e5"), "--vehicle: expected with --weight-up-roll-deg"),
+    ],
+)
+def test_wrong_options_get_one_line(
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run, options: tuple[str, ...], message: str
+) -> None:
+    code, _, error = run("tare", synthetic.map_1, standing(tmp_path / "g.csv"), *options)
+    assert code == 2
+    assert message in error
+    assert len(error.strip().splitlines()) == 1

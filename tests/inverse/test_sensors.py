@@ -1,0 +1,208 @@
+"""Flush ports, inertial unit and load cells beside the gauges of the shipped vehicle, flights and errors drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from builder.aero.loads import load_operator
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.ensemble import ensemble_of
+from builder.inverse.sensors import port_row
+from builder.inverse.solution import Problem
+from builder.structure.fourier.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.sensor_entries import InertialUnit, LoadCells, Ports, Sensors
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.step import Estimator
+from strainfmu.fmu.export import export_estimator
+
+PORTS = Ports(x_m=0.3, roll_deg=[0.0, 90.0, 180.0, 270.0], std_Pa=300.0, range_Pa=2e5, gain_percent=0.25)
+IMU = InertialUnit(x_m=1.2, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=130.0, thrust_std_N=5.0)
+CELLS = LoadCells(
+    station_m=3.6,
+    components=["axial", "normal", "yaw"],
+    force_std_N=2.0,
+    moment_std_N_m=2.0,
+    force_range_N=1e5,
+    moment_range_N_m=1e5,
+)
+
+UNIT = ["imu_axial", "imu_normal", "imu_side", "imu_pitch", "imu_yaw"]
+
+
+def with_sensors(vehicle: Vehicle, sensors: Sensors | None, **entry: Any) -> Vehicle:
+    changed = vehicle.map.model_copy(update={"case": 2, **entry})
+    return vehicle.model_copy(update={"map": changed, "sensors": sensors})
+
+
+def flights(
+    vehicle: Vehicle, problem: Problem, held_out: Snapshots, draws: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows, dynamic pressure and true coefficients of held-out flows, every error drawn, at all rolls."""
+    random = np.random.default_rng(3)
+    ensemble = ensemble_of(vehicle, held_out)
+    clean = ensemble.responses(problem.strain_operator)
+    truth = ensemble.coefficients(problem.load_operator)
+    chosen = random.choice(len(clean), size=draws, p=ensemble.member_weight)
+    readings = clean[chosen] + problem.offset
+    following = {one.name for one in problem.errors}
+    for term in problem.noise:
+        if term.name not in following:
+            readings += random.standard_normal((draws, term.strain.shape[1])) @ term.strain.T
+    for one in problem.errors:
+        error = ensemble.responses(one.operator)[chosen]
+        readings += error * random.standard_normal((draws, 1 if one.common else error.shape[1]))
+    return readings, np.full(draws, ensemble.nominal_dynamic_pressure), truth[chosen]
+
+
+def in_units(inverse_map: InverseMap, rows: np.ndarray) -> np.ndarray:
+    return rows if inverse_map.sensors is None else rows * inverse_map.sensors.scale
+
+
+def scored(
+    vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return root mean square sigma of the coefficients, and the fraction of errors within 3 sigma."""
+    problem = inverse_problem(vehicle, snapshots, structure)
+    inverse_map = build_inverse_map(vehicle, snapshots, structure)
+    rows, q, truth = flights(vehicle, problem, held_out, 3000)
+    found = Estimator(inverse_map).estimate(in_units(inverse_map, rows), q, dynamic_pressure_std=0.0)
+    assert isinstance(found, LoadEstimates)
+    inside = np.abs(found.coefficients - truth) <= 3.0 * found.coefficients_std
+    return np.sqrt(np.mean(found.coefficients_std**2, axis=0)), inside.mean(axis=0)
+
+
+def test_ports_and_inertial_unit_sharpen_what_strain_says(
+    vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
+) -> None:
+    """Base pressure +-20 % of p_inf, friction +-0.005 in C_A: C_A at most half, C_N a quarter, M_P a fifth."""
+    sensors = Sensors(ports=PORTS, imu=IMU, base_pressure_percent=20.0, friction_C_A_std=0.005)
+    args = snapshots, held_out, structure
+    alone, _ = scored(with_sensors(vehicle, None), *args)
+    both, coverage = scored(with_sensors(vehicle, sensors), *args)
+    axial, normal, side, pitch, yaw = both / alone
+    assert axial <= 0.5
+    assert max(normal, side) <= 0.25
+    assert max(pitch, yaw) <= 0.2
+    assert np.all(coverage >= 0.99)
+
+
+@pytest.mark.parametrize(
+    ("whole", "lost", "rest"),
+    [
+        (
+            Sensors(ports=PORTS, imu=IMU),
+            ["port_180deg"],
+            Sensors(ports=PORTS.model_copy(update={"roll_deg": [0.0, 90.0, 270.0]}), imu=IMU),
+        ),
+        pytest.param(Sensors(ports=PORTS, imu=IMU), UNIT, Sensors(ports=PORTS), marks=pytest.mark.slow),
+        pytest.param(
+            Sensors(imu=IMU),
+            UNIT[3:],
+            Sensors(imu=IMU.model_copy(update={"angular": False})),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            Sensors(load_cells=CELLS),
+            ["cell_normal"],
+            Sensors(load_cells=CELLS.model_copy(update={"components": ["axial", "yaw"]})),
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_lost_sensors_leave_the_map_built_without_them(
+    whole: Sensors,
+    lost: list[str],
+    rest: Sensors,
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    held_out: Snapshots,
+    structure: StructuralModel,
+) -> None:
+    built = [build_inverse_map(with_sensors(vehicle, one), snapshots, structure) for one in (whole, rest)]
+    problem = inverse_problem(with_sensors(vehicle, whole), snapshots, structure)
+    rows, q, _ = flights(vehicle, problem, held_out, 20)
+    valid = np.array([name not in lost for name in built[0].gauge_names])
+    assert built[1].gauge_names == tuple(np.array(built[0].gauge_names)[valid])
+    readings = in_units(built[0], rows)
+    assert not np.isnan(readings).any()
+    readings[:, ~valid] = np.nan
+    found = Estimator(built[0]).estimate(readings, q)
+    expected = Estimator(built[1]).estimate(readings[:, valid], q)
+    assert isinstance(found, LoadEstimates)
+    assert isinstance(expected, LoadEstimates)
+    np.testing.assert_allclose((found.loads - expected.loads) / expected.loads_std, 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.loads_std, expected.loads_std, rtol=1e-9)
+    np.testing.assert_allclose(found.chi_square, expected.chi_square, rtol=1e-9)
+
+
+def test_readings_of_a_rigid_body(
+    vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
+) -> None:
+    """Specific force at the unit is F/m + alpha x r; thrust, base and friction come on top of the fore-body's."""
+    sensors = Sensors(
+        ports=PORTS, imu=IMU, load_cells=CELLS, base_pressure_ratio=0.4, friction_C_A=0.01, friction_C_A_std=0.0
+    )
+    changed = with_sensors(vehicle, sensors)
+    problem = inverse_problem(changed, snapshots, structure)
+    inverse_map = build_inverse_map(changed, snapshots, structure)
+    assert inverse_map.sensors is not None
+    ensemble = ensemble_of(changed, held_out)
+    rows = ensemble.responses(problem.strain_operator)[5] * inverse_map.sensors.scale
+    net = next(ensemble.members())[5]
+    reading = dict(zip(inverse_map.gauge_names, rows, strict=True))
+    about_centre, about_base = (load_operator(structure.surface, x) @ net for x in (2.0, 3.6))
+    pitch, yaw = about_centre[3:] / 130.0
+    assert reading["imu_axial"] == pytest.approx(about_centre[0] / 150.0)
+    assert reading["imu_normal"] == pytest.approx(about_centre[1] / 150.0 + 0.8 * pitch)
+    assert reading["imu_side"] == pytest.approx(about_centre[2] / 150.0 + 0.8 * yaw)
+    assert (reading["imu_pitch"], reading["imu_yaw"]) == pytest.approx((pitch, yaw))
+    assert reading["cell_normal"] == pytest.approx(about_base[1])
+    assert reading["cell_yaw"] == pytest.approx(about_base[4])
+    assert reading["port_0deg"] == pytest.approx(port_row(structure.surface, 0.3, 0.0) @ net)
+    ambient = float(np.average(problem.ensemble.ambient_pressure, weights=problem.ensemble.weight))
+    reference = vehicle.reference_quantities()
+    extra = 0.6 * ambient * reference.area + 0.01 * problem.ensemble.nominal_dynamic_pressure * reference.area
+    added = dict(zip(inverse_map.gauge_names, problem.offset * inverse_map.sensors.scale, strict=True))
+    assert added["imu_axial"] == pytest.approx(extra / 150.0)
+    assert added["cell_axial"] == pytest.approx(extra)
+    assert {name for name, value in added.items() if value != 0.0} == {"imu_axial", "cell_axial"}
+    thrust = inverse_map.sensors.without_thrust(np.zeros(inverse_map.n_gauges), 300.0)
+    assert dict(zip(inverse_map.gauge_names, thrust, strict=True))["imu_axial"] == pytest.approx(300.0 / 150.0)
+
+
+@pytest.mark.fast
+def test_port_between_nodes_reads_what_the_grid_means(structure: StructuralModel) -> None:
+    """Linear along the body, trigonometric round it: exact for such a field."""
+    grid = structure.surface
+    field = np.outer(2.0 + 3.0 * grid.x, 1.0 + 0.5 * np.cos(3.0 * grid.roll_angle - 0.7)).ravel()
+    for x, roll in ((0.333, 0.21), (1.9, 4.0), (0.0, 0.0), (3.6, 6.0)):
+        expected = (2.0 + 3.0 * x) * (1.0 + 0.5 * np.cos(3.0 * roll - 0.7))
+        assert port_row(grid, x, roll) @ field == pytest.approx(expected, rel=1e-12)
+
+
+def test_faults_of_the_section(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> None:
+    off = with_sensors(vehicle, Sensors(ports=PORTS.model_copy(update={"x_m": 4.0})))
+    with pytest.raises(InputError, match=r"sensors.ports.x_m: expected 0 to 3.6 m, got 4"):
+        build_inverse_map(off, snapshots, structure)
+    with pytest.raises(ValueError, match="expected ports, imu or load_cells, got none"):
+        Sensors()
+    with pytest.raises(ValueError, match="components: expected each once"):
+        LoadCells(**(CELLS.model_dump() | {"components": ["axial", "axial"]}))
+
+
+def test_what_takes_strain_alone_refuses_such_a_map(
+    tmp_path: Path, vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    inverse_map = build_inverse_map(with_sensors(vehicle, Sensors(ports=PORTS)), snapshots, structure)
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    assert load_inverse_map(tmp_path / "map.h5").sensors is not None
+    with pytest.raises(InputError, match="expected a map of strain gauges alone, got one with pressure sensors"):
+        export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu")

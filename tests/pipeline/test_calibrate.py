@@ -1,0 +1,94 @@
+"""From a map and the files of a simulated ground test to the calibrated map, by the command."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from builder.calibration.as_built_parameters import drawn, prior_std
+from builder.calibration.as_built_structure import as_built_structure
+from builder.calibration.candidate_cases import Candidate
+from builder.calibration.ground_test import TestFaults, ground_test, write_ground_test
+from builder.calibration.load_test import LoadErrors
+from builder.calibration.standard_cases import standard_cases
+from builder.campaign.snapshots import save_snapshots
+from builder.pipeline.calibrate import run_calibrate
+from builder.pipeline.stages import build_map, take_snapshots
+from builder.reporting import Silent
+from builder.vehicle.file import IC3X, load_vehicle
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+
+pytestmark = pytest.mark.slow
+
+COARSE = """[resolution.map]
+radial_cells = 12
+circumferential_cells = 16
+surface_stations = 40
+surface_roll_angles = 24
+harmonics = 10
+element_length_mm = 40.0
+wall_layers = 1
+
+"""
+
+
+def coarse_vehicle_file(folder: Path) -> Path:
+    text = IC3X.read_text(encoding="utf-8")
+    text = re.sub(r"\[resolution\.map\].*?(?=\[resolution\.truth\])", COARSE, text, flags=re.DOTALL)
+    text = text.replace('engine = "euler"', 'engine = "newtonian"')
+    text = text.replace('manoeuvre = "ic3x', f'manoeuvre = "{IC3X.parent.as_posix()}/ic3x')
+    path = folder / "vehicle.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
+    file = coarse_vehicle_file(tmp_path)
+    vehicle = load_vehicle(file)
+    snapshots = take_snapshots(vehicle)
+    save_snapshots(snapshots, tmp_path / "snapshots.h5")
+    before = build_map(vehicle, snapshots=snapshots)
+    save_inverse_map(before, tmp_path / "map.h5")
+    structure = as_built_structure(vehicle, vehicle.gauges.layout)
+    random = np.random.default_rng(3)
+    std = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    built, errors = drawn(std, random), LoadErrors(common=0.002)
+    cases = [
+        Candidate(name=name, loads=tuple(one.load for one in loads))
+        for name, loads in standard_cases(10, vehicle.body().length, errors)
+    ]
+    test = ground_test(
+        structure,
+        built,
+        cases,
+        errors,
+        np.full(structure.n_gauges, 0.25e-6),
+        random=random,
+        faults=TestFaults(reversed_sign=(7,)),
+    )
+    written = write_ground_test(test, tmp_path, "simulated")
+    output = tmp_path / "calibrated.h5"
+    result = run_calibrate(tmp_path / "map.h5", written, output, Silent(), vehicle_path=file)
+    assert [(fault.where, fault.kind) for fault in result.faults] == [(structure.gauges.names[7], "sign")]
+    assert 0.9 <= result.estimate.chi_square / result.estimate.n_readings <= 1.1
+    found = load_inverse_map(output)
+    truth = structure.strain_operator(built)
+    after = structure.strain_operator(result.estimate.parameters)
+    drawing = structure.strain_operator(structure.exactly_built())
+    assert np.abs(after - truth).max() < 0.4 * np.abs(drawing - truth).max()
+    assert found.provenance["calibration"]["faults"] == [result.faults[0].line]
+    names = {one["name"] for one in found.provenance["noise_terms"]}
+    assert "left by the ground test" in names
+    assert "gauge gain" not in names
+    assert np.trace(found.load_covariance) < np.trace(before.load_covariance)
+    page = output.with_suffix(".html").read_text(encoding="utf-8")
+    assert "Regression load equations" in page
+    assert "wrong sign" in page
+    with pytest.raises(InputError, match="already calibrated"):
+        run_calibrate(output, written, tmp_path / "twice.h5", Silent(), vehicle_path=file)
+    with pytest.raises(InputError, match=r"vehicle: entry is missing"):
+        run_calibrate(tmp_path / "map.h5", written, output, Silent())

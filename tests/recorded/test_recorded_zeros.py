@@ -1,0 +1,58 @@
+"""``strainfmu estimate --zeros``: readings with zeros give the loads of strains without, by map and by FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from recorded_case import NAMES, samples, write_csv
+from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
+
+from strainfmu.cosim.zeros_file import write_zeros
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.zeros import GaugeZeros
+
+pytestmark = pytest.mark.fast
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+def test_map_and_fmu_take_them_off(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    time, strain, pressure = samples(40)
+    random = np.random.default_rng(1)
+    zeros = GaugeZeros(
+        value=2e-4 * random.normal(size=N_GAUGES), std=1e-6 * random.uniform(size=N_GAUGES), common_std=1e-6
+    )
+    held = synthetic_inverse_map(1)
+    write_zeros(tmp_path / "zeros.toml", held.gauge_names, zeros, {})
+    data = write_csv(
+        tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain + zeros.value, pressure
+    )
+    expected = Estimator(held, zeros=zeros).estimate(strain + zeros.value, pressure)
+    plain = Estimator(held).estimate(strain, pressure)
+    assert isinstance(expected, LoadEstimates)
+    assert isinstance(plain, LoadEstimates)
+    assert np.all(expected.coefficients_std > 1.01 * plain.coefficients_std)
+    for source in (synthetic.map_1, synthetic.estimator_1):
+        code, _, error = run("estimate", source, data, "-o", tmp_path / "o.h5", "--zeros", tmp_path / "zeros.toml")
+        assert (code, error) == (0, "")
+        with h5py.File(tmp_path / "o.h5") as file:
+            found = np.column_stack([file[name][()] for name in COEFFICIENT_NAMES])
+            sigma = np.column_stack([file[f"sigma.{name}"][()] for name in COEFFICIENT_NAMES])
+        np.testing.assert_allclose(found, expected.coefficients, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(sigma, expected.coefficients_std, rtol=1e-6)
+
+
+def test_a_file_of_other_gauges_is_refused(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    (tmp_path / "zeros.toml").write_text("[gauges]\n")
+    data = write_csv(tmp_path / "d.csv", ["time"], np.arange(3.0))
+    code, _, error = run(
+        "estimate", synthetic.map_1, data, "-o", tmp_path / "o.h5", "--zeros", tmp_path / "zeros.toml"
+    )
+    assert code == 2
+    assert error.strip().endswith("zeros.toml: gauges.G0: gauge of the map is missing")
