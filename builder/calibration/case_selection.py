@@ -133,7 +133,7 @@ def select_cases(
     """Return ``count`` cases, each the best next one: that with the smallest product of the five sigmas.
 
     A candidate may be chosen again, which averages its noise. Worths are taken to fall from case to case: a
-    candidate whose last known worth is below one that was worked out anew is not worked out (lazy greedy;
+    candidate whose last known worth is below one that is already up to date is not worked out (lazy greedy;
     Minoux, 1978).
     """
     known, chosen = start, list[ChosenCase]()

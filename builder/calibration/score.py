@@ -69,7 +69,7 @@ class Flights:
 class Setup:
     """What all vehicles of a score share.
 
-    ``structure`` is the map's, ``truth`` that of the independent model; its wall is solved for anew for every
+    ``structure`` is the map's, ``truth`` that of the independent model; its wall is solved for again for every
     vehicle where ``solve_walls``, and follows from its tables otherwise. ``models`` hold the test by the number of
     its pads, without readings; ``std`` is what vehicles are drawn from.
     """

@@ -186,8 +186,9 @@ def port_row(grid: SurfaceGrid, x: float, roll: float) -> FloatArray:
 
 
 def _loads_about(surface: Surface, station: float) -> FloatArray:
-    operator = load_operator if isinstance(surface, SurfaceGrid) else mesh_load_operator
-    return operator(surface, station)  # type: ignore[arg-type]
+    if isinstance(surface, SurfaceGrid):
+        return load_operator(surface, station)
+    return mesh_load_operator(surface, station)
 
 
 def _inertial(entry: InertialUnit, surface: Surface) -> list[SensorRow]:

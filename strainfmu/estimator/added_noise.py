@@ -1,8 +1,8 @@
 """A map whose gauges err by more than it was built for, in ways that do not scale with the dynamic pressure.
 
 Gamma grows by D, and in form "dynamic_pressure" the gauges' own Gamma_g as well: Gamma' = Gamma + D. Gain and
-whitening follow anew. The load that no state holds keeps its covariance with strain, X. Of its own covariance,
-what strain does not tell grows: S' = S + X' Gamma^-1 X - X' Gamma'^-1 X.
+whitening are computed again. The load that no state holds keeps its covariance with strain, X. Of its own
+covariance, what strain does not tell grows: S' = S + X' Gamma^-1 X - X' Gamma'^-1 X.
 """
 
 from __future__ import annotations

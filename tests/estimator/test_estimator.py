@@ -279,7 +279,7 @@ def assert_same(found: LoadEstimate, wanted: LoadEstimate) -> None:
 )
 def test_mask_of_another_shape_or_type_is_refused(valid: object) -> None:
     with pytest.raises(InputError, match=r"valid: expected \(8,\) values of bool, got"):
-        Estimator(random_map()).estimate(np.zeros(N_GAUGES), Q, valid=valid)  # type: ignore[arg-type]
+        Estimator(random_map()).estimate(np.zeros(N_GAUGES), Q, valid=valid)  # type: ignore[arg-type]  # no mask
 
 
 def test_a_lost_gauge_costs_once() -> None:

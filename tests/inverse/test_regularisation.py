@@ -122,7 +122,7 @@ def test_rules_without_an_answer_say_so() -> None:
     with pytest.raises(InputError, match=r"'evidence' finds its optimum at the largest gamma"):
         select_gamma("evidence", data)
     with pytest.raises(InputError, match=rf"'best' found, must be a positive number or one of {', '.join(RULES)}"):
-        select_gamma("best", data)  # type: ignore[arg-type]
+        select_gamma("best", data)  # type: ignore[arg-type]  # no such rule
 
 
 def test_l_curve_is_monotonous_with_a_corner() -> None:

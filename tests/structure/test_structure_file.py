@@ -89,7 +89,7 @@ def test_gauges_by_layout() -> None:
 )
 def test_parts_that_do_not_fit_are_refused(name: str, value: object, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        replace(a_structure(), **{name: value})  # type: ignore[arg-type]
+        replace(a_structure(), **{name: value})  # type: ignore[arg-type]  # a field by name
 
 
 def test_altered_file_is_refused_and_made_again(tmp_path: Path) -> None:

@@ -1,5 +1,5 @@
 /* A map whose gauges err by more than the file says, in ways that do not scale with the dynamic pressure: errors of
-   their zeros. Gains, whitening and covariances follow anew.
+   their zeros. Gains, whitening and covariances are computed again.
 
    The C counterpart of strainfmu/estimator/added_noise.py, and of decomposition.py for form "dynamic_pressure". */
 

@@ -125,20 +125,26 @@ def _fly_over_bus(console: Console, folder: Path, duration: float, is_authentica
     console.print(flown.bridge, highlight=False, markup=False, soft_wrap=True)
 
 
-def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
-    """Show the accuracy of each estimator on the same strains."""
-    table = Table(title="Linear and nonlinear estimator on the same strains")
+def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
+    """Return a table of rms errors and coverage of the coefficients, two columns for each of ``scores``."""
+    table = Table(title=title)
     table.add_column("")
-    for name in estimators:
+    for name in scores:
         table.add_column(f"{name}: rms error", justify="right")
         table.add_column("truth within 3 sigma", justify="right")
     for coefficient in COEFFICIENT_NAMES:
         cells = [
             text
-            for one in estimators.values()
+            for one in scores.values()
             for text in (f"{one['rms'][coefficient]:.2e}", f"{one['coverage_percent'][coefficient]:.2f} %")
         ]
         table.add_row(f"{coefficient} [1]", *cells)
+    return table
+
+
+def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
+    """Show the accuracy of each estimator on the same strains."""
+    table = _accuracy_table("Linear and nonlinear estimator on the same strains", estimators)
     air = estimators["manifold"]["air_data"]
     for name in ("angle_of_attack", "sideslip_angle"):
         cells = [f"{degrees(air['rms'][name]):.3f}", f"{air['coverage_percent'][name]:.2f} %"]
@@ -148,19 +154,9 @@ def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
 
 def _show_states(console: Console, states: dict[str, Any]) -> None:
     """Show the accuracy of the map before the ground test, after it, and if the vehicle were known."""
-    table = Table(title="The map before and after the ground test, and of the vehicle known exactly")
-    table.add_column("")
-    for name in states:
-        table.add_column(f"{name}: rms error", justify="right")
-        table.add_column("truth within 3 sigma", justify="right")
-    for coefficient in COEFFICIENT_NAMES:
-        cells = [
-            text
-            for one in states.values()
-            for text in (f"{one['rms'][coefficient]:.2e}", f"{one['coverage_percent'][coefficient]:.2f} %")
-        ]
-        table.add_row(f"{coefficient} [1]", *cells)
-    console.print(table)
+    console.print(
+        _accuracy_table("The map before and after the ground test, and of the vehicle known exactly", states)
+    )
 
 
 def _show_result(console: Console, result: DemoResult) -> None:

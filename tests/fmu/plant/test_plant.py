@@ -236,7 +236,7 @@ def test_parameters_are_checked_and_then_fixed(plant: Host) -> None:
         with pytest.raises(Exception, match="error"):
             fixed()
     with pytest.raises(Exception, match="error"):
-        set_fault(plant, 1, 6)  # type: ignore[arg-type]
+        set_fault(plant, 1, 6)  # type: ignore[arg-type]  # no such kind
     with pytest.raises(Exception, match="error"):
         plant.set(["C_A"], [0.0])
     assert plant.integers(["seed"]) == [7]

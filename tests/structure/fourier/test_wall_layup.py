@@ -95,7 +95,7 @@ def test_a_bulkhead_stops_ovalisation() -> None:
 
 
 def flying(density: float = 2700.0, **masses: object) -> Wall:
-    return replace(WALL, flight=FlightMasses(density=density, **masses))  # type: ignore[arg-type]
+    return replace(WALL, flight=FlightMasses(density=density, **masses))  # type: ignore[arg-type]  # fields by name
 
 
 def test_axial_strain_in_free_flight_is_that_of_the_mass_behind() -> None:
