@@ -29,7 +29,7 @@ from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.monitor.server import PAGE_FILES, Monitor, page_file
+from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def publisher(port: int, rate: float = 1e4, score_limit: float | None = None) ->
 
 def get(monitor: Monitor, path: str, host: str | None = None) -> tuple[int, bytes]:
     address = monitor.url.removeprefix("http://").rstrip("/")
-    connection = http.client.HTTPConnection(address, timeout=5)
+    connection = http.client.HTTPConnection(address, timeout=60)
     connection.request("GET", path, headers={} if host is None else {"Host": host})
     answer = connection.getresponse()
     content = answer.read()
@@ -80,7 +80,7 @@ def get(monitor: Monitor, path: str, host: str | None = None) -> tuple[int, byte
     return answer.status, content
 
 
-def until(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+def until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -92,7 +92,7 @@ def test_datagrams_are_plain_json() -> None:
     """What PlotJuggler's UDP server reads: one object per datagram, numbers under names, a time stamp."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ears:
         ears.bind(("127.0.0.1", 0))
-        ears.settimeout(5.0)
+        ears.settimeout(60.0)
         mouth = publisher(ears.getsockname()[1])
         mouth.result(result())
         layout, content = json.loads(ears.recv(1 << 16)), json.loads(ears.recv(1 << 16))
@@ -327,25 +327,32 @@ def test_every_file_of_the_page_is_served_and_nothing_else_is_fetched(monitor: M
 @pytest.mark.fast
 def test_events_carry_what_is_newest(monitor: Monitor) -> None:
     address = monitor.url.removeprefix("http://").rstrip("/")
-    connection = http.client.HTTPConnection(address, timeout=10)
+    connection = http.client.HTTPConnection(address, timeout=60)
     connection.request("GET", "/events")
     stream = connection.getresponse()
     first = json.loads(stream.readline().removeprefix(b"data: "))
     assert (first["latest"], first["points"], first["events"]) == (None, [], [])
     mouth = publisher(monitor.listens_at[1])
+    begin = time.monotonic()
     for k in range(500):
         mouth.result(result(value=float(k)))
         mouth._next = 0.0
         until(lambda: not mouth._waiting)
-    until(lambda: json.loads(monitor.state.snapshot(time.monotonic()))["latest"] is not None)
-    time.sleep(0.3)
-    expected = json.loads(monitor.state.snapshot(time.monotonic()))["latest"]["coefficients"]["C_A"]
+
+    def is_last() -> bool:
+        mouth._next = 0.0
+        mouth.result(result(value=500.0))
+        latest = json.loads(monitor.state.snapshot(time.monotonic()))["latest"]
+        return latest is not None and latest["coefficients"]["C_A"] == 500.0
+
+    until(is_last)
     seen = []
-    while not seen or seen[-1] != expected:
+    while not seen or seen[-1] != 500.0:
         line = stream.readline()
         if line.startswith(b"data: ") and (latest := json.loads(line.removeprefix(b"data: "))["latest"]):
             seen.append(latest["coefficients"]["C_A"])
-    assert len(seen) < 100  # newest only: far fewer events than datagrams
+    # Newest only: far fewer events than datagrams.
+    assert len(seen) <= (time.monotonic() - begin) / PUSH_PERIOD + 5.0
     mouth.close()
     connection.close()
 
@@ -364,7 +371,7 @@ def test_monitor_as_a_command(tmp_path: Path) -> None:
     assert process.stdout is not None
     assert process.stdout.readline().startswith("http://127.0.0.1:")
     process.send_signal(signal.SIGTERM)
-    out, errors = process.communicate(timeout=10)
+    out, errors = process.communicate(timeout=60)
     assert (process.returncode, out, errors) == (0, "0 datagrams, 0 refused\n", "")
 
 

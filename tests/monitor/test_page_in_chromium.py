@@ -92,11 +92,11 @@ def test_all_good(on_range: tuple[TestRange, Browser]) -> None:
         "x aft of the nose tip [m]",
     ):
         assert text in found
-    assert not browser.value("document.body.classList.contains('old')")
-    assert browser.value("document.getElementById('alarm').hidden")
+    browser.wait("document.body.classList.contains('old')", lambda found: not found)
+    browser.wait("document.getElementById('alarm').hidden", bool)
     browser.wait("document.querySelectorAll('polygon.band').length", lambda found: found >= 5)
     # Its own number in the middle of every band, and the limit of chi-square as a line.
-    assert browser.value("document.querySelectorAll('#chart_chi polyline.limit').length") >= 1
+    browser.wait("document.querySelectorAll('#chart_chi polyline.limit').length", lambda found: found >= 1)
     is_whole(browser)
 
 
@@ -104,7 +104,7 @@ def test_loads_instead_of_coefficients(on_range: tuple[TestRange, Browser]) -> N
     _, browser = on_range
     browser.value("document.getElementById('view_loads').click()")
     browser.wait(TEXT, shows("Normal force [kN]", "Pitching moment [kN m]"))
-    assert " ± " in browser.value("document.getElementById('now_C_N').textContent")
+    browser.wait("document.getElementById('now_C_N').textContent", shows(" ± "))
     is_whole(browser)
     browser.value("document.getElementById('view_coefficients').click()")
     browser.wait(TEXT, shows("C_N [1], normal"))
@@ -131,7 +131,8 @@ def test_one_suspect(on_range: tuple[TestRange, Browser]) -> None:
     browser.wait(
         TEXT, shows("SUSPECT", "suspect: G4", "above its limit", "gauge G4 suspect", "does not fit the others")
     )
-    assert browser.value("document.querySelectorAll('.mark.suspect').length") == 2  # the gauge, and the legend's
+    # The gauge, and the legend's.
+    browser.wait("document.querySelectorAll('.mark.suspect').length", lambda found: found == 2)
     is_whole(browser)
 
 
@@ -142,7 +143,7 @@ def test_a_lost_frame(on_range: tuple[TestRange, Browser]) -> None:
         TEXT, shows("DEGRADED", "PARTIAL_CYCLE: frames of the cycle are missing", f"27 of {N_GAUGES}")
     )
     assert "3 gauges not used: no frame — G27, G28, G29" in found
-    assert browser.value("document.querySelectorAll('.mark.masked').length") == 3 + 1
+    browser.wait("document.querySelectorAll('.mark.masked').length", lambda found: found == 3 + 1)
     is_whole(browser)
 
 
@@ -150,8 +151,7 @@ def test_bus_off(on_range: tuple[TestRange, Browser]) -> None:
     state, browser = on_range
     state.enter("bus_off")
     browser.wait(TEXT, shows("BUS OFF: the controller has left the bus", "The bridge opens it again", "SILENT"))
-    found = browser.value(TEXT)
-    assert "no value: " in found or "STALE" in found
+    browser.wait(TEXT, lambda found: "no value: " in found or "STALE" in found)
     is_whole(browser)
     state.enter("good")
     browser.wait(TEXT, shows("every gauge valid"))
@@ -199,7 +199,7 @@ def test_gauges_anywhere_around_do_not_cover_each_other(tmp_path: Path) -> None:
                 publisher.result(shown)
                 return bool(found == f"{len(gauges)},false,false")
 
-            browser.wait(OVERLAPPING, is_clear, seconds=20.0)
+            browser.wait(OVERLAPPING, is_clear)
             assert clipped(browser, width) == []
     finally:
         browser.close()

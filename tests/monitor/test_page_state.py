@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bus_run import live_run
+from bus_run import live_run, wait_until
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bridge.page_message import (
@@ -282,7 +282,7 @@ def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFi
             record=tmp_path / "run.blf",
             publish="{}:{}".format(*monitor.listens_at),
         )
-        time.sleep(0.2)
+        wait_until(lambda: NO_VALUE in json.dumps(monitor.state.snapshot(time.monotonic())))
         content = json.loads(monitor.state.snapshot(time.monotonic()))
     finally:
         monitor.close()

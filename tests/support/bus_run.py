@@ -1,11 +1,18 @@
-"""A short live run over a virtual bus: a bridge of the synthetic FMU, fed by the virtual sender, with watchers."""
+"""A short live run over a virtual bus: a bridge of the synthetic FMU, fed by the virtual sender, with watchers.
+
+Its clock is that of both, and waits for the bridge: however busy the machine, no frame is late that was not sent
+late.
+"""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
@@ -13,15 +20,19 @@ from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.freshness_file import freshness_file, next_trip
+from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import BridgeOptions, input_layout
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.faults import Fault
 from strainfmu.can.tools.observed import observed_bridge
+from strainfmu.can.tools.recording import MicrosecondClock
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.tools.strain_sources import FlownSample
 
 CYCLE = 0.01
+PATIENCE = 120.0
+"""How long a thread may take for its turn on a busy machine [s]."""
 
 
 @dataclass
@@ -49,6 +60,136 @@ def flight(n_cycles: int, navigated: bool = False) -> list[FlownSample]:
     ]
 
 
+class SteppedClock(MicrosecondClock):
+    """A clock that stands until it is moved, but for one microsecond with every reading: no two are equal."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._passed = 0
+        self._lock = threading.Lock()
+
+    def __call__(self) -> float:
+        with self._lock:
+            self._passed += 1
+            return self.now
+
+    @property
+    def now(self) -> float:
+        """The latest time read [s]."""
+        return (self._start + self._passed) / 1e6
+
+    def move_to(self, time: float) -> None:
+        """Let the time [s] come."""
+        with self._lock:
+            self._passed = max(self._passed, round(1e6 * time) - self._start)
+
+
+class PacedBridge:
+    """A running bridge whose clock moves only while it has nothing to do, and a bus to send it frames.
+
+    Attributes
+    ----------
+    clock : of bridge and sender.
+    sent : number of frames sent to the bridge.
+    summary, notes : of the bridge and of its recorder and publisher, once it has ended.
+    """
+
+    summary: BridgeSummary
+    notes: list[str]
+
+    def __init__(self, bridge: Bridge, clock: SteppedClock, bus: Any, thread: threading.Thread) -> None:
+        self.clock, self.sent = clock, 0
+        self._bridge, self._bus, self._thread = bridge, bus, thread
+        self._free_until = clock.now
+        self._is_waiting = False
+        inner = bridge._next_items
+
+        def next_items(timeout: float) -> Any:
+            self._is_waiting = True
+            try:
+                return inner(timeout)
+            finally:
+                self._is_waiting = False
+
+        bridge._next_items = next_items  # type: ignore[method-assign]  # to see when it waits
+
+    def send(self, message: Any) -> None:
+        """Send a message of python-can."""
+        self._bus.send(message)
+        self.sent += 1
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep, then let so much time pass on the clock, from one event of the bridge to the next."""
+        time.sleep(seconds)
+        end = self.clock.now + seconds
+        while self.clock.now < end - 1e-6:
+            self._settle()
+            self.clock.move_to(end if self._is_free else min(end, self._due))
+        self._settle()
+
+    def stand_still(self, seconds: float) -> None:
+        """Called by the bridge's thread: hold it up for ``seconds`` of the clock, which goes on meanwhile."""
+        self._free_until = self.clock.now + seconds
+        wait_until(lambda: not self._is_free)
+
+    @property
+    def _is_free(self) -> bool:
+        """Whether time passes without the bridge."""
+        return self.clock.now < self._free_until
+
+    @property
+    def _due(self) -> float:
+        return min(self._bridge._core.next_event, self._bridge._next_status)
+
+    def _settle(self) -> None:
+        """Wait until the bridge has taken all that was sent and has nothing due."""
+        wait_until(self._is_idle)
+
+    def _is_idle(self) -> bool:
+        assert self._thread.is_alive(), "the bridge has ended"
+        try:
+            received = self._bridge.account().received
+        except RuntimeError:  # a table of it grew meanwhile
+            return False
+        if self._is_free:  # all but the cycle at which it stands are in its queue
+            return received + len(self._bridge._queue) > self.sent - self._bridge._core.layout.cycle_length
+        is_done = self._is_waiting and received == self.sent and self._due > self.clock.now
+        return is_done and self._is_waiting
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
+    """Wait until ``condition`` holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.001)
+
+
+@contextmanager
+def paced_bridge(fmu: Path, options: BridgeOptions, **watched: Any) -> Iterator[PacedBridge]:
+    """Run a bridge on the virtual bus of ``options`` for as long as the context lasts; then there is its summary.
+
+    ``watched`` are the watchers of :func:`observed_bridge`.
+    """
+    clock = SteppedClock()
+    with observed_bridge(fmu, options, clock=clock, **watched) as observed:
+        bridge, found = observed.ready.bridge, list[BridgeSummary]()
+        thread = threading.Thread(target=lambda: found.append(bridge.run()), daemon=True)
+        bus = open_bus(BusSettings(interface="virtual", channel=options.channel))
+        paced = PacedBridge(bridge, clock, bus, thread)
+        thread.start()
+        wait_until(lambda: bridge._receiver is not None)
+        try:
+            paced.sleep(0.1)
+            yield paced
+            paced.sleep(0.1)
+        finally:
+            bridge.stop()
+            thread.join(PATIENCE)
+            bus.shutdown()
+        paced.summary, paced.notes = found[0], observed.notes()
+
+
 def live_run(
     fmu: Path,
     channel: str,
@@ -67,26 +208,19 @@ def live_run(
     of a result behind which the bridge stands still, and for how long [s].
     """
     options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE, key_file=key)
-    settings = BusSettings(interface="virtual", channel=channel)
     results: list[CycleResult] = []
+    running: list[PacedBridge] = []
 
     def keep(result: CycleResult) -> None:
         results.append(result)
         if len(results) == stall[0]:
-            time.sleep(stall[1])
+            running[0].stand_still(stall[1])
 
-    with observed_bridge(fmu, options, record=record, publish=publish, publish_rate=1000.0, also=keep) as observed:
-        bridge = observed.ready.bridge
-        found: list[BridgeSummary] = []
-        thread = threading.Thread(target=lambda: found.append(bridge.run()))
-        thread.start()
-        time.sleep(0.1)
-        bus = open_bus(settings)
+    watched = {"record": record, "publish": publish, "publish_rate": 1000.0, "also": keep}
+    with paced_bridge(fmu, options, **watched) as paced:
+        running.append(paced)
         layout, _ = input_layout(options, [f"G{i}" for i in range(N_GAUGES)])
         trip = 1 if layout.key is None or key is None else next_trip(freshness_file(key, "sender"), layout.key)
-        send_flight(bus, layout, samples=flight(n_cycles, navigated), faults=faults, trip=trip)
-        time.sleep(0.1)
-        bridge.stop()
-        thread.join(10.0)
-        bus.shutdown()
-        return LiveRun(results, found[0], observed.notes())
+        samples = flight(n_cycles, navigated)
+        send_flight(paced, layout, samples=samples, faults=faults, clock=paced.clock, sleep=paced.sleep, trip=trip)
+    return LiveRun(results, paced.summary, paced.notes)

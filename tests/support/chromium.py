@@ -69,7 +69,7 @@ class Browser:
         """Return the value of JavaScript on the page."""
         return self.call("Runtime.evaluate", expression=expression, returnByValue=True)["result"].get("value")
 
-    def wait(self, expression: str, holds: Callable[[Any], bool], seconds: float = 60.0) -> Any:
+    def wait(self, expression: str, holds: Callable[[Any], bool], seconds: float = 120.0) -> Any:
         """Wait until ``holds`` of the value, and return it."""
         end = time.monotonic() + seconds
         while not holds(found := self.value(expression)):

@@ -54,11 +54,13 @@ def observed_bridge(
     publish_rate: float,
     also: Callable[[CycleResult], None] | None = None,
     publish_field: Path | None = None,
+    clock: MicrosecondClock | None = None,
 ) -> Iterator[ObservedBridge]:
     """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
 
     ``also`` is called with every result before the publisher. ``publish_field`` is a map of the same gauges that
-    holds the pressure field: the publisher's thread sends that too.
+    holds the pressure field: the publisher's thread sends that too. ``clock`` is that of the run, None for the
+    machine's.
 
     Raises
     ------
@@ -83,10 +85,10 @@ def observed_bridge(
     with ExitStack() as stack:
         recorder = None
         if record is not None:
-            recorder = Recorder(record, MicrosecondClock())
+            recorder = Recorder(record, clock or MicrosecondClock())
             stack.callback(recorder.close)
         taps = Taps(
-            clock=monotonic if recorder is None else recorder.clock,
+            clock=(clock or monotonic) if recorder is None else recorder.clock,
             on_received=None if recorder is None else recorder.received,
             on_sent=None if recorder is None else recorder.sent,
             on_result=on_result,

@@ -73,7 +73,7 @@ def fly_over_bus(folder: Path, duration: float, is_authenticated: bool = False) 
                 check=False,
             )
             bridge.send_signal(signal.SIGTERM)
-            summary, errors = bridge.communicate(timeout=_PATIENCE)
+            summary, errors = (text.decode() for text in bridge.communicate(timeout=_PATIENCE))
         for name, code, text in (
             ("sender", sender.returncode, sender.stderr),
             ("bridge", bridge.returncode, errors),
@@ -85,13 +85,14 @@ def fly_over_bus(folder: Path, duration: float, is_authenticated: bool = False) 
 
 
 @contextmanager
-def _running(command: list[str], environment: dict[str, str]) -> Iterator[subprocess.Popen[str]]:
+def _running(command: list[str], environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes]]:
     """Start the bridge and wait for its first line; whatever happens, it does not outlive this."""
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    # Without a buffer, for ``communicate`` would not find there what came together with the first line.
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0, env=environment)
     try:
         assert process.stdout is not None
         if not process.stdout.readline():
-            errors = process.communicate(timeout=_PATIENCE)[1]
+            errors = process.communicate(timeout=_PATIENCE)[1].decode()
             raise StrainfmuError(f"CAN bridge: did not start: {errors.strip()}")
         yield process
     finally:

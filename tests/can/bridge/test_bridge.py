@@ -16,7 +16,7 @@ from dataclasses import replace
 import can
 import numpy as np
 import pytest
-from can_case import CYCLE, Projection, Truth, layout_of
+from can_case import Projection, Truth, layout_of
 
 from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
 from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
@@ -36,16 +36,19 @@ from strainfmu.cosim.step import StepResult
 from strainfmu.errors import InputError, StrainfmuError
 
 N = 30
+CYCLE = 0.03
+"""Period of the strain frames [s]: long enough for a busy host to be on time, now and then."""
+PATIENCE = 120.0
 GROUP = "239.74.163.78"
 
 
 class Slow(Projection):
-    """An estimator that takes ``pause`` [s] for a step."""
+    """An estimator that ``waits`` in a step."""
 
-    pause = 0.0
+    waits: Callable[[], None] = staticmethod(lambda: None)
 
     def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
-        time.sleep(self.pause)
+        self.waits()
         return super().__call__(strain, dynamic_pressure, step_size)
 
 
@@ -55,7 +58,7 @@ class Running:
     def __init__(
         self, open_one: Callable[[], can.BusABC], sender: can.BusABC, queued_cycles: int = QUEUED_CYCLES
     ) -> None:
-        layout = layout_of("fd64", N)
+        layout = layout_of("fd64", N, CYCLE)
         results = result_layouts("fd", Identifiers(), CYCLE)
         self.step = Slow(N)
         core = bridge_core(
@@ -101,26 +104,35 @@ class Running:
                 self.sender.send(to_message(frame))
             time.sleep(CYCLE)
 
-    def wait(self, until: Callable[[], bool], seconds: float = 60.0) -> None:
+    def wait(self, until: Callable[[], bool], seconds: float = PATIENCE) -> None:
         """Wait until something is so."""
         end = time.monotonic() + seconds
         while not until():
             assert time.monotonic() < end, "it did not happen"
             time.sleep(0.005)
 
-    def send_until(self, quality: Quality) -> None:
-        """Send until a new result has ``quality``."""
-        known = len(self.results)
-        for _ in range(300):
+    def send_while(self, until: Callable[[], bool]) -> None:
+        """Send until something is so."""
+        end = time.monotonic() + PATIENCE
+        while not until():
+            assert time.monotonic() < end, f"it did not happen: {self.results[-5:]}"
             self.send(1)
-            if any(result.quality is quality for result in self.results[known:]):
-                return
-        pytest.fail(f"{quality!r} was never reached: {self.results[-5:]}")
+
+    def send_until(self, quality: Quality, number: int = 1) -> None:
+        """Send until so many new results have ``quality``."""
+        known = len(self.results)
+        self.send_while(lambda: sum(result.quality is quality for result in self.results[known:]) >= number)
+
+    def wait_for_four_cycles(self) -> None:
+        """Wait until four further cycles are on the bus, or no more come."""
+        begin, now = self.cycle, time.monotonic()
+        while self.cycle < begin + 4 and time.monotonic() < now + 1.0:
+            time.sleep(1e-3)
 
     def end(self) -> BridgeSummary:
         """Stop the bridge and return its summary, whose account must sum."""
         self.bridge.stop()
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE)
         assert not self._thread.is_alive()
         if self.error is not None:
             raise self.error
@@ -163,8 +175,8 @@ def free_port() -> int:
 @pytest.mark.fast
 def test_results_come_back_on_the_bus(virtual: Running) -> None:
     received = []
-    virtual.send_until(Quality.VALID)
-    virtual.send(20)
+    virtual.send_until(Quality.VALID, 15)
+    virtual.send_while(lambda: virtual.bridge.summary().sent > 3 * 20)
     summary = virtual.end()
     while (message := virtual.sender.recv(0.01)) is not None:
         received.append(message)
@@ -181,15 +193,15 @@ def test_results_come_back_on_the_bus(virtual: Running) -> None:
 @pytest.mark.fast
 def test_results_of_another_bridge_are_told_from_own_ones_that_come_back(multicast: Running) -> None:
     """On udp_multicast every result comes back; the other bridge's has the same identifier, and more counters."""
-    multicast.send_until(Quality.VALID)
-    multicast.send(10)
-    assert multicast.results[-1].quality is Quality.VALID
+    multicast.send_until(Quality.VALID, 10)
+    assert not any(result.quality is Quality.UNCONFIRMED for result in multicast.results)
     other = can.Message(
         arbitration_id=0x380, data=bytes(range(64)), is_fd=True, bitrate_switch=True, is_extended_id=False
     )
     multicast.sender.send(other)
     multicast.send_until(Quality.UNCONFIRMED)
     multicast.send_until(Quality.VALID)
+    multicast.send_while(lambda: multicast.bridge.account().classes[FrameClass.OWN] >= 20)
     summary = multicast.end()
     assert any(result.causes & Cause.SECOND_BRIDGE for result in multicast.results)
     assert summary.account.classes[FrameClass.SECOND_BRIDGE] == 1
@@ -200,10 +212,11 @@ def test_results_of_another_bridge_are_told_from_own_ones_that_come_back(multica
 def test_a_sender_whose_clock_went_back_is_used_once_somebody_has_confirmed_it(virtual: Running) -> None:
     virtual.send_until(Quality.VALID)
     virtual.send(50)
-    virtual._start += 0.3  # the sender's clock is set back, and its counter goes on
+    virtual._start += 30 * CYCLE  # the sender's clock is set back, and its counter goes on
     virtual.send_until(Quality.UNCONFIRMED)
-    virtual.send(20)
-    assert virtual.results[-1].quality is Quality.UNCONFIRMED
+    known = len(virtual.results)
+    virtual.send_until(Quality.UNCONFIRMED, 10)
+    assert not any(result.quality is Quality.VALID for result in virtual.results[known:])
     virtual.bridge.confirm_sender()
     virtual.send_until(Quality.VALID)
 
@@ -252,6 +265,7 @@ def test_hundreds_of_malformed_datagrams_a_second_do_not_end_a_bus(multicast: Ru
 def test_a_closed_socket_is_replaced_by_a_new_bus(multicast: Running) -> None:
     multicast.send_until(Quality.VALID)
     multicast.buses[0].shutdown()
+    multicast.send_while(lambda: any(result.causes & Cause.BUS for result in multicast.results))
     multicast.send_until(Quality.VALID)
     summary = multicast.end()
     assert len(multicast.buses) >= 2
@@ -308,7 +322,7 @@ class Broken(can.BusABC):
 
 
 @pytest.mark.parametrize(
-    ("failures", "reconnects"), [(ERRORS_PER_SECOND - 1, False), (ERRORS_PER_SECOND + 1, True)]
+    ("failures", "reconnects"), [(ERRORS_PER_SECOND - 1, False), (50 * ERRORS_PER_SECOND, True)]
 )
 def test_many_failed_receptions_in_a_second_are_a_broken_bus(failures: int, reconnects: bool) -> None:
     channel = f"nonsense-{time.monotonic_ns()}"
@@ -327,7 +341,8 @@ def test_many_failed_receptions_in_a_second_are_a_broken_bus(failures: int, reco
             running.wait(lambda: running.bridge.summary().send_failures >= 20)
             assert "cannot send" in running.bridge.summary().last_fault
         summary = running.end()
-    assert summary.failures >= min(failures, ERRORS_PER_SECOND)
+    # The last 200 within a second end it; of a host that stands still these are not the first.
+    assert ERRORS_PER_SECOND - 1 <= summary.failures < max(failures, ERRORS_PER_SECOND)
 
 
 @pytest.mark.fast
@@ -354,8 +369,9 @@ def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
             lambda: open_bus(BusSettings(interface="virtual", channel=channel)), sender, queued_cycles=3
         )
         running.send_until(Quality.VALID)
-        running.step.pause = 4 * CYCLE
+        running.step.waits = running.wait_for_four_cycles
         running.send(60)
+        running.step.waits = lambda: None
         summary = running.end()
     assert summary.account.classes[FrameClass.OVERRUN] > 0
     assert summary.queue_highest <= 9
@@ -371,6 +387,7 @@ def test_an_overrun_is_accounted_for_and_said_in_the_result() -> None:
 def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Running) -> None:
     """600 foreign frames for the three of every cycle, as fast as they go."""
     virtual.send_until(Quality.VALID)
+    first = virtual.cycle
     foreign = [to_message(Frame(identifier=0x400 + k % 64, data=bytes(8))) for k in range(600)]
     known, sent = len(virtual.results), 0
     for _ in range(30):
@@ -383,13 +400,15 @@ def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Runni
     summary = virtual.end()
     answered = [r for r in virtual.results[known:] if r.sample_time is not None]
     assert len(summary.account.unknown) == 64
-    # A slow machine may come to a cycle after its time is over, or skip it; it reports that and trusts none.
+    # A slow machine may come to a cycle after its time is over, skip it, or drop it before it has a number: it
+    # reports that and trusts none.
     classes = summary.account.classes
-    assert len(answered) + classes[FrameClass.SKIPPED] // 3 >= 30
-    own = (FrameClass.USED, FrameClass.LATE, FrameClass.TOO_OLD, FrameClass.SKIPPED)
-    assert sum(classes[one] for one in own) >= 90
+    assert summary.account.received == sent + 3 * virtual.cycle
+    not_answered = classes[FrameClass.SKIPPED] + classes[FrameClass.OVERRUN]
+    assert len(answered) + not_answered / 3 >= virtual.cycle - first
     assert classes[FrameClass.USED] > 0
-    assert summary.account.unaccounted == 0
+    assert classes[FrameClass.CORRUPT] == classes[FrameClass.WRONG_FORMAT] == classes[FrameClass.REPEATED] == 0
+    assert not any(result.causes for result in answered if result.quality is Quality.VALID)
 
 
 def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() -> None:

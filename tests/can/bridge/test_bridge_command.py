@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,12 +29,16 @@ def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path
         str(tmp_path / "e.fmu"),
     ]
     command += ["--interface", "virtual", "--channel", "x", "--profile", "classic-be", "--dynamic-pressure", "1e5"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
+    ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    ears.bind(("127.0.0.1", 0))
+    ears.settimeout(120.0)
+    command += ["--publish", "{}:{}".format(*ears.getsockname())]
+    with ears, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
         assert bridge.stdout is not None
         assert "6 gauges, classic-be" in bridge.stdout.readline()
-        time.sleep(0.5)
+        ears.recv(1 << 16)  # it has answered the silence
         bridge.send_signal(number)
-        printed, errors = bridge.communicate(timeout=20)
+        printed, errors = bridge.communicate(timeout=120)
     assert bridge.returncode == 0, errors
     assert errors == ""
     assert "results NO_DATA" in printed

@@ -55,7 +55,7 @@ def raw_multicast(bus: can.BusABC) -> RawMulticast:
 def waiting(raw: Any, n: int) -> list[tuple[bytes, float]]:
     """Return the next ``n`` datagrams."""
     found: list[tuple[bytes, float]] = []
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 60.0
     while len(found) < n and time.monotonic() < end:
         raw.wait(0.1)
         found += raw.read(n - len(found))[0]
@@ -69,7 +69,7 @@ def test_multicast_is_what_python_can_sends_and_receives(buses: list[can.BusABC]
     assert [raw.frame(data, 0.0) for data, _ in waiting(raw, 6)] == [*FRAMES, ERROR]
     for frame in FRAMES:
         raw.send(frame)
-    heard = [buses[1].recv(5.0) for _ in range(6 + len(FRAMES))][6:]
+    heard = [buses[1].recv(60.0) for _ in range(6 + len(FRAMES))][6:]
     assert [from_message(message, 0.0) for message in heard] == FRAMES
     raw.close()
 
@@ -79,7 +79,7 @@ def test_a_frame_has_the_time_at_which_the_kernel_received_it(buses: list[can.Bu
     buses[1].send(to_message(FRAMES[0]))
     time.sleep(0.05)
     ((_, waited),) = waiting(raw, 1)
-    assert 0.05 <= waited < 5.0
+    assert 0.05 <= waited < 60.0
     assert raw.read(1) == ([], True)
     raw.close()
 
@@ -127,7 +127,7 @@ def test_own_frames_that_have_come_back_do_not_end_the_wait(buses: list[can.BusA
     time.sleep(0.05)
     later = threading.Timer(0.05, buses[1].send, [to_message(FRAMES[0])])
     later.start()
-    receiver.collect(5.0)
+    receiver.collect(60.0)
     later.join()
     assert [item.key for item in queue.take(0.0, time.monotonic)[0] if isinstance(item, Frame)] == [FRAMES[0].key]
     assert receiver.account.received == 1

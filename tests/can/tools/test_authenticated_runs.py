@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Callable
 from pathlib import Path
-from time import sleep
 
 import pytest
-from bus_run import CYCLE, live_run
+from bus_run import CYCLE, live_run, paced_bridge
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.freshness_file import load_freshness
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
@@ -20,7 +17,6 @@ from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.log_frames import LogState, log_frames
-from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.sender import planned_faults
 from strainfmu.can.wire.authenticator import load_key
 from strainfmu.can.wire.frame import to_message
@@ -41,23 +37,16 @@ def send_again(fmu: Path, log: Path, key: Path, channel: str) -> BridgeSummary:
     options = BridgeOptions(
         interface="virtual", channel=channel, profile="fd64-sec", cycle_time=CYCLE, key_file=key
     )
-    with observed_bridge(fmu, options, record=None, publish=None, publish_rate=50.0) as observed:
-        bridge, found = observed.ready.bridge, list[BridgeSummary]()
-        thread = threading.Thread(target=lambda: found.append(bridge.run()))
-        thread.start()
-        sleep(0.1)
-        bus = open_bus(BusSettings(interface="virtual", channel=channel))
+    watched = {"record": None, "publish": None, "publish_rate": 50.0}
+    with paced_bridge(fmu, options, **watched) as paced:
         last = None
         for frame, is_received in log_frames(log, 0.0, state=LogState()):
             if is_received:
-                sleep(0.0 if last is None else max(frame.time - last, 0.0))
+                if last is not None and frame.time > last:
+                    paced.sleep(frame.time - last)
                 last = frame.time
-                bus.send(to_message(frame))
-        sleep(0.1)
-        bridge.stop()
-        thread.join(10.0)
-        bus.shutdown()
-    return found[0]
+                paced.send(to_message(frame))
+    return paced.summary
 
 
 def test_a_recording_replays_off_line_and_is_refused_on_the_bus(

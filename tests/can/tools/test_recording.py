@@ -43,7 +43,7 @@ while True:
     recorder.received(Frame(identifier=0x301, data=data, time=clock(), is_fd=True))
     number += 1
     if number % 100 == 0:
-        print(number, flush=True)
+        print(number, time.monotonic(), flush=True)
     time.sleep(0.001)
 """
 
@@ -99,19 +99,18 @@ def test_sigkill_loses_at_most_the_last_second(tmp_path: Path, suffix: str) -> N
     process = subprocess.Popen([sys.executable, "-c", RECORDER, str(path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
-    time.sleep(1.6)
+    printed = [process.stdout.readline().split() for _ in range(12)]
     os.kill(process.pid, signal.SIGKILL)
-    killed = time.time()
-    printed = process.stdout.read().split()
+    printed += [line.split() for line in process.stdout]
     process.wait()
     found, _ = read(path, 0.0)
     assert len(found) > 100
     numbers = [int.from_bytes(frame.data[:8], "little") for frame, _ in found]
     assert numbers == list(range(len(numbers)))
-    if suffix != ".asc":  # whose times count from its start
-        assert killed - found[-1][0].time < 1.0
-    # By the process's own count, at most what it made at its 1 kHz in one second.
-    assert int(printed[-1]) - len(found) < 1000
+    # By the process's own count and clock: what it made in the last second may be missing, no more.
+    *_, (_, last) = printed
+    assert all(int(number) <= len(found) for number, made in printed if float(last) - float(made) >= 1.0)
+    assert int(printed[-1][0]) - len(found) < 1000
     if suffix == ".blf":
         reader = can.BLFReader(str(path))
         assert reader.object_count == len(found)
@@ -159,7 +158,7 @@ def test_a_disk_that_fails_ends_the_recording_and_not_the_bridge(tmp_path: Path)
     recorder = Recorder(tmp_path / "run.log", clock)
     recorder._log._file.close()
     recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
-    recorder._thread.join(5.0)
+    recorder._thread.join(60.0)
     assert "closed file" in recorder.failure
     recorder.received(Frame(identifier=1, data=bytes(8), time=clock()))
     assert (recorder.recorded, recorder.lost) == (0, 2)
@@ -196,7 +195,7 @@ def test_a_full_disk_keeps_summary_account_and_what_is_whole(
     command = [sys.executable, "-c", DISK_FULL, str(synthetic.estimator_1), str(path), str(limit)]
     support = Path(__file__).parents[2] / "support"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(support), *sys.path])}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     assert "recording ended early: File too large" in done.stdout
     assert "frames: not accounted for: 0\n" in done.stdout
