@@ -24,6 +24,7 @@ from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import Track, tracked
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
+from strainfmu.estimator.temperature import known_sensors
 from strainfmu.estimator.zeros import GaugeZeros, zero_fault
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
@@ -34,6 +35,7 @@ from strainfmu.interface.estimator_variables import (
 )
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
 
 
@@ -65,6 +67,8 @@ class EstimatorSlave(Fmi2Slave):
         self._parameters = [references[name] for name in PARAMETERS]
         self._zeros = [references[name] for name in zero_names(inverse_map.n_gauges)]
         self._zeros_outdated = False
+        self._thermal = inverse_map.thermal
+        self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._outputs = [references[v.name] for v in interface if v.causality == "output"]
         self._inputs = [references[v.name] for v in interface if v.causality != "output"]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
@@ -182,11 +186,21 @@ class EstimatorSlave(Fmi2Slave):
         strain = self._values[self._first_input : self._valid]
         valid = self._values[self._valid : self._pressure] != 0.0
         flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
+        temperature = self._temperature()
         if isinstance(self._estimator, ManifoldEstimator):
-            inputs = self._estimator.checked_inputs(strain, valid, flow)
-            found, self._next = tracked(self._estimator, inputs, self._track)
+            estimator, inputs = self._estimator, self._estimator.checked_inputs(strain, valid, flow)
+            if temperature is not None:
+                ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
+            found, self._next = tracked(estimator, inputs, self._track)
             return found
-        return self._estimator.step(strain, flow.pop("dynamic_pressure"), valid, **flow)
+        return self._estimator.step(strain, flow.pop("dynamic_pressure"), valid, temperature=temperature, **flow)
+
+    def _temperature(self) -> np.ndarray | None:
+        """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
+        temperature = self._values[self._temperatures]
+        if self._thermal is None or not known_sensors(self._thermal, temperature).any():
+            return None
+        return temperature
 
     def _before_change(self) -> None:
         """Go on from the last step: what follows starts from the track that it left."""

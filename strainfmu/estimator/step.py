@@ -219,14 +219,19 @@ class Estimator:
         parts = []
         for rows, key in self._warm.groups(known):
             estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
-            parts.append(
-                (rows, estimator._series(strain * scale, used[rows], _Flow(*(one[rows] for one in flow))))
-            )
+            of_rows = _Flow(*(one[rows] for one in flow))
+            parts.append((rows, estimator._series(strain * scale, used[rows], of_rows, is_checked=True)))
         found: LoadEstimates = scattered(parts, len(readings))
         return found
 
-    def _series(self, readings: FloatArray, valid: BoolArray | None, flow: _Flow) -> LoadEstimates:
-        """Return the estimates of k samples: readings and valid are (k, n_d)."""
+    def _series(
+        self, readings: FloatArray, valid: BoolArray | None, flow: _Flow, is_checked: bool = False
+    ) -> LoadEstimates:
+        """Return the estimates of k samples: readings and valid are (k, n_d).
+
+        ``is_checked`` for readings that are no longer those of the gauges: whether those are in range is in
+        ``valid`` then.
+        """
         sensors, further = self.inverse_map.sensors, self.inverse_map.further
         d = (readings if sensors is None else readings / sensors.scale) - self.zeros.value
         stations = None if further is None else further.section_station
@@ -235,7 +240,8 @@ class Estimator:
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
-            np.less_equal(np.abs(readings[rows]), self._largest_reading, out=used)  # false for NaN
+            largest = np.inf if is_checked else self._largest_reading
+            np.less_equal(np.abs(readings[rows]), largest, out=used)  # false for NaN
             if valid is not None:
                 used &= valid[rows]
             if used.all():

@@ -1,9 +1,7 @@
 """The tables over the flight state as the native FMU reads them: a section of ``resources/map.bin``.
 
-A section is a name of 8 bytes, the length of its content of 8 bytes, the CRC-32 of that, and four zeros; then the
-content. That of :data:`SECTION` is eight 32-bit sizes, of which the last two are zero, and float64 values: the
-scalars, and the arrays in the order of :func:`_arrays`. ``fmus/native/estimator/flight_map.h`` describes the
-same to the C code.
+The content of the section is eight 32-bit sizes, of which the last is zero, and float64 values: the scalars, and
+the arrays in the order of :func:`_arrays`. ``fmus/native/estimator/flight_map.h`` describes them to the C code.
 
 Gauges that are rotations of each other have one table. A gauge at roll angle phi reads
 
@@ -15,8 +13,6 @@ across its meridian, and E is the same all around a station.
 
 from __future__ import annotations
 
-import struct
-import zlib
 from dataclasses import dataclass
 from math import atan2, cos, log, sin
 
@@ -36,6 +32,7 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
 from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS, WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+from strainfmu.fmu.resource_sections import section, sized_numbers
 
 SECTION = b"FLIGHT\0\0"
 
@@ -61,20 +58,14 @@ class ChannelTables:
     sine: FloatArray
 
 
-def section(name: bytes, content: bytes) -> bytes:
-    """Return a section of ``map.bin``."""
-    return name + struct.pack("<Q2I", len(content), zlib.crc32(content), 0) + content
-
-
 def flight_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
     """Return the section of the tables of ``inverse_map``."""
     channels = channel_tables(manifold, np.arctan2(*inverse_map.gauge_position[:, 1:].T))
     n_channels, n_m = channels.table.shape[2:]
     sizes = (len(manifold.mach_knots), len(manifold.incidence_knots), n_m, n_channels)
     errors = (len(manifold.common_error), manifold.shapes.shape[1])
-    content = struct.pack("<8I", *sizes, len(channels.row), *errors, 0)
     numbers = (_scalars(manifold), *_arrays(manifold, channels))
-    return section(SECTION, content + b"".join(array.astype("<f8").tobytes() for array in numbers))
+    return section(SECTION, sized_numbers((*sizes, len(channels.row), *errors), numbers))
 
 
 def _scalars(manifold: ManifoldMap) -> FloatArray:

@@ -4,8 +4,9 @@ Little endian. A header of 128 bytes: magic, format version, byte order mark, le
 that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
 is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
-:func:`_scaled`. In a map of the nonlinear estimator the section of its tables follows
-(:mod:`strainfmu.fmu.flight_resource`). A bound that the map does not state is the largest finite number.
+:func:`_scaled`. Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
+(:mod:`strainfmu.fmu.flight_resource`), temperature modes (:mod:`strainfmu.fmu.thermal_resource`). A bound that the
+map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -45,6 +46,7 @@ from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, 
 from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
 from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.flight_resource import flight_section
+from strainfmu.fmu.thermal_resource import thermal_section
 from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
@@ -87,15 +89,25 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
         sizes[_FORM], sizes[_N_FREE] = 1, parts.n_free
         sizes[_HAS_ERRORS] = inverse_map.common_error is not None
         sizes[_N_TERMS] = _rows(inverse_map.common_error)
-    sizes[_N_SECTIONS] = inverse_map.manifold is not None
+    sections = _sections(inverse_map)
+    sizes[_N_SECTIONS] = len(sections)
     checked += struct.pack("<8I", *sizes)
     checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *numbers))
-    if inverse_map.manifold is not None:
-        checked += flight_section(inverse_map, inverse_map.manifold)
+    checked += b"".join(sections)
     header = MAGIC + struct.pack(
         "<2IQ2I", FORMAT_VERSION, _BYTE_ORDER_MARK, CHECKED_FROM + len(checked), zlib.crc32(checked), 0
     )
     return header + checked
+
+
+def _sections(inverse_map: InverseMap) -> list[bytes]:
+    """Return what not every map has."""
+    sections = []
+    if inverse_map.manifold is not None:
+        sections.append(flight_section(inverse_map, inverse_map.manifold))
+    if inverse_map.thermal is not None:
+        sections.append(thermal_section(inverse_map, inverse_map.thermal))
+    return sections
 
 
 def _scalars(inverse_map: InverseMap) -> FloatArray:

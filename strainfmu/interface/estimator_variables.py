@@ -21,6 +21,7 @@ from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
 from strainfmu.interface.input_names import known_flow as known_flow
+from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_temperature_inputs
 from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
 
 if TYPE_CHECKING:
@@ -81,7 +82,8 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
         *_parameters(inverse_map),
     )
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
-    return with_zero_parameters(whole, inverse_map.gauge_names)
+    whole = with_zero_parameters(whole, inverse_map.gauge_names)
+    return with_temperature_inputs(whole, inverse_map.thermal)
 
 
 def output_values(estimate: LoadEstimate) -> list[float]:
@@ -121,6 +123,7 @@ ARRAYS = {
     "strain": "Strain of each gauge; names and positions in the documentation",
     "valid": "Whether each gauge may be used; same order as strain",
     **ZERO_ARRAYS,
+    **TEMPERATURE_ARRAYS,
 }
 
 

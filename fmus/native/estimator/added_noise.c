@@ -138,8 +138,9 @@ static int set_matrices(AddedNoise *noise) {
     const Map *file = &noise->original;
     const size_t n = file->n_gauges;
     const double of_residual = file->known_prior ? 1.0 : 0.0;
+    const double *without = noise->whole != NULL ? noise->whole : file->noise_covariance;
     for (size_t k = 0; k < n * n; k++) {
-        noise->square[0][k] = file->noise_covariance[k] + noise->added[k];
+        noise->square[0][k] = without[k] + noise->added[k];
     }
     if (!lower_root(n, noise->square[0], noise->noise_root, noise->noise_whitening)) {
         return 0;
@@ -172,7 +173,7 @@ static void set_load_covariance(AddedNoise *noise, const Map *map, MaskedMap *ma
 
 int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work) {
     const size_t n = noise->original.n_gauges;
-    int some = 0;
+    int some = noise->own != NULL;
     *map = noise->original;
     for (size_t k = 0; k < n * n; k++) {
         some |= noise->added[k] != 0.0;

@@ -1,5 +1,5 @@
-/* A map whose gauges err by more than the file says, in ways that do not scale with the dynamic pressure: errors of
-   their zeros. Gains, whitening and covariances are computed again.
+/* A map whose gauges err otherwise than the file says, in ways that do not scale with the dynamic pressure: errors of
+   their zeros, and what temperature sensors leave of thermal strain. Gains, whitening and covariances follow.
 
    The C counterpart of strainfmu/estimator/added_noise.py, and of decomposition.py for form "dynamic_pressure". */
 
@@ -12,6 +12,8 @@
 typedef struct {
     Map original;    /* as the file has it */
     double *added;   /* (n_gauges, n_gauges) covariance of the further errors [1] */
+    const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the
+                                  errors that scale; NULL for those of the file */
     double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
     double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
     double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
@@ -25,8 +27,8 @@ typedef struct {
 size_t added_noise_doubles(const Map *map);
 void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
 
-/* Let map be that of the file with the errors noise->added besides; `masked` and `work` are scratch. Without any, it is
-   that of the file to the bit. 0, and map is that of the file, if the sum is no covariance. */
+/* Let map be that of the file with the errors noise->own, if set, and noise->added besides; `masked` and `work` are
+   scratch. With neither it is that of the file to the bit. 0, and map is that of the file, if the sum is no covariance. */
 int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work);
 
 #endif

@@ -18,11 +18,19 @@ static const char *const SETTING_NAMES[] = {
     "alarm_scale",      "reference_area",       "reference_length", "moment_station",
 };
 
+size_t first_temperature(const Estimator *e) {
+    return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->map.n_gauges);
+}
+
+size_t estimator_inputs(const Estimator *e) {
+    return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0);
+}
+
 /* One block for all arrays: doubles, then indices, floats and bytes. */
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges;
-    const size_t n_inputs = n + N_ALL_SCALARS + number_of_zeros(n);
+    const size_t n_inputs = estimator_inputs(e);
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + 2 * n
                            + added_noise_doubles(map) + n + 1
                            + 3 * panel_length(n) + half_space_doubles(&map->envelope)
@@ -73,12 +81,16 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         estimator_free(e);
         return NULL;
     }
+    e->wide = panels_wide();
+    if (!thermal_create(&e->map.section[THERMAL_SECTION], e->map.n_gauges, e->wide, &e->thermal, text)) {
+        estimator_free(e);
+        return NULL;
+    }
     if (!allocate(e)) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
         estimator_free(e);
         return NULL;
     }
-    e->wide = panels_wide();
     if (e->map.scaled) {
         scaled_prepare(e);
     }
@@ -93,6 +105,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
 void estimator_free(Estimator *e) {
     if (e != NULL) {
         flight_free(&e->flight);
+        thermal_free(&e->thermal);
         free(e->memory);
         free(e->bytes);
         free(e);
@@ -113,6 +126,9 @@ void estimator_reset(Estimator *e) {
     scalar[MOMENT_STATION] = e->map.moment_station;
     scalar[MACH_NUMBER_STD] = scalar[STATIC_PRESSURE] = scalar[STATIC_PRESSURE_STD] = e->map.not_known;
     memset(scalar + N_ALL_SCALARS, 0, number_of_zeros(n) * sizeof *scalar);
+    for (size_t k = first_temperature(e); k < estimator_inputs(e); k++) {
+        e->input[k] = e->map.not_known;
+    }
     flight_reset(&e->flight);
     e->outdated = e->noise_outdated = 1;
 }
@@ -133,6 +149,9 @@ static int accepts_zero(const Estimator *e, size_t which, double value, char *te
 }
 
 int estimator_accepts(const Estimator *e, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
+    if (index >= first_temperature(e)) {
+        return 1;
+    }
     if (index >= e->map.n_gauges + N_ALL_SCALARS) {
         return accepts_zero(e, index - (e->map.n_gauges + N_ALL_SCALARS), value, text);
     }
@@ -298,11 +317,16 @@ static void set_added_noise(Estimator *e) {
     }
 }
 
-void estimator_renew_noise(Estimator *e) {
+/* The matrices for the temperature sensors that are known, and for the deviations of zeros. */
+static void renew_noise(Estimator *e, int other_sensors) {
     const size_t n = e->map.n_gauges;
     const double *std = e->input + n + N_ALL_SCALARS + n;
     e->noise_outdated = 0;
-    if (memcmp(e->noise_std, std, (n + 1) * sizeof *std) == 0) {
+    if (other_sensors) {
+        thermal_renew(&e->thermal);
+        e->noise.own = e->thermal.some ? e->thermal.own : NULL;
+        e->noise.whole = e->thermal.some ? e->thermal.noise : NULL;
+    } else if (memcmp(e->noise_std, std, (n + 1) * sizeof *std) == 0) {
         return;
     }
     memcpy(e->noise_std, std, (n + 1) * sizeof *std);
@@ -314,7 +338,7 @@ void estimator_renew_noise(Estimator *e) {
         scaled_prepare(e);
     }
     if (e->flight.present) {
-        flight_solver_add_noise(&e->flight.solver, e->noise.added);
+        flight_solver_add_noise(&e->flight.solver, e->noise.own, e->noise.added);
     }
 }
 
@@ -327,10 +351,14 @@ static void set_strain(Estimator *e) {
 
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
-        if (e->noise_outdated) {
-            estimator_renew_noise(e);
+        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, e->input + first_temperature(e));
+        if (e->noise_outdated || other_sensors) {
+            renew_noise(e, other_sensors);
         }
         set_strain(e);
+        if (e->thermal.present) {
+            thermal_correct(&e->thermal, e->strain);
+        }
         if (e->flight.present) {
             flight_update(e);
         } else {
@@ -339,20 +367,4 @@ const double *estimator_outputs(Estimator *e) {
         e->outdated = 0;
     }
     return e->output;
-}
-
-void estimator_derivative(Estimator *e, const double *d_input, double d_output[N_OUTPUTS]) {
-    estimator_outputs(e);
-    memset(d_output, 0, N_OUTPUTS * sizeof *d_output);
-    if (!e->masked->identified) {
-        set_unknown(d_output);
-        return;
-    }
-    if (!e->map.scaled) {
-        absolute_derivative(e, d_input, d_output);
-    } else if (e->flow.known) {
-        scaled_derivative(e, d_input, d_output);
-    } else {
-        set_unknown(d_output);
-    }
 }

@@ -11,6 +11,7 @@
 #include "flight.h"
 #include "masked_map.h"
 #include "scaled_state.h"
+#include "thermal.h"
 
 /* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
 #define CACHED_MASKS 4
@@ -56,7 +57,8 @@ enum {
     N_ALL_SCALARS
 };
 
-/* After the scalars: zero of each gauge, deviation of each of them, deviation that they have in common [1]. */
+/* After the scalars: zero of each gauge, deviation of each of them, deviation that they have in common [1]; then the
+   temperature of each sensor [K], which may be NaN or the map's not_known. */
 static inline size_t number_of_zeros(size_t n_gauges) {
     return 2 * n_gauges + 1;
 }
@@ -66,8 +68,8 @@ typedef struct Estimator {
     Map map;
     unsigned char *bytes; /* of map.bin */
     void *memory;         /* of all arrays below */
-    double *input;        /* (n_gauges + N_ALL_SCALARS + number_of_zeros) strains [1], scalars, zeros */
-    double *strain;       /* (n_gauges) of the inputs less zeros since output was computed */
+    double *input;        /* (estimator_inputs) strains [1], scalars, zeros, temperatures */
+    double *strain;       /* (n_gauges) less zeros, at the reference temperature, since output was computed */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
     HalfSpaces half_spaces;
@@ -75,6 +77,7 @@ typedef struct Estimator {
     size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
+    Thermal thermal;      /* of a map with temperature modes */
     AddedNoise noise;     /* errors of the zeros, */
     double *noise_std;    /* (n_gauges + 1) the deviations that map holds for, */
     int noise_outdated;   /* and whether those of the inputs may be others */
@@ -101,15 +104,18 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
 
 void estimator_free(Estimator *estimator);
 
+/* Number of inputs and settings. */
+size_t estimator_inputs(const Estimator *estimator);
+
+/* Of the inputs, the first of the temperatures. */
+size_t first_temperature(const Estimator *estimator);
+
 /* Give inputs and settings their start values. */
 void estimator_reset(Estimator *estimator);
 
 /* Whether value may be given to input `index` (numbered as estimator->input); if not, text states what is allowed.
    Strains and pressures may have any value: health reports those that make no sense. */
 int estimator_accepts(const Estimator *estimator, size_t index, double value, char text[MODEL_TEXT_SIZE]);
-
-/* What must be done after a change of the deviations of zeros, before the next outputs. */
-void estimator_renew_noise(Estimator *estimator);
 
 /* Write loads and coefficients of the linear map at a dynamic pressure and its deviation to the outputs. 1; 0, and they
    keep their values, if it has none. */
@@ -118,8 +124,8 @@ int estimator_linear_loads(Estimator *estimator, double dynamic_pressure, double
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
-/* Derivative of all outputs along d_input (n_gauges + N_SCALAR_INPUTS), exact, for the gauges in use; NaN where the
-   output is. Whole numbers get 0. */
-void estimator_derivative(Estimator *estimator, const double *d_input, double d_output[N_OUTPUTS]);
+/* Derivative of all outputs along d_input (estimator_inputs), exact, for the gauges in use; NaN where the output is.
+   Whole numbers get 0, deviations of zeros have none. d_input is scratch. */
+void estimator_derivative(Estimator *estimator, double *d_input, double d_output[N_OUTPUTS]);
 
 #endif

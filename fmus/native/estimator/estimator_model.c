@@ -1,52 +1,9 @@
-/* The estimator as a model: its variables by number, its derivatives, its state.
-
-   Numbers are outputs, strains, valid flags, then the scalar inputs and settings; of maps with tables over the flight
-   state then further inputs, real outputs and Boolean outputs; then the zeros and their deviations. */
+/* The estimator as a model: its variables' values, its derivatives, its state. */
 
 #include <stdio.h>
 #include <string.h>
 
-#include "../core/model.h"
-#include "estimator.h"
-
-#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables; time follows them */
-#define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
-#define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
-
-static Estimator *estimator_of(const Model *model) {
-    return (Estimator *)(uintptr_t)model; /* its first member */
-}
-
-static size_t n_inputs(const Estimator *e) {
-    return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->map.n_gauges);
-}
-
-/* Number of the first of the zeros. */
-static size_t first_zero(const Estimator *e) {
-    return N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS + (e->flight.present ? FLIGHT_REFERENCES : 0);
-}
-
-/* Value reference of FMI 3.0 of the first of the zeros. */
-static unsigned zero_reference(const Estimator *e) {
-    return LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0);
-}
-
-/* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
-static size_t flight_variable(const Estimator *e, size_t variable) {
-    const size_t number = variable - (N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS);
-    return e->flight.present && number < FLIGHT_REFERENCES ? number : SIZE_MAX;
-}
-
-/* Index of a variable among the real outputs, and among the flags, of the nonlinear estimator; SIZE_MAX for others. */
-static size_t flight_real(const Estimator *e, size_t variable) {
-    const size_t number = flight_variable(e, variable) - N_FLIGHT_INPUTS;
-    return number < N_FLIGHT_REALS ? number : SIZE_MAX;
-}
-
-static size_t flight_flag(const Estimator *e, size_t variable) {
-    const size_t number = flight_variable(e, variable) - (N_FLIGHT_INPUTS + N_FLIGHT_REALS);
-    return number < N_FLIGHT_FLAGS ? number : SIZE_MAX;
-}
+#include "estimator_variables.h"
 
 void model_destroy(Model *model) {
     estimator_free(estimator_of(model));
@@ -61,7 +18,7 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
                       .checksum = e->map.checksum,
                       .mode = INSTANTIATED,
                       .co_simulation_only = e->flight.present,
-                      .time_reference = zero_reference(e) + ZERO_REFERENCES};
+                      .time_reference = time_reference(e)};
     return &e->base;
 }
 
@@ -126,65 +83,6 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
              model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
     e->reported_health = health;
     return 1;
-}
-
-/* Variables. */
-
-static int is_real_output(size_t variable) {
-    return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT
-        || variable == ENVELOPE_SCORE;
-}
-
-/* Index of a real input or setting in estimator->input; SIZE_MAX for any other variable. */
-static size_t input_of(const Estimator *e, size_t variable) {
-    const size_t n = e->map.n_gauges;
-    if (variable - N_OUTPUTS < n) { /* size_t: outputs wrap round to large numbers */
-        return variable - N_OUTPUTS;
-    }
-    const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
-    if (zero < number_of_zeros(n)) {
-        return n + N_ALL_SCALARS + zero;
-    }
-    return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
-}
-
-Type model_type_of(const Model *model, size_t variable) {
-    const Estimator *e = estimator_of(model);
-    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX) {
-        return REAL;
-    }
-    if (variable < N_OUTPUTS) {
-        return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
-    }
-    const int flag = variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges || flight_flag(e, variable) != SIZE_MAX;
-    return flag ? BOOLEAN : NO_VARIABLE;
-}
-
-/* Each array follows the one before it without a gap. */
-Selection model_array(const Model *model, unsigned reference) {
-    static const unsigned char FIRST[] = {
-        0,  5,                      /* coefficients, sigma_coefficients */
-        10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
-        20, 21, 22, 23, 24, 25, 26, /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
-        N_OUTPUTS,                  /* strain; valid, then scalar inputs and settings */
-    };
-    const size_t n = estimator_of(model)->map.n_gauges, strain = sizeof FIRST - 1;
-    Selection found = {NULL, 0, 0};
-    if (reference < strain) {
-        found.first = FIRST[reference];
-        found.count = (size_t)FIRST[reference + 1] - found.first;
-    } else if (reference < strain + 2) {
-        found.first = N_OUTPUTS + (reference - strain) * n;
-        found.count = n;
-    } else if (reference < zero_reference(estimator_of(model))) {
-        found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
-        found.count = 1;
-    } else if (reference < model->time_reference) {
-        const size_t which = reference - zero_reference(estimator_of(model));
-        found.first = first_zero(estimator_of(model)) + which * n;
-        found.count = which < 2 ? n : 1;
-    }
-    return found;
 }
 
 static int wrong_type(size_t variable, char *text) {
@@ -268,7 +166,7 @@ int model_set_reals(Model *model, const Selection *which, const double *value, c
             return 0;
         }
         e->input[input] = value[k];
-        e->noise_outdated |= input >= n + N_ALL_SCALARS + n;
+        e->noise_outdated |= input >= n + N_ALL_SCALARS + n && input < first_temperature(e);
     }
     return 1;
 }
@@ -297,7 +195,7 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     const size_t input = input_of(e, variable), first_std = 2 * e->map.n_gauges + N_ALL_SCALARS;
-    return e->flight.present || input >= first_std ? SIZE_MAX : input;
+    return e->flight.present || (input >= first_std && input < first_temperature(e)) ? SIZE_MAX : input;
 }
 
 static size_t output_index(const Model *model, size_t variable) {
@@ -306,14 +204,11 @@ static size_t output_index(const Model *model, size_t variable) {
 
 static double *clear_direction(Model *model) {
     Estimator *e = estimator_of(model);
-    return memset(e->direction, 0, n_inputs(e) * sizeof *e->direction);
+    return memset(e->direction, 0, estimator_inputs(e) * sizeof *e->direction);
 }
 
 static const double *along_direction(Model *model) {
     Estimator *e = estimator_of(model);
-    for (size_t i = 0; i < e->map.n_gauges; i++) {
-        e->direction[i] -= e->direction[e->map.n_gauges + N_ALL_SCALARS + i]; /* of the zero of that gauge */
-    }
     estimator_derivative(e, e->direction, e->derivative);
     return e->derivative;
 }
@@ -322,7 +217,7 @@ static const double *along_direction(Model *model) {
    and outputs follow from them; those of the nonlinear estimator also from its track, which comes last. */
 
 static size_t linear_size(const Estimator *e) {
-    return sizeof(double) * (n_inputs(e) + N_WHOLE) + e->map.n_gauges;
+    return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
 }
 
 size_t model_state_size(const Model *model) {
@@ -335,15 +230,15 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     if (e->flight.present) {
         memcpy(bytes + linear_size(e), &e->flight.base, sizeof e->flight.base);
     }
-    memcpy(bytes, e->input, sizeof(double) * n_inputs(e));
-    bytes += sizeof(double) * n_inputs(e);
+    memcpy(bytes, e->input, sizeof(double) * estimator_inputs(e));
+    bytes += sizeof(double) * estimator_inputs(e);
     memcpy(bytes, e->settled, sizeof e->settled);
     memcpy(bytes + sizeof e->settled, e->valid, e->map.n_gauges);
 }
 
 int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const Estimator *e = estimator_of(model);
-    for (size_t i = 0; i < n_inputs(e); i++) {
+    for (size_t i = 0; i < estimator_inputs(e); i++) {
         double value;
         memcpy(&value, bytes + sizeof value * i, sizeof value);
         if (!estimator_accepts(e, i, value, text)) {
@@ -353,14 +248,14 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
     }
     for (size_t i = 0; i < N_WHOLE; i++) {
         double whole;
-        memcpy(&whole, bytes + sizeof whole * (n_inputs(e) + i), sizeof whole);
+        memcpy(&whole, bytes + sizeof whole * (estimator_inputs(e) + i), sizeof whole);
         if (!(whole >= 0.0 && whole <= (double)(i == 0 ? OUTSIDE : e->map.n_gauges))) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
             return 0;
         }
     }
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        if (bytes[sizeof(double) * (n_inputs(e) + N_WHOLE) + i] > 1) {
+        if (bytes[sizeof(double) * (estimator_inputs(e) + N_WHOLE) + i] > 1) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
             return 0;
         }
@@ -381,8 +276,8 @@ void model_read_state(Model *model, const unsigned char *bytes) {
     if (e->flight.present) {
         memcpy(&e->flight.base, bytes + linear_size(e), sizeof e->flight.base);
     }
-    memcpy(e->input, bytes, sizeof(double) * n_inputs(e));
-    bytes += sizeof(double) * n_inputs(e);
+    memcpy(e->input, bytes, sizeof(double) * estimator_inputs(e));
+    bytes += sizeof(double) * estimator_inputs(e);
     memcpy(e->settled, bytes, sizeof e->settled);
     memcpy(e->valid, bytes + sizeof e->settled, e->map.n_gauges);
     e->outdated = e->noise_outdated = 1;

@@ -16,10 +16,11 @@
 int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     Flight *flight = &e->flight;
     const size_t n = e->map.n_gauges;
-    if (e->map.section == NULL) {
+    const Section *section = &e->map.section[FLIGHT_SECTION];
+    if (section->content == NULL) {
         return 1;
     }
-    if (!flight_map_parse(e->map.section, e->map.section_length, n, &flight->map, text)) {
+    if (!flight_map_parse(section, n, &flight->map, text)) {
         return 0;
     }
     const size_t count = flight_solver_doubles(&flight->map, n);

@@ -5,14 +5,11 @@
 
 #include "map_resource.h"
 
-#define SECTION_HEADER 24
 #define N_FLIGHT_SIZES 8
 #define N_FLIGHT_SCALARS 47
 #define MAX_ITERATIONS 1000
 #define MAX_KNOTS 4096
 #define MAX_SHAPES 64
-
-static const char NAME[8] = "FLIGHT";
 
 enum { N_MACH, N_INCIDENCE, N_HARMONICS, N_CHANNELS, N_TERMS, N_COMMON, N_SHAPES };
 
@@ -34,67 +31,61 @@ static int sensible_sizes(const FlightMap *map, size_t n) {
         && map->n_common <= MAX_KNOTS && map->n_shapes <= MAX_SHAPES;
 }
 
-static const double *take(const double **next, size_t count) {
-    const double *array = *next;
-    *next += count;
-    return array;
-}
-
 static void copy(const double **next, double *values, size_t count) {
-    memcpy(values, take(next, count), count * sizeof *values);
+    memcpy(values, take_doubles(next, count), count * sizeof *values);
 }
 
 static void take_scalars(FlightMap *map, const double **next) {
-    map->reference_area = *take(next, 1);
-    map->reference_length = *take(next, 1);
+    map->reference_area = *take_doubles(next, 1);
+    map->reference_length = *take_doubles(next, 1);
     copy(next, map->mach_range, 2);
     copy(next, map->pressure_range, 2);
     copy(next, map->log_pressure_range, 2);
-    map->middle_log_pressure = *take(next, 1);
-    map->incidence_limit = *take(next, 1);
+    map->middle_log_pressure = *take_doubles(next, 1);
+    map->incidence_limit = *take_doubles(next, 1);
     copy(next, map->error, N_NAVIGATION);
-    map->chi_square_scale = *take(next, 1);
-    map->outlier_scale = *take(next, 1);
-    map->gauge_gain_std = *take(next, 1);
-    map->common_gain_std = *take(next, 1);
+    map->chi_square_scale = *take_doubles(next, 1);
+    map->outlier_scale = *take_doubles(next, 1);
+    map->gauge_gain_std = *take_doubles(next, 1);
+    map->common_gain_std = *take_doubles(next, 1);
     copy(next, map->prior_mean, N_STATES);
     copy(next, map->prior_precision, N_STATES);
     copy(next, map->largest_step, N_STATES);
     copy(next, map->navigation_limit, N_NAVIGATION);
-    map->navigation_alarm = *take(next, 1);
-    map->shape_threshold = *take(next, 1);
-    map->outlier_threshold = *take(next, 1);
-    map->min_incidence = *take(next, 1);
-    map->outside_score = *take(next, 1);
-    map->range_tolerance = *take(next, 1);
-    map->min_gain = *take(next, 1);
-    map->min_incidence_score = *take(next, 1);
-    map->half_gamma = *take(next, 1);
-    map->log_half_gamma = *take(next, 1);
-    map->search_every = *take(next, 1);
-    map->return_after = *take(next, 1);
-    map->start_iterations = *take(next, 1);
-    map->cold_iterations = *take(next, 1);
-    map->warm_iterations = *take(next, 1);
+    map->navigation_alarm = *take_doubles(next, 1);
+    map->shape_threshold = *take_doubles(next, 1);
+    map->outlier_threshold = *take_doubles(next, 1);
+    map->min_incidence = *take_doubles(next, 1);
+    map->outside_score = *take_doubles(next, 1);
+    map->range_tolerance = *take_doubles(next, 1);
+    map->min_gain = *take_doubles(next, 1);
+    map->min_incidence_score = *take_doubles(next, 1);
+    map->half_gamma = *take_doubles(next, 1);
+    map->log_half_gamma = *take_doubles(next, 1);
+    map->search_every = *take_doubles(next, 1);
+    map->return_after = *take_doubles(next, 1);
+    map->start_iterations = *take_doubles(next, 1);
+    map->cold_iterations = *take_doubles(next, 1);
+    map->warm_iterations = *take_doubles(next, 1);
 }
 
 static void take_arrays(FlightMap *map, const double **next, size_t n) {
-    map->mach_knots = take(next, map->n_mach);
-    map->incidence_knots = take(next, map->n_incidence);
-    map->table = take(next, (map->n_mach + 2) * (map->n_incidence + 2) * map->n_channels * map->n_harmonics);
-    map->row = take(next, map->n_terms);
-    map->channel = take(next, map->n_terms);
-    map->cosine = take(next, map->n_terms * map->n_harmonics);
-    map->sine = take(next, map->n_terms * map->n_harmonics);
-    map->fixed = take(next, n + N_LOADS);
-    map->gauge_covariance = take(next, n * n);
-    map->scaled_covariance = take(next, n * n);
-    map->load_strain_covariance = take(next, N_LOADS * n);
-    map->load_covariance = take(next, N_LOADS * N_LOADS);
-    map->gauge_error_product = take(next, N_PAIRS * n);
-    map->common_error = take(next, 6 * map->n_common * n);
-    map->shape = take(next, map->n_shapes * n);
-    map->chi_square_limit = take(next, n + N_NAVIGATION + 1);
+    map->mach_knots = take_doubles(next, map->n_mach);
+    map->incidence_knots = take_doubles(next, map->n_incidence);
+    map->table = take_doubles(next, (map->n_mach + 2) * (map->n_incidence + 2) * map->n_channels * map->n_harmonics);
+    map->row = take_doubles(next, map->n_terms);
+    map->channel = take_doubles(next, map->n_terms);
+    map->cosine = take_doubles(next, map->n_terms * map->n_harmonics);
+    map->sine = take_doubles(next, map->n_terms * map->n_harmonics);
+    map->fixed = take_doubles(next, n + N_LOADS);
+    map->gauge_covariance = take_doubles(next, n * n);
+    map->scaled_covariance = take_doubles(next, n * n);
+    map->load_strain_covariance = take_doubles(next, N_LOADS * n);
+    map->load_covariance = take_doubles(next, N_LOADS * N_LOADS);
+    map->gauge_error_product = take_doubles(next, N_PAIRS * n);
+    map->common_error = take_doubles(next, 6 * map->n_common * n);
+    map->shape = take_doubles(next, map->n_shapes * n);
+    map->chi_square_limit = take_doubles(next, n + N_NAVIGATION + 1);
 }
 
 /* Whether a number of iterations can be: whole, from `least` on. */
@@ -144,17 +135,10 @@ static int sensible_values(const FlightMap *map, const double *values, size_t co
     return good;
 }
 
-int flight_map_parse(const unsigned char *bytes, size_t length, size_t n_gauges, FlightMap *map,
-                     char text[MODEL_TEXT_SIZE]) {
-    if (length < SECTION_HEADER + 4 * N_FLIGHT_SIZES || memcmp(bytes, NAME, sizeof NAME) != 0) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a section that is not known");
-        return 0;
-    }
-    uint64_t stated;
-    memcpy(&stated, bytes + 8, sizeof stated);
-    const unsigned char *content = bytes + SECTION_HEADER;
-    if (stated != length - SECTION_HEADER || u32_at(bytes, 16) != crc32(content, length - SECTION_HEADER)) {
-        snprintf(text, MODEL_TEXT_SIZE, "is damaged: length or checksum of the section of the tables is wrong");
+int flight_map_parse(const Section *section, size_t n_gauges, FlightMap *map, char text[MODEL_TEXT_SIZE]) {
+    const unsigned char *content = section->content;
+    if (section->length < 4 * N_FLIGHT_SIZES) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds tables whose sizes cannot be");
         return 0;
     }
     map->n_mach = size_of(content, N_MACH);
@@ -164,8 +148,8 @@ int flight_map_parse(const unsigned char *bytes, size_t length, size_t n_gauges,
     map->n_terms = size_of(content, N_TERMS);
     map->n_common = size_of(content, N_COMMON);
     map->n_shapes = size_of(content, N_SHAPES);
-    if (!sensible_sizes(map, n_gauges) || length - SECTION_HEADER
-                                              != 4 * N_FLIGHT_SIZES + 8 * number_of_doubles(map, n_gauges)) {
+    if (!sensible_sizes(map, n_gauges)
+        || section->length != 4 * N_FLIGHT_SIZES + 8 * number_of_doubles(map, n_gauges)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds tables whose sizes cannot be");
         return 0;
     }

@@ -1,12 +1,10 @@
-/* The tables over the flight state in resources/map.bin: a section behind the arrays of Map, read and checked.
-
-   A section is a name of 8 bytes, the length of its content of 8 bytes, the CRC-32 of that, and four zeros; then the
-   content. strainfmu/fmu/flight_resource.py writes it and has the formulas. */
+/* The tables over the flight state in resources/map.bin: the content of a section, eight 32-bit sizes of which the last
+   is zero, then float64 values. strainfmu/fmu/flight_resource.py writes it and has the formulas. */
 
 #ifndef FLIGHT_MAP_H
 #define FLIGHT_MAP_H
 
-#include "../core/resource.h"
+#include "sections.h"
 
 #define N_STATES 4     /* of the flight state: M [1], u, w [rad], ln(p_inf / Pa) */
 #define N_NAVIGATION 3 /* M [1], p_inf [Pa], q_inf [Pa] */
@@ -53,8 +51,7 @@ typedef struct {
     const double *chi_square_limit;                     /* (n_gauges + 4) by degrees of freedom from 0 on */
 } FlightMap;
 
-/* Read the section in bytes [length], for n_gauges gauges. Return 1, or 0 with a text that states what is wrong. */
-int flight_map_parse(const unsigned char *bytes, size_t length, size_t n_gauges, FlightMap *map,
-                     char text[MODEL_TEXT_SIZE]);
+/* Read the section for n_gauges gauges. Return 1, or 0 with a text that states what is wrong. */
+int flight_map_parse(const Section *section, size_t n_gauges, FlightMap *map, char text[MODEL_TEXT_SIZE]);
 
 #endif

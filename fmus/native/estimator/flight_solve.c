@@ -56,12 +56,13 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     flight_search_prepare(solver);
 }
 
-void flight_solver_add_noise(FlightSolver *solver, const double *added) {
+void flight_solver_add_noise(FlightSolver *solver, const double *own, const double *added) {
     const size_t n_gauges = solver->n_gauges;
+    const double *without = own != NULL ? own : solver->map->gauge_covariance;
     for (size_t i = 0; i < n_gauges; i++) {
         for (size_t j = 0; j < n_gauges; j++) {
             const size_t at = i * n_gauges + j;
-            solver->gauge_covariance[i * solver->n + j] = solver->map->gauge_covariance[at] + added[at];
+            solver->gauge_covariance[i * solver->n + j] = without[at] + added[at];
         }
     }
     flight_search_weigh(solver);

@@ -69,8 +69,8 @@ size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges);
 void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
                           unsigned char **bytes);
 
-/* Let the gauges have further errors of a covariance (n_gauges, n_gauges) beside those of the map. */
-void flight_solver_add_noise(FlightSolver *solver, const double *added);
+/* Let the gauges have errors of the covariance `own` (n_gauges, n_gauges), NULL for that of the map, and of `added`. */
+void flight_solver_add_noise(FlightSolver *solver, const double *own, const double *added);
 
 /* Solve for solver->sample: from a search of the tables, or by a fixed number of iterations from a state. Then the
    solution is in solver->solution. */

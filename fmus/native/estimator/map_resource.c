@@ -37,7 +37,7 @@ static int sensible_sizes(const unsigned char *bytes) {
     const uint32_t n = u32_at(bytes, 32), freedom = u32_at(bytes, 40), known_prior = u32_at(bytes, 44);
     const uint32_t scaled = size_at(bytes, FORM), errors = size_at(bytes, HAS_ERRORS), terms = size_at(bytes, N_TERMS);
     const uint32_t n_free = size_at(bytes, N_FREE);
-    return scaled <= 1 && errors <= scaled && terms <= (errors ? MAX_COUNT : 0) && size_at(bytes, N_SECTIONS) <= 1
+    return scaled <= 1 && errors <= scaled && terms <= (errors ? MAX_COUNT : 0) && size_at(bytes, N_SECTIONS) <= N_SECTION_KINDS
         && size_at(bytes, 7) == 0 && n_free == (scaled && !known_prior ? n - freedom : 0)
         && size_at(bytes, N_HALF_SPACES) <= MAX_HALF_SPACES && size_at(bytes, N_ALTITUDES) >= 2
         && size_at(bytes, N_ALTITUDES) <= MAX_COUNT;
@@ -73,12 +73,6 @@ static int check_sizes(const unsigned char *bytes, size_t length, char *text) {
         return 0;
     }
     return 1;
-}
-
-static const double *take(const double **next, size_t count) {
-    const double *array = *next;
-    *next += count;
-    return array;
 }
 
 static int check_values(const Map *map, const double *values, size_t count, char *text) {
@@ -127,29 +121,29 @@ static void take_limits(Map *map, const double *scalars) {
 static void take_form(Map *map, const double **next) {
     const size_t n = map->n_gauges;
     ScaledForm *form = &map->form;
-    form->whitening = take(next, n * n);
-    form->singular = take(next, n);
-    form->load = take(next, N_LOADS * n);
-    form->unseen = take(next, N_LOADS * N_LOADS);
-    form->fixed_strain = take(next, n);
-    form->mean_strain = take(next, n);
-    form->fixed_load = take(next, N_LOADS);
-    form->load_of_mean = take(next, N_LOADS);
-    form->min_precision = take(next, n);
-    form->gauge_covariance = take(next, n * n);
-    form->spread = take(next, n * n);
-    form->spread_load = take(next, N_LOADS * n);
-    form->spread_unseen = take(next, N_LOADS * N_LOADS);
+    form->whitening = take_doubles(next, n * n);
+    form->singular = take_doubles(next, n);
+    form->load = take_doubles(next, N_LOADS * n);
+    form->unseen = take_doubles(next, N_LOADS * N_LOADS);
+    form->fixed_strain = take_doubles(next, n);
+    form->mean_strain = take_doubles(next, n);
+    form->fixed_load = take_doubles(next, N_LOADS);
+    form->load_of_mean = take_doubles(next, N_LOADS);
+    form->min_precision = take_doubles(next, n);
+    form->gauge_covariance = take_doubles(next, n * n);
+    form->spread = take_doubles(next, n * n);
+    form->spread_load = take_doubles(next, N_LOADS * n);
+    form->spread_unseen = take_doubles(next, N_LOADS * N_LOADS);
     if (form->has_errors) {
-        form->of_gauge = take(next, N_PAIRS * n);
-        form->mean_product = take(next, N_PAIRS);
-        form->common = take(next, 6 * form->n_terms * n);
+        form->of_gauge = take_doubles(next, N_PAIRS * n);
+        form->mean_product = take_doubles(next, N_PAIRS);
+        form->common = take_doubles(next, 6 * form->n_terms * n);
     }
 }
 
 static void take_arrays(Map *map, const double *next) {
     const size_t n = map->n_gauges, states = map->n_states, triangle = n * (n + 1) / 2;
-    const double *scalars = take(&next, N_SCALARS);
+    const double *scalars = take_doubles(&next, N_SCALARS);
     map->reference_area = scalars[0];
     map->reference_length = scalars[1];
     map->moment_station = scalars[2];
@@ -160,26 +154,26 @@ static void take_arrays(Map *map, const double *next) {
     map->min_dynamic_pressure = scalars[7];
     map->largest_sensor_range = scalars[8];
     map->largest_setting = scalars[9];
-    map->mean_strain = take(&next, n);
-    map->load_of_mean = take(&next, N_LOADS);
-    map->load_gain = take(&next, N_LOADS * n);
-    map->load_covariance = take(&next, N_LOADS * N_LOADS);
-    map->residual_triangle = take(&next, triangle);
-    map->gain_triangle = take(&next, triangle);
-    map->noise_whitening = take(&next, triangle);
-    map->noise_root = take(&next, triangle);
-    map->regression = take(&next, N_LOADS * n);
-    map->remainder = take(&next, N_LOADS * N_LOADS);
-    map->state_operator = take(&next, states * n);
-    map->load_per_state = take(&next, states * N_LOADS);
-    map->min_precision = take(&next, n);
-    map->chi_square_limit = take(&next, n);
-    map->outlier_threshold = take(&next, n);
-    map->noise_covariance = take(&next, n * n);
+    map->mean_strain = take_doubles(&next, n);
+    map->load_of_mean = take_doubles(&next, N_LOADS);
+    map->load_gain = take_doubles(&next, N_LOADS * n);
+    map->load_covariance = take_doubles(&next, N_LOADS * N_LOADS);
+    map->residual_triangle = take_doubles(&next, triangle);
+    map->gain_triangle = take_doubles(&next, triangle);
+    map->noise_whitening = take_doubles(&next, triangle);
+    map->noise_root = take_doubles(&next, triangle);
+    map->regression = take_doubles(&next, N_LOADS * n);
+    map->remainder = take_doubles(&next, N_LOADS * N_LOADS);
+    map->state_operator = take_doubles(&next, states * n);
+    map->load_per_state = take_doubles(&next, states * N_LOADS);
+    map->min_precision = take_doubles(&next, n);
+    map->chi_square_limit = take_doubles(&next, n);
+    map->outlier_threshold = take_doubles(&next, n);
+    map->noise_covariance = take_doubles(&next, n * n);
     take_limits(map, scalars + 10);
-    map->envelope.ambient_pressure = take(&next, map->envelope.n_altitudes);
-    map->envelope.limit = take(&next, map->envelope.n_half_spaces);
-    map->envelope.direction = take(&next, N_LOADS * map->envelope.n_half_spaces);
+    map->envelope.ambient_pressure = take_doubles(&next, map->envelope.n_altitudes);
+    map->envelope.limit = take_doubles(&next, map->envelope.n_half_spaces);
+    map->envelope.direction = take_doubles(&next, N_LOADS * map->envelope.n_half_spaces);
     if (map->scaled) {
         take_form(map, &next);
     }
@@ -203,8 +197,7 @@ int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MOD
     map->envelope.n_altitudes = size_at(bytes, N_ALTITUDES);
     const double *values = (const double *)(const void *)(bytes + VALUES_AT);
     const size_t end = VALUES_AT + 8 * number_of_doubles(bytes);
-    map->section = size_at(bytes, N_SECTIONS) ? bytes + end : NULL;
-    map->section_length = length - end;
     take_arrays(map, values);
-    return check_values(map, values, number_of_doubles(bytes), text);
+    return sections_find(bytes + end, length - end, size_at(bytes, N_SECTIONS), map->section, text)
+        && check_values(map, values, number_of_doubles(bytes), text);
 }

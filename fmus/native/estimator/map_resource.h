@@ -1,13 +1,13 @@
 /* The inverse map of an FMU: resources/map.bin, read and checked.
 
    The file is little endian: a header of HEADER_SIZE bytes, N_SIZES 32-bit integers, then float64 arrays in the order
-   of Map; in a map of the nonlinear estimator a section follows (flight_map.h). Arrays are each row by row unless they are described otherwise. strainfmu/fmu/native_resource.py writes it, docs/explanation/native.md describes
-   it. */
+   of Map; then sections of what not every map has. Arrays are each row by row unless they are described otherwise.
+   strainfmu/fmu/native_resource.py writes it, docs/explanation/native.md describes it. */
 
 #ifndef MAP_RESOURCE_H
 #define MAP_RESOURCE_H
 
-#include "../core/resource.h"
+#include "sections.h"
 
 #define MAP_FORMAT_VERSION 3
 #define N_SIZES 8
@@ -90,8 +90,7 @@ typedef struct {
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;
-    const unsigned char *section; /* of the tables over the flight state, flight_map.h; NULL for none */
-    size_t section_length;
+    Section section[N_SECTION_KINDS]; /* of the tables over the flight state, of temperature modes */
 } Map;
 
 /* Read the header and arrays of bytes [length], which must be aligned as double and outlive map. Return 1, or 0 with

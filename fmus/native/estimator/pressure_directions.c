@@ -137,8 +137,9 @@ int set_pressure_directions(AddedNoise *noise) {
     const size_t n = file->n_gauges, n_free = file->form.n_free, triangle = n * (n + 1) / 2;
     double *whole = noise->large, *rows = whole + n * (n_free + 2 * n), *root = rows + 2 * n * n;
     double *inverse = root + triangle, *of_free = inverse + triangle, *of_spread = of_free + N_LOADS * n;
+    const double *own = noise->own != NULL ? noise->own : file->form.gauge_covariance;
     for (size_t k = 0; k < n * n; k++) {
-        noise->square[0][k] = file->form.gauge_covariance[k] + noise->added[k];
+        noise->square[0][k] = own[k] + noise->added[k];
     }
     for (size_t i = 0; i < n; i++) {
         noise->form_min_precision[i] = file->min_information / noise->square[0][i * n + i];

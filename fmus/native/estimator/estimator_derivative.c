@@ -1,0 +1,36 @@
+#include "absolute_form.h"
+#include "scaled_form.h"
+#include "step_parts.h"
+
+/* Changes of the strains that the map sees, in place of those of the readings. */
+static void derive_strain(Estimator *e, double *d_input) {
+    const double *zero = e->input + e->map.n_gauges + N_ALL_SCALARS;
+    const double *d_zero = d_input + e->map.n_gauges + N_ALL_SCALARS;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        d_input[i] -= d_zero[i];
+    }
+    if (e->thermal.present) {
+        for (size_t i = 0; i < e->map.n_gauges; i++) {
+            e->strain[i] = e->input[i] - zero[i];
+        }
+        thermal_derive(&e->thermal, e->strain, d_input + first_temperature(e), d_input);
+        thermal_correct(&e->thermal, e->strain);
+    }
+}
+
+void estimator_derivative(Estimator *e, double *d_input, double d_output[N_OUTPUTS]) {
+    estimator_outputs(e);
+    derive_strain(e, d_input);
+    memset(d_output, 0, N_OUTPUTS * sizeof *d_output);
+    if (!e->masked->identified) {
+        set_unknown(d_output);
+        return;
+    }
+    if (!e->map.scaled) {
+        absolute_derivative(e, d_input, d_output);
+    } else if (e->flow.known) {
+        scaled_derivative(e, d_input, d_output);
+    } else {
+        set_unknown(d_output);
+    }
+}

@@ -1,0 +1,91 @@
+#include "estimator_variables.h"
+
+#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables; time follows them */
+#define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
+#define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
+
+/* Number of the first of the zeros. */
+static size_t first_zero(const Estimator *e) {
+    return N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS + (e->flight.present ? FLIGHT_REFERENCES : 0);
+}
+
+/* Value reference of FMI 3.0 of the first of the zeros. */
+static unsigned zero_reference(const Estimator *e) {
+    return LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0);
+}
+
+unsigned time_reference(const Estimator *e) {
+    return zero_reference(e) + ZERO_REFERENCES + (e->thermal.present && e->thermal.map.n_sensors > 0);
+}
+
+/* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
+static size_t flight_variable(const Estimator *e, size_t variable) {
+    const size_t number = variable - (N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS);
+    return e->flight.present && number < FLIGHT_REFERENCES ? number : SIZE_MAX;
+}
+
+size_t flight_real(const Estimator *e, size_t variable) {
+    const size_t number = flight_variable(e, variable) - N_FLIGHT_INPUTS;
+    return number < N_FLIGHT_REALS ? number : SIZE_MAX;
+}
+
+size_t flight_flag(const Estimator *e, size_t variable) {
+    const size_t number = flight_variable(e, variable) - (N_FLIGHT_INPUTS + N_FLIGHT_REALS);
+    return number < N_FLIGHT_FLAGS ? number : SIZE_MAX;
+}
+
+int is_real_output(size_t variable) {
+    return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT
+        || variable == ENVELOPE_SCORE;
+}
+
+size_t input_of(const Estimator *e, size_t variable) {
+    const size_t n = e->map.n_gauges;
+    if (variable - N_OUTPUTS < n) { /* size_t: outputs wrap round to large numbers */
+        return variable - N_OUTPUTS;
+    }
+    const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
+    if (zero < estimator_inputs(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures */
+        return n + N_ALL_SCALARS + zero;
+    }
+    return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
+}
+
+Type model_type_of(const Model *model, size_t variable) {
+    const Estimator *e = estimator_of(model);
+    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX) {
+        return REAL;
+    }
+    if (variable < N_OUTPUTS) {
+        return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
+    }
+    const int flag = variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges || flight_flag(e, variable) != SIZE_MAX;
+    return flag ? BOOLEAN : NO_VARIABLE;
+}
+
+/* Each array follows the one before it without a gap. */
+Selection model_array(const Model *model, unsigned reference) {
+    static const unsigned char FIRST[] = {
+        0,  5,                      /* coefficients, sigma_coefficients */
+        10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
+        20, 21, 22, 23, 24, 25, 26, /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
+        N_OUTPUTS,                  /* strain; valid, then scalar inputs and settings */
+    };
+    const size_t n = estimator_of(model)->map.n_gauges, strain = sizeof FIRST - 1;
+    Selection found = {NULL, 0, 0};
+    if (reference < strain) {
+        found.first = FIRST[reference];
+        found.count = (size_t)FIRST[reference + 1] - found.first;
+    } else if (reference < strain + 2) {
+        found.first = N_OUTPUTS + (reference - strain) * n;
+        found.count = n;
+    } else if (reference < zero_reference(estimator_of(model))) {
+        found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
+        found.count = 1;
+    } else if (reference < model->time_reference) {
+        const size_t which = reference - zero_reference(estimator_of(model)), after = which < ZERO_REFERENCES ? 0 : 1;
+        found.first = first_zero(estimator_of(model)) + (after ? number_of_zeros(n) : which * n);
+        found.count = after ? estimator_of(model)->thermal.map.n_sensors : which < 2 ? n : 1;
+    }
+    return found;
+}

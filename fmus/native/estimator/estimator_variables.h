@@ -1,0 +1,27 @@
+/* Variables of the estimator by number: outputs, strains, valid flags, then the scalar inputs and settings; of maps with
+   tables over the flight state then further inputs, real outputs and Boolean outputs; then the zeros and their deviations;
+   then temperatures, of maps with modes of it. */
+
+#ifndef ESTIMATOR_VARIABLES_H
+#define ESTIMATOR_VARIABLES_H
+
+#include "../core/model.h"
+#include "estimator.h"
+
+static inline Estimator *estimator_of(const Model *model) {
+    return (Estimator *)(uintptr_t)model; /* its first member */
+}
+
+/* Index of a real input or setting in estimator->input; SIZE_MAX for any other variable. */
+size_t input_of(const Estimator *e, size_t variable);
+
+/* Index of a variable among the real outputs, and among the flags, of the nonlinear estimator; SIZE_MAX for others. */
+size_t flight_real(const Estimator *e, size_t variable);
+size_t flight_flag(const Estimator *e, size_t variable);
+
+int is_real_output(size_t variable);
+
+/* Value reference of FMI 3.0 of the time, behind all arrays. */
+unsigned time_reference(const Estimator *e);
+
+#endif

@@ -1,0 +1,255 @@
+"""Temperature sensors of the native library: numpy's numbers while sensors come and go, and what is refused."""
+
+from __future__ import annotations
+
+import zlib
+from ctypes import byref, c_double
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from agreement import Reference, Sample, random_samples
+from flight_fmu import FIRST, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
+from native_case import NativeCase
+from raw_fmu import GUID, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, outputs_of, write_resource
+from scaled_maps import whole_scaled_map
+from thermal_maps import REFERENCE, with_temperature
+
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.temperature import ThermalMap
+from strainfmu.estimator.zeros import GaugeZeros, no_zeros
+from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
+from strainfmu.fmu.thermal_resource import SECTION
+from strainfmu.interface.input_names import NOT_KNOWN
+
+pytestmark = pytest.mark.fast
+
+N_T = 8
+
+
+def warm(inverse_map: InverseMap) -> InverseMap:
+    """``inverse_map`` with 12 modes and eight sensors, thermal strain of the size of its gauges' noise."""
+    noise = float(np.sqrt(np.median(np.diag(inverse_map.scaled_parts[0]))))
+    random, n = np.random.default_rng(3), inverse_map.n_gauges
+    sheet = noise * np.array([2e-2, -1e-4])
+    strain = 0.1 * noise * random.normal(size=(n, 12))
+    return with_temperature(inverse_map, k=12, n_t=N_T, mode_strain=strain, apparent_strain=sheet)
+
+
+@pytest.fixture(scope="module", params=["case 1", "case 2"])
+def hot(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
+    one = {
+        "case 1": lambda: whole_scaled_map(1, seed=4, n=30, n_states=5),
+        "case 2": lambda: whole_scaled_map(2, seed=4, n=27, n_states=40),
+    }[request.param]()
+    held = warm(one)
+    return NativeCase(held, write_resource(held, tmp_path_factory.mktemp("warm")))
+
+
+def first_temperature(n_gauges: int) -> int:
+    return first_zero(n_gauges) + 2 * n_gauges + 1
+
+
+def drawn_temperature(thermal: ThermalMap, k: int, random: np.random.Generator) -> np.ndarray:
+    """Readings of modes at random, sensors that are off or broken among them."""
+    amplitude = thermal.prior_std * random.normal(size=len(thermal.prior_std))
+    temperature = REFERENCE + thermal.sensor_operator @ amplitude + thermal.sensor_std * random.normal(size=N_T)
+    if k % 5 == 1:
+        broken = [NOT_KNOWN, np.nan, np.inf, 1e5, REFERENCE + 2001.0]
+        temperature[random.choice(N_T, 3, replace=False)] = random.choice(broken, 3)
+    if k % 17 == 3:
+        temperature[:] = NOT_KNOWN
+    return temperature
+
+
+class Warm(Reference):
+    """The numpy estimator with temperatures."""
+
+    temperature: np.ndarray
+
+    def outputs(self, sample: Sample) -> np.ndarray:
+        return outputs_of(
+            self.estimator.step(
+                sample.strain,
+                sample.dynamic_pressure,
+                sample.valid,
+                sample.dynamic_pressure_std,
+                mach_number=sample.mach_number,
+                altitude=sample.altitude,
+                temperature=self.temperature,
+            )
+        )
+
+
+def give_temperature(fmu: Fmu2, temperature: np.ndarray, n: int) -> None:
+    first = first_temperature(n)
+    assert fmu.set_reals(range(first, first + N_T), temperature) == OK
+
+
+def test_as_numpy_while_sensors_and_zeros_change(hot: NativeCase) -> None:
+    random, fmu, reference = np.random.default_rng(1), Fmu2(hot.uri, hot.n).start(), Warm(hot.inverse_map)
+    plain = Fmu2(hot.uri, hot.n).start()
+    thermal = hot.inverse_map.thermal
+    assert thermal is not None
+    zeros, noise = no_zeros(hot.n), float(np.sqrt(np.median(np.diag(thermal.isothermal_covariance))))
+    for k, sample in enumerate(random_samples(hot.inverse_map, 50, seed=5)):
+        if k % 20 == 10:
+            zeros = GaugeZeros(
+                value=1e-4 * random.normal(size=hot.n),
+                std=noise * random.uniform(0.0, 2.0, hot.n),
+                common_std=noise,
+            )
+            values = [*zeros.value, *zeros.std, zeros.common_std]
+            assert fmu.set_reals(range(first_zero(hot.n), first_temperature(hot.n)), values) == OK
+            reference.estimator = reference.estimator.with_zeros(zeros)
+        reference.temperature = drawn_temperature(thermal, k, random)
+        moved = replace(sample, strain=sample.strain + zeros.value)
+        give_temperature(fmu, reference.temperature, hot.n)
+        fmu.set_strain(moved.strain)
+        fmu.set_valid(moved.valid)
+        assert fmu.set_scalars(0, *moved.flow) == OK
+        reference.check(moved, fmu.outputs())
+    give_temperature(fmu, np.full(N_T, NOT_KNOWN), hot.n)
+    assert fmu.set_reals(range(first_zero(hot.n), first_temperature(hot.n)), np.zeros(2 * hot.n + 1)) == OK
+    for one in (fmu, plain):
+        one.set_strain(sample.strain)
+        one.set_valid(sample.valid)
+        assert one.set_scalars(0, *sample.flow) == OK
+    assert fmu.outputs().tobytes() == plain.outputs().tobytes()
+
+
+def test_nonlinear_estimator_as_numpy(tmp_path: Path) -> None:
+    held = warm_flights()
+    thermal = held.thermal
+    assert thermal is not None
+    fmu, random = FlightFmu(write_resource(held, tmp_path).as_uri(), N_D), np.random.default_rng(2)
+    fmu.start()
+    tracker = FlightTracker(ManifoldEstimator(held))
+    for k, sample in enumerate(random_flight(held, 12, seed=3)):
+        temperature = drawn_temperature(thermal, k, random)
+        if k % 4 == 3:
+            sample.strain[k] += 1e-4  # does not fit: the loads of the linear map
+        assert fmu.set_reals(range(FIRST + 28 + 2 * N_D + 1, FIRST + 28 + 2 * N_D + 1 + N_T), temperature) == OK
+        check(fmu.advance(sample), warmly_tracked(tracker, sample, temperature), 1e-9)
+    fmu.free()
+
+
+def warm_flights() -> InverseMap:
+    """Tables and linear map with one covariance of the gauges, and modes."""
+    held = whole_map()
+    manifold = held.manifold
+    assert manifold is not None
+    return warm(replace(held, manifold=replace(manifold, gauge_covariance=held.scaled_parts[0])))
+
+
+def warmly_tracked(tracker: FlightTracker, sample: FlightSample, temperature: np.ndarray) -> FlightEstimate:
+    if np.abs(temperature - REFERENCE).min() > 2000.0:
+        return tracked(tracker, sample)
+    flow = dict(sample.flow)
+    q = flow.pop("dynamic_pressure", np.nan)
+    return tracker.step(sample.strain, q, sample.valid, temperature=temperature, **flow)
+
+
+def test_array_of_fmi_3(hot: NativeCase) -> None:
+    thermal, n = hot.inverse_map.thermal, hot.n
+    assert thermal is not None
+    temperature = drawn_temperature(thermal, 0, np.random.default_rng(4))
+    two, three = Fmu2(hot.uri, n).start(), Fmu3(str(hot.resources), n).start()
+    give_temperature(two, temperature, n)
+    assert three.set("Float64", c_double, [Fmu3.TIME], temperature) == OK
+    assert three.get("Float64", c_double, [Fmu3.TIME], N_T)[1].tolist() == temperature.tolist()
+    assert three.get("Float64", c_double, [Fmu3.TIME + 1], 1)[0] == OK  # the time
+    strain = hot.inverse_map.mean_strain
+    two.set_strain(strain)
+    assert three.set("Float64", c_double, [Fmu3.STRAIN], strain) == OK
+    assert two.outputs().tobytes() == three.outputs().tobytes()
+
+
+def test_state_brings_temperatures_back(hot: NativeCase) -> None:
+    random, thermal = np.random.default_rng(6), hot.inverse_map.thermal
+    assert thermal is not None
+    fmu = Fmu2(hot.uri, hot.n).start()
+    cold = fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T))
+    assert cold.tolist() == [NOT_KNOWN] * N_T
+    fmu.set_strain(hot.inverse_map.mean_strain)
+    give_temperature(fmu, drawn_temperature(thermal, 1, random), hot.n)
+    expected = fmu.outputs()
+    status, state = fmu.deserialise(fmu.serialise(fmu.get_state()))
+    assert status == OK
+    give_temperature(fmu, drawn_temperature(thermal, 0, random), hot.n)
+    assert fmu.outputs().tobytes() != expected.tobytes()
+    assert fmu.call("SetFMUstate", state) == OK
+    assert fmu.outputs().tobytes() == expected.tobytes()
+    assert fmu.call("Reset") == OK
+    assert (
+        fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T)).tolist()
+        == [NOT_KNOWN] * N_T
+    )
+    fmu.call("FreeFMUstate", byref(state))
+
+
+def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
+    """By temperatures and strains at once, against central differences."""
+    random, thermal, n = np.random.default_rng(7), hot.inverse_map.thermal, hot.n
+    assert thermal is not None
+    fmu, temperature = Fmu2(hot.uri, n).start(), drawn_temperature(thermal, 0, random)
+    temperature[2] = NOT_KNOWN
+    strain = hot.inverse_map.mean_strain + hot.inverse_map.noise_std
+    inputs = [*range(27, 27 + n), *range(first_temperature(n), first_temperature(n) + N_T)]
+    at, direction = np.concatenate([strain, temperature]), np.concatenate([0.01 * strain, random.normal(size=N_T)])
+    direction[n + 2] = 5.0  # of the sensor that is off
+    assert fmu.set_reals(inputs, at) == OK
+    ours = fmu.derivative(REAL_OUTPUTS, inputs, direction)
+    step = np.where(np.arange(n + N_T) == n + 2, 0.0, 1e-3 * direction)
+    ends = []
+    for sign in (1.0, -1.0):
+        assert fmu.set_reals(inputs, at + sign * step) == OK
+        ends.append(fmu.get_reals(REAL_OUTPUTS))
+    size = np.abs(ends[0]) + np.abs(ends[1])
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-3, ours, rtol=1e-5, atol=1e-8 * size.max())
+
+
+def sealed(content: bytearray) -> bytes:
+    """``content`` with the check sum of the whole file put right."""
+    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
+    return bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("at", "text"),
+    [
+        (0, "holds a section that is not known"),
+        (8, "length or checksum of a section is wrong"),
+        (16, "length or checksum of a section is wrong"),
+        (900, "length or checksum of a section is wrong"),
+    ],
+)
+def test_damaged_section(hot: NativeCase, tmp_path: Path, at: int, text: str) -> None:
+    content = bytearray(native_resource(hot.inverse_map, GUID))
+    content[content.rindex(SECTION) + at] ^= 0x01
+    write_resource(hot.inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
+    fmu = Fmu2((tmp_path / "resources").as_uri(), hot.n)
+    assert fmu.instance.value is None
+    assert text in fmu.messages[-1][2]
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "text"),
+    [(0, b"\xff\xff\x00\x00", "sizes cannot be"), (32 + 16, b"\0" * 6 + b"\xf8\x7f", "a value")],
+)
+def test_sizes_and_values_that_cannot_be(
+    hot: NativeCase, tmp_path: Path, at: int, value: bytes, text: str
+) -> None:
+    content = bytearray(native_resource(hot.inverse_map, GUID))
+    start = content.rindex(SECTION)
+    content[start + 24 + at : start + 24 + at + len(value)] = value
+    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 :]).to_bytes(4, "little")
+    write_resource(hot.inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
+    fmu = Fmu2((tmp_path / "resources").as_uri(), hot.n)
+    assert fmu.instance.value is None
+    assert "holds temperature modes" in fmu.messages[-1][2]
+    assert text in fmu.messages[-1][2]

@@ -1,0 +1,122 @@
+"""FMUs of every kind whose maps know of the wall's temperature: valid, and the numbers of numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import N_D, random_flight, whole_map
+from fmpy import read_model_description, simulate_fmu
+from fmpy.validation import validate_fmu
+from fmu_host import OPTIONS, Host, loaded
+from scaled_maps import NOMINAL, whole_scaled_map
+from thermal_maps import REFERENCE, with_temperature
+
+from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.step import Estimator
+from strainfmu.fmu.export import export_estimator
+from strainfmu.interface.estimator_variables import FLOW_INPUTS, NOT_KNOWN, output_values
+from strainfmu.interface.temperature_variables import temperature_names
+
+pytestmark = pytest.mark.fast
+
+N, N_T = 9, 4
+
+
+def of_both() -> dict[str, InverseMap]:
+    """A linear map, and one with tables over the flight state."""
+    held = whole_map()
+    manifold = held.manifold
+    assert manifold is not None
+    same = replace(held, manifold=replace(manifold, gauge_covariance=held.scaled_parts[0]))
+    return {
+        "linear": with_temperature(whole_scaled_map(1, seed=3, n=N, n_states=3)),
+        "flight": with_temperature(same),
+    }
+
+
+@pytest.fixture(scope="module")
+def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder, found = tmp_path_factory.mktemp("warm"), {}
+    for name, one in of_both().items():
+        save_inverse_map(one, folder / f"{name}.h5")
+        for kind, options in OPTIONS.items():
+            found[f"{name} {kind}"] = folder / f"{name}_{kind}.fmu"
+            export_estimator(folder / f"{name}.h5", found[f"{name} {kind}"], options)
+    return found
+
+
+@pytest.fixture(scope="module")
+def hosts(paths: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Host]]:
+    folder = tmp_path_factory.mktemp("loaded")
+    with ExitStack() as stack:
+        found = {}
+        for name in (f"{name} {kind}" for name in ("linear", "flight") for kind in ("native", "python")):
+            found[name] = stack.enter_context(loaded(paths[name], folder / name.replace(" ", "_")))
+            found[name].initialize()
+        yield found
+
+
+@pytest.mark.parametrize("name", [f"{name} {kind}" for name in ("linear", "flight") for kind in OPTIONS])
+def test_fmpy_finds_no_fault_and_simulates(paths: dict[str, Path], name: str) -> None:
+    assert validate_fmu(str(paths[name])) == []
+    if name.startswith("linear"):
+        result = simulate_fmu(str(paths[name]), stop_time=0.2, output_interval=0.1)
+        assert np.isfinite(result["health.envelope_score"]).all()
+
+
+@pytest.mark.parametrize("kind", OPTIONS)
+def test_every_output_depends_on_temperatures_but_one(paths: dict[str, Path], kind: str) -> None:
+    description = read_model_description(str(paths[f"linear {kind}"]))
+    names = {"temperature"} if kind == "native_3" else {f"temperature[{i + 1}]" for i in range(N_T)}
+    inputs = {one.name: one for one in description.modelVariables if one.name in names}
+    assert {one.unit for one in inputs.values()} == {"K"}
+    assert set(inputs) == names
+    for unknown in description.outputs:
+        depends = names <= {one.name for one in unknown.dependencies}
+        assert depends == (unknown.variable.name != "health.valid_gauges")
+
+
+def drawn(k: int, random: np.random.Generator) -> np.ndarray:
+    temperature = REFERENCE + 30.0 * random.normal(size=N_T)
+    temperature[: k % (N_T + 1)] = random.choice([NOT_KNOWN, np.nan])
+    return temperature
+
+
+def test_linear_kinds_give_what_numpy_does(hosts: dict[str, Host]) -> None:
+    held = of_both()["linear"]
+    random, estimator = np.random.default_rng(1), Estimator(held)
+    for k in range(20):
+        temperature = drawn(k, random)
+        strain = held.mean_strain + 1e-6 * random.normal(size=N)
+        known = None if k % (N_T + 1) == N_T else temperature
+        expected = output_values(estimator.step(strain, NOMINAL, temperature=known))
+        for kind in ("native", "python"):
+            host = hosts[f"linear {kind}"]
+            host.set([*(f"strain[{i + 1}]" for i in range(N)), *FLOW_INPUTS], [*strain, NOMINAL, *[NOT_KNOWN] * 3])
+            host.set(temperature_names(held.thermal), temperature)
+            found = host.get(list(host.references)[:20])
+            np.testing.assert_allclose(found, expected[:20], rtol=0.0 if kind == "python" else 1e-11)
+
+
+def test_flight_kinds_give_what_the_tracker_does(hosts: dict[str, Host]) -> None:
+    held = of_both()["flight"]
+    random, tracker = np.random.default_rng(1), FlightTracker(ManifoldEstimator(held))
+    for k, sample in enumerate(random_flight(held, 8, seed=3)):
+        temperature = drawn(k, random)
+        q = sample.flow["dynamic_pressure"]
+        known = None if k % (N_T + 1) == N_T else temperature
+        expected = output_values(tracker.step(sample.strain, q, temperature=known))
+        for kind in ("native", "python"):
+            host = hosts[f"flight {kind}"]
+            host.set([*(f"strain[{i + 1}]" for i in range(N_D)), "dynamic_pressure"], [*sample.strain, q])
+            host.set(temperature_names(held.thermal), temperature)
+            host.fmu.doStep(0.05 * k, 0.05)
+            found = host.get(list(host.references)[:20])
+            np.testing.assert_allclose(found, expected[:20], rtol=0.0 if kind == "python" else 1e-8)
