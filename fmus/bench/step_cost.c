@@ -1,12 +1,15 @@
-/* Time of one step of an estimator FMU (FMI 2.0) in a C host, beside the bare product it stands for.
+/* Processor time of one step of an estimator FMU (FMI 2.0) in a C host, beside the bare product it stands for.
 
-   step_cost LIBRARY GUID RESOURCES PRESSURE STRAIN...: prints five times in seconds, of the bare 5 x n product, of a
-   whole step at one dynamic pressure, of one at another dynamic pressure than the step before, of the same with the
-   first gauge off, and of instantiation. A step is fmi2SetReal of the n strains (and of the dynamic pressure),
-   fmi2DoStep, fmi2GetReal of five coefficients, fmi2GetInteger of the health state.
+   step_cost LIBRARY GUID RESOURCES PRESSURE ZERO SENSORS REFERENCE STRAIN...: prints seven times in seconds, of the
+   bare 5 x n product, of a whole step at one dynamic pressure, of one at another dynamic pressure than the step before,
+   of the same with the first gauge off, of the first two with zeros and temperatures, and of instantiation. A step is
+   fmi2SetReal of the n strains (and of the dynamic pressure, and of other temperatures), fmi2DoStep, fmi2GetReal of
+   five coefficients, fmi2GetInteger of the health state. Batches of all kinds take turns, so that their ratios do not
+   depend on what else the machine does.
 
-   PRESSURE is the nominal dynamic pressure [Pa]. STRAIN are n strains [m/m] that do not follow it and n that do, at
-   the nominal one. */
+   PRESSURE is the nominal dynamic pressure [Pa]; ZERO the value reference of the first zero; SENSORS the number of
+   temperature sensors, REFERENCE their temperature [K]. STRAIN are n strains [m/m] that do not follow the dynamic
+   pressure and n that do, at the nominal one. */
 
 #define _POSIX_C_SOURCE 199309L
 #include <dlfcn.h>
@@ -17,10 +20,18 @@
 
 #include "fmi2FunctionTypes.h"
 
-/* Batches shorter than a time slice: the median is then one that no other program has cut in two. */
-enum { REPEATS = 501, CALLS = 1000, SETS = 64, N_OUTPUTS = 5, HEALTH_STATE = 20, FIRST_STRAIN = 27 };
+/* Short batches, of which the median is one that no other program has slowed down. */
+enum {
+    REPEATS = 501, CALLS = 1000, LEAST_CALLS = 20, SETS = 64, N_OUTPUTS = 5, HEALTH_STATE = 20, FIRST_STRAIN = 27,
+    MAX_SENSORS = 64
+};
 
-static const double FAULT = 1e-3; /* strain that the first gauge is off by [m/m] */
+enum { NOMINAL, VARIED, FAULTY, WARM, WARM_VARIED, KINDS };
+
+static const double BATCH = 2e-3;  /* [s] of a batch, if it is not shorter with CALLS */
+static const double FAULT = 1e-3;  /* strain that the first gauge is off by [m/m] */
+static const double ZERO = 1e-12;  /* value and deviation of each zero [m/m] */
+static const double WARMER = 1e-3; /* by which temperatures change from step to step [K] */
 
 static void logger(fmi2ComponentEnvironment e, fmi2String n, fmi2Status s, fmi2String c, fmi2String message, ...)
 {
@@ -35,7 +46,7 @@ static void logger(fmi2ComponentEnvironment e, fmi2String n, fmi2Status s, fmi2S
 static double now(void)
 {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
@@ -73,75 +84,122 @@ static double bare_product(size_t n, double *strain)
     return median(means);
 }
 
+typedef struct {
+    fmi2SetRealTYPE *set_real;
+    fmi2DoStepTYPE *do_step;
+    fmi2GetRealTYPE *get_real;
+    fmi2GetIntegerTYPE *get_integer;
+    size_t n, sensors;
+    fmi2ValueReference *inputs, sensor[MAX_SENSORS];
+    double *strain, *faulty, pressure[SETS], reference;
+    int status;
+} Bench;
+
+/* Mean time of a step. */
+static double batch(Bench *b, fmi2Component fmu, int kind, int calls)
+{
+    static const fmi2ValueReference OUTPUTS[] = {0, 1, 2, 3, 4}, STATE[] = {HEALTH_STATE};
+    const fmi2ValueReference dynamic_pressure = (fmi2ValueReference)(FIRST_STRAIN + 2 * b->n);
+    const int varied = kind == VARIED || kind == FAULTY || kind == WARM_VARIED, warm = kind >= WARM;
+    double *strains = kind == FAULTY ? b->faulty : b->strain, out[N_OUTPUTS], temperature[MAX_SENSORS];
+    fmi2Integer health;
+    if (!varied) { /* a set of the middle: the nominal dynamic pressure */
+        b->status |= b->set_real(fmu, &dynamic_pressure, 1, b->pressure + SETS / 4);
+    }
+    double start = now();
+    for (int c = 0; c < calls; c++) {
+        const size_t set = varied ? (size_t)(c % SETS) : SETS / 4;
+        double *strain = strains + set * b->n;
+        strain[(size_t)c % b->n] += 1e-18;
+        b->status |= b->set_real(fmu, b->inputs, b->n, strain);
+        if (varied) b->status |= b->set_real(fmu, &dynamic_pressure, 1, b->pressure + set);
+        if (warm && b->sensors > 0) {
+            for (size_t t = 0; t < b->sensors; t++) temperature[t] = b->reference + WARMER * (double)(c % SETS);
+            b->status |= b->set_real(fmu, b->sensor, b->sensors, temperature);
+        }
+        b->status |= b->do_step(fmu, c * 1e-3, 1e-3, 1);
+        b->status |= b->get_real(fmu, OUTPUTS, N_OUTPUTS, out);
+        b->status |= b->get_integer(fmu, STATE, 1, &health);
+    }
+    return (now() - start) / calls;
+}
+
+static void draw_sets(Bench *b, char **words)
+{
+    b->inputs = calloc(b->n, sizeof *b->inputs);
+    b->strain = calloc(2 * SETS * b->n, sizeof *b->strain);
+    b->faulty = b->strain + SETS * b->n;
+    for (size_t set = 0; set < SETS; set++) { /* from 0.7 to 1.3 of the nominal one, there and back */
+        const double ratio = 0.7 + 1.2 / SETS * (double)(set < SETS / 2 ? set : SETS - set);
+        b->pressure[set] = ratio * strtod(words[4], NULL);
+        for (size_t k = 0; k < b->n; k++) {
+            b->inputs[k] = (fmi2ValueReference)(FIRST_STRAIN + k);
+            b->strain[set * b->n + k] = strtod(words[8 + k], NULL) + ratio * strtod(words[8 + b->n + k], NULL);
+            b->faulty[set * b->n + k] = b->strain[set * b->n + k] + (k == 0 ? FAULT : 0.0);
+        }
+    }
+}
+
 int main(int count, char **words)
 {
-    if (count < 7 || count % 2 == 0) return 2;
+    if (count < 10 || count % 2 != 0) return 2;
     void *library = dlopen(words[1], RTLD_NOW);
     if (!library) {
         fprintf(stderr, "%s\n", dlerror());
         return 1;
     }
-    size_t n = ((size_t)count - 5) / 2;
+    Bench b = {.n = ((size_t)count - 8) / 2, .sensors = strtoul(words[6], NULL, 10), .reference = strtod(words[7], NULL)};
+    const unsigned long zero = strtoul(words[5], NULL, 10);
+    if (b.sensors > MAX_SENSORS) return 2;
 #define LOAD(name) name##TYPE *name = (name##TYPE *)dlsym(library, #name)
     LOAD(fmi2Instantiate);
     LOAD(fmi2SetupExperiment);
     LOAD(fmi2EnterInitializationMode);
     LOAD(fmi2ExitInitializationMode);
-    LOAD(fmi2SetReal);
-    LOAD(fmi2DoStep);
-    LOAD(fmi2GetReal);
-    LOAD(fmi2GetInteger);
     LOAD(fmi2Terminate);
     LOAD(fmi2FreeInstance);
+    b.set_real = (fmi2SetRealTYPE *)dlsym(library, "fmi2SetReal");
+    b.do_step = (fmi2DoStepTYPE *)dlsym(library, "fmi2DoStep");
+    b.get_real = (fmi2GetRealTYPE *)dlsym(library, "fmi2GetReal");
+    b.get_integer = (fmi2GetIntegerTYPE *)dlsym(library, "fmi2GetInteger");
     fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
-    double start = now();
-    fmi2Component fmu = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 0);
-    double instantiation = now() - start;
-    if (!fmu) return 1;
-    fmi2SetupExperiment(fmu, 0, 0.0, 0.0, 0, 0.0);
-    fmi2EnterInitializationMode(fmu);
-    fmi2ExitInitializationMode(fmu);
-    double *strain = calloc(SETS * n, sizeof *strain), pressure[SETS];
-    double means[REPEATS], steps[3], out[N_OUTPUTS];
-    fmi2ValueReference *inputs = calloc(n, sizeof *inputs), outputs[] = {0, 1, 2, 3, 4}, state[] = {HEALTH_STATE};
-    const fmi2ValueReference dynamic_pressure = (fmi2ValueReference)(FIRST_STRAIN + 2 * n);
-    fmi2Integer health;
-    for (size_t set = 0; set < SETS; set++) { /* from 0.7 to 1.3 of the nominal one, there and back */
-        const double ratio = 0.7 + 1.2 / SETS * (double)(set < SETS / 2 ? set : SETS - set);
-        pressure[set] = ratio * strtod(words[4], NULL);
-        for (size_t k = 0; k < n; k++) {
-            inputs[k] = (fmi2ValueReference)(FIRST_STRAIN + k);
-            strain[set * n + k] = strtod(words[5 + k], NULL) + ratio * strtod(words[5 + n + k], NULL);
-        }
+    fmi2Component fmu[2]; /* as it comes; with zeros and temperatures */
+    double instantiation = 0.0;
+    for (int k = 0; k < 2; k++) {
+        double start = now();
+        fmu[k] = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 0);
+        instantiation = now() - start;
+        if (!fmu[k]) return 1;
+        fmi2SetupExperiment(fmu[k], 0, 0.0, 0.0, 0, 0.0);
+        fmi2EnterInitializationMode(fmu[k]);
+        fmi2ExitInitializationMode(fmu[k]);
     }
-    double product = bare_product(n, strain);
-    int status = 0;
-    for (int kind = 0; kind < 3; kind++) {
-        const int varied = kind > 0;
-        if (!varied) { /* a set of the middle: the nominal dynamic pressure */
-            status |= fmi2SetReal(fmu, &dynamic_pressure, 1, pressure + SETS / 4);
-        }
-        for (size_t set = 0; kind == 2 && set < SETS; set++) strain[set * n] += FAULT;
-        for (int r = 0; r < REPEATS; r++) {
-            start = now();
-            for (int c = 0; c < CALLS; c++) {
-                const size_t set = varied ? (size_t)(c % SETS) : SETS / 4;
-                strain[set * n + (size_t)c % n] += 1e-18;
-                status |= fmi2SetReal(fmu, inputs, n, strain + set * n);
-                if (varied) status |= fmi2SetReal(fmu, &dynamic_pressure, 1, pressure + set);
-                status |= fmi2DoStep(fmu, c * 1e-3, 1e-3, 1);
-                status |= fmi2GetReal(fmu, outputs, N_OUTPUTS, out);
-                status |= fmi2GetInteger(fmu, state, 1, &health);
-            }
-            means[r] = (now() - start) / CALLS;
-        }
-        steps[kind] = median(means);
+    draw_sets(&b, words);
+    for (size_t k = 0; k < 2 * b.n; k++) {
+        const fmi2ValueReference one = (fmi2ValueReference)(zero + k);
+        b.status |= b.set_real(fmu[1], &one, 1, &ZERO);
     }
-    fmi2Terminate(fmu);
-    fmi2FreeInstance(fmu);
-    if (status > fmi2Warning) return 1;
-    printf("%.6e %.6e %.6e %.6e %.6e\n", product, steps[0], steps[1], steps[2], instantiation);
-    free(strain);
-    free(inputs);
+    for (size_t t = 0; t < b.sensors; t++) b.sensor[t] = (fmi2ValueReference)(zero + 2 * b.n + 1 + t);
+    double product = bare_product(b.n, b.strain);
+    static double means[KINDS][REPEATS];
+    int calls[KINDS];
+    for (int kind = 0; kind < KINDS; kind++) {
+        batch(&b, fmu[kind >= WARM], kind, LEAST_CALLS); /* what only the first steps need */
+        const double mean = batch(&b, fmu[kind >= WARM], kind, LEAST_CALLS), wanted = BATCH / mean;
+        calls[kind] = wanted > CALLS ? CALLS : wanted < LEAST_CALLS ? LEAST_CALLS : (int)wanted;
+    }
+    for (int r = 0; r < REPEATS; r++) {
+        for (int kind = 0; kind < KINDS; kind++) means[kind][r] = batch(&b, fmu[kind >= WARM], kind, calls[kind]);
+    }
+    for (int k = 0; k < 2; k++) {
+        fmi2Terminate(fmu[k]);
+        fmi2FreeInstance(fmu[k]);
+    }
+    if (b.status > fmi2Warning) return 1;
+    printf("%.6e", product);
+    for (int kind = 0; kind < KINDS; kind++) printf(" %.6e", median(means[kind]));
+    printf(" %.6e\n", instantiation);
+    free(b.strain);
+    free(b.inputs);
     return 0;
 }

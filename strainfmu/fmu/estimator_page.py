@@ -8,6 +8,7 @@ from math import atan2, degrees
 import numpy as np
 
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.temperature import ThermalMap
 from strainfmu.estimator.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation import Section
 from strainfmu.fmu.reference_run import ReferenceRun, estimate_figure
@@ -87,6 +88,7 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
         ("Gauges", [_gauge_table(inverse_map)]),
+        *([] if inverse_map.thermal is None else [("Temperature", _temperature(inverse_map.thermal))]),
         (
             "How to cite",
             [
@@ -137,6 +139,22 @@ def _validity(inverse_map: InverseMap) -> list[str]:
         "and sigma need not hold.",
         table_html(("Quantity", "Range"), rows, caption="Ranges of the snapshots"),
     ]
+
+
+def _temperature(thermal: ThermalMap) -> list[str]:
+    """Return what temperatures do, and the sensors."""
+    rows = [
+        (str(number), name, f"{std:.3g}")
+        for number, (name, std) in enumerate(
+            zip(thermal.sensor_names, thermal.sensor_std.tolist(), strict=True), start=1
+        )
+    ]
+    text = (
+        "The wall's temperature strains the gauges: what the temperatures known tell of it is taken off, the rest "
+        f"is in sigma. A temperature that is NaN, -1e9 or 2000 K from {thermal.reference_temperature:g} K is not "
+        "known; the first step after a sensor comes or goes costs some milliseconds."
+    )
+    return [text, table_html(("No.", "Sensor", "Sigma [K]"), rows, caption="Sensors in the order of temperature")]
 
 
 def _gauge_table(inverse_map: InverseMap) -> str:

@@ -154,8 +154,8 @@ def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
 def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, float]:
     """Return the times [s] of bare product, steps and instantiation in a C host; none without a C compiler.
 
-    Steps are at one dynamic pressure, at another one than the step before, and the same with the first gauge far
-    off.
+    Steps are at one dynamic pressure, at another one than the step before, the same with the first gauge far off,
+    and the first two with zeros and all temperature sensors of the map.
 
     Raises
     ------
@@ -176,13 +176,20 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     resources = (unzipped / "resources").as_uri()
     pressure, n = inverse_map.nominal_dynamic_pressure, inverse_map.n_gauges
     strains = [repr(value) for part in _strain_parts(inverse_map) for value in part.tolist()]
-    times = _run([str(program), str(libraries[0]), description.guid, resources, repr(pressure), *strains])
-    product, step, varied, faulty, instantiation = np.array(times.split(), dtype=float).tolist()
+    names = {one.name: one.valueReference for one in description.modelVariables}
+    thermal = inverse_map.thermal
+    sensors = (0, 0.0) if thermal is None else (thermal.n_sensors, thermal.reference_temperature)
+    values = [repr(value) for value in (pressure, names["zero[1]"], *sensors)]
+    times = _run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
+    product, step, varied, faulty, warm, warm_varied, instantiation = np.array(times.split(), dtype=float).tolist()
+    more = f"with zeros and {sensors[0]} temperatures"
     return {
         f"C host: bare product 5 x {n}": product,
         f"C host, native FMI 2.0: set {n}, step, get 5 and health ({step / product:.1f} x in C)": step,
         "C host, native FMI 2.0: the same, q_inf another in every step": varied,
         "C host, native FMI 2.0: the same, and a gauge that does not fit": faulty,
+        f"C host, native FMI 2.0: a step {more} ({warm / step:.2f} x)": warm,
+        f"C host, native FMI 2.0: the same {more}, other q_inf ({warm_varied / varied:.2f} x)": warm_varied,
         "C host, native FMI 2.0: instantiate": instantiation,
     }
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -69,6 +70,13 @@ def test_fmpy_finds_no_fault_and_simulates(paths: dict[str, Path], name: str) ->
     if name.startswith("linear"):
         result = simulate_fmu(str(paths[name]), stop_time=0.2, output_interval=0.1)
         assert np.isfinite(result["health.envelope_score"]).all()
+
+
+def test_the_page_names_the_sensors(paths: dict[str, Path]) -> None:
+    with ZipFile(paths["linear native_3"]) as archive:
+        page = archive.read("documentation/index.html").decode()
+    assert "Sensors in the order of temperature" in page
+    assert all(f"<td>{name}</td>" in page for name in ("T0", "T3"))
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

@@ -152,9 +152,14 @@ static int no_input(const char *type, size_t variable, char *text) {
 int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
+    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX, end = estimator_inputs(e);
     flight_before_change(e);
     if (which->listed == NULL && gauge < n && count <= n - gauge) {
         memcpy(e->input + gauge, value, count * sizeof *value);
+        return 1;
+    }
+    if (first >= first_temperature(e) && first < end && count <= end - first) {
+        memcpy(e->input + first, value, count * sizeof *value);
         return 1;
     }
     for (size_t k = 0; k < count; k++) {
