@@ -23,10 +23,11 @@ from builder.calibration.response_tables import (
     ResponseTable,
     direction_weights,
     even_amplitudes,
+    nominal_table,
     side_phases,
     uneven_amplitudes,
 )
-from builder.calibration.wall_harmonics import rolled_quarter, times_cosine
+from builder.calibration.wall_harmonics import quarter_turns, rolled_quarter, times_cosine
 from builder.calibration.wall_regions import WallRegions, thickened, wall_regions
 from builder.calibration.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
 from builder.reporting import Progress
@@ -160,7 +161,7 @@ class AsBuiltStructure:
         uneven = uneven_amplitudes(response.table, parameters, station)
         if uneven is not None:
             for turned, parts in enumerate(uneven):
-                phases = side_phases(roll - turned * QUARTER, n_m)
+                phases = side_phases(roll - turned * QUARTER / self.states.wave, n_m, self.states.wave)
                 for (cosine, sine, factor), part in zip(phases, parts, strict=True):
                     strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
         normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
@@ -175,30 +176,12 @@ class AsBuiltStructure:
         """
         forces = self.states.rows.split(nodal_force(self.states.forces[0], load))
         amplitude = self.states.nominal.strain(forces)
-        none = np.zeros((0, *amplitude.shape))
-        table = ResponseTable(
-            nominal=amplitude,
-            along=np.zeros_like(amplitude),
-            along_twice=np.zeros_like(amplitude),
-            wall=none,
-            wall_twice=none,
-            uneven=np.zeros((2, self.n_regions, 3, *amplitude.shape)),
-        )
-        return LoadResponse(table=table, constant=np.zeros(self.n_gauges))
+        return LoadResponse(table=nominal_table(amplitude, self.n_regions), constant=np.zeros(self.n_gauges))
 
     def _apparent(self, load: ApparentStrain) -> LoadResponse:
         if np.shape(load.strain) != (self.n_gauges,):
             raise InputError(f"apparent strain: expected ({self.n_gauges},) values, got {np.shape(load.strain)}")
-        shape = 2, 1, len(self.states.nominal.outer[0]), 3
-        none = np.zeros((0, *shape))
-        table = ResponseTable(
-            nominal=np.zeros(shape),
-            along=np.zeros(shape),
-            along_twice=np.zeros(shape),
-            wall=none,
-            wall_twice=none,
-            uneven=np.zeros((2, self.n_regions, 3, *shape)),
-        )
+        table = nominal_table(np.zeros((2, 1, len(self.states.nominal.outer[0]), 3)), self.n_regions)
         return LoadResponse(table=table, constant=np.asarray(load.strain, dtype=float))
 
     def _solved_response(self, load: Load) -> LoadResponse:
@@ -212,7 +195,7 @@ class AsBuiltStructure:
             np.array([one.strain(split(f)) for one, f in zip(part, forces or [force] * len(part), strict=False)])
             for part, forces in ((states.thin, lighter), (states.thick, heavier))
         )
-        if within:
+        if within and states.wave == 1:
             slopes = [(b - a) / (2.0 * WALL_STEP) for a, b in zip(lighter, heavier, strict=True)]
             uneven_load = np.array(
                 [
@@ -220,7 +203,7 @@ class AsBuiltStructure:
                     [states.nominal.strain(split(_times_sine(one))) for one in slopes],
                 ]
             )
-        turned = [split(force), split(rolled_quarter(force))]
+        turned = [split(force), split(rolled_quarter(force, states.wave))]
         table = _table(
             amplitude,
             (states.fore.strain(split(force)), states.aft.strain(split(force))),
@@ -252,15 +235,17 @@ class AsBuiltStructure:
         n_m = found.shape[-3]
         phase = np.arange(n_m)[:, None] * roll
         cosine, sine = directed(found, np.cos(phase), np.sin(phase))
+        wave = self.states.wave
         uneven = uneven_amplitudes(self.pressure, parameters, station)
         if uneven is None:
             return cosine, sine
         for turned, parts in enumerate(uneven):
             sums = np.zeros((2, *cosine.shape))
-            for (cos_m, sin_m, factor), part in zip(side_phases(roll - turned * QUARTER, n_m), parts, strict=True):
+            phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
+            for (cos_m, sin_m, factor), part in zip(phases, parts, strict=True):
                 sums += factor * np.stack(directed(part, cos_m, sin_m))
             # cos n(phi - pi/2) = cos(n pi/2) cos(n phi) + sin(n pi/2) sin(n phi), and so for the sine.
-            c, s = (np.round(f(turned * QUARTER * np.arange(n_m)))[:, None] for f in (np.cos, np.sin))
+            c, s = quarter_turns(turned * np.arange(n_m)[:, None], wave)
             cosine = cosine + c * sums[0] - s * sums[1]
             sine = sine + s * sums[0] + c * sums[1]
         return cosine, sine
@@ -284,6 +269,8 @@ def as_built_structure(
     known_thickness: FloatArray | None = None,
     max_harmonic: int = MAX_HARMONIC,
     progress: Progress | None = None,
+    known_taper: FloatArray | None = None,
+    wave: int = 1,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for what may be as it was built.
 
@@ -295,6 +282,9 @@ def as_built_structure(
     known_thickness : (n_r,) relative thickness where it is known: solved for then, without tables.
     max_harmonic : highest harmonic in roll angle of known loads.
     progress : called with (states done, states in all).
+    known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
+        aft end; none by default.
+    wave : harmonic of the uneven wall: cos(wave phi). Own weight does not follow it beyond the first.
 
     Raises
     ------
@@ -313,7 +303,7 @@ def as_built_structure(
     mesh = drawing
     if known_thickness is not None:
         thickness = np.asarray(known_thickness, dtype=float)
-        mesh = thickened(drawing, wall, regions, thickness)
+        mesh = thickened(drawing, wall, regions, thickness, known_taper)
     at_gauge = inner_surface_points(drawing, placed.x)
     grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
     states = wall_states(
@@ -326,6 +316,7 @@ def as_built_structure(
         max_harmonic=max(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
         progress=progress,
+        wave=wave,
     )
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
     return AsBuiltStructure(

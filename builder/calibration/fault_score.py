@@ -19,8 +19,7 @@ from builder.calibration.estimate import usable
 from builder.calibration.faults import calibrate_with_faults, gauge_faults
 from builder.calibration.load_test import LoadErrors
 from builder.calibration.readings_model import ReadingsModel
-from builder.calibration.score import DENSITY, HARMONICS, blank_test
-from builder.structure.loads.loaded_structure import LoadProperties
+from builder.calibration.score_setup import HARMONICS, blank_test, properties_of
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 
@@ -113,8 +112,8 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=12)
     options = parser.parse_args()
     vehicle = load_vehicle(options.vehicle)
-    properties = LoadProperties(density=vehicle.material.density_kg_per_m3 or DENSITY)
-    structure = as_built_structure(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=HARMONICS)
+    layout, properties = vehicle.gauges.layout, properties_of(vehicle)
+    structure = as_built_structure(vehicle, layout, properties=properties, max_harmonic=HARMONICS)
     errors = LoadErrors(common=0.0)
     prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
     model = ReadingsModel(structure, blank_test(vehicle, structure, options.cases, errors), prior)

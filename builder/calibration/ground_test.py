@@ -9,16 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.candidate_cases import Candidate
 from builder.calibration.load_changes import as_applied, scaled
 from builder.calibration.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.load_test import KnownLoad, LoadErrors
 from builder.calibration.load_test_writer import WrittenCase, write_load_test
+from builder.structure.loads.applied import Load
+from builder.vehicle.gauge_layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 from strainfmu.files import write_bytes_atomically
 
@@ -29,6 +31,19 @@ WINDOW, BETWEEN = 25, 10
 """Samples of a case while the load stands, and until the next one stands."""
 
 CHANNELS_PER_CARD = 16
+
+
+class TestedStructure(Protocol):
+    """Whatever stands in the rig."""
+
+    @property
+    def gauges(self) -> GaugeLayout:
+        """Names of the gauges."""
+        ...
+
+    def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+        """Return what every gauge reads under loads that act together, zeros included, (n_d,) [m/m]."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +96,7 @@ class GroundTest:
 
 
 def ground_test(
-    structure: AsBuiltStructure,
+    structure: TestedStructure,
     parameters: AsBuiltParameters,
     cases: Sequence[Candidate],
     errors: LoadErrors,

@@ -26,8 +26,8 @@ class ResponseTable:
     nominal : (.., n_m, n_s, 3).
     along, along_twice : the same per metre along the surface and per its square.
     wall, wall_twice : (n_r, .., n_m, n_s, 3) per relative thickness of each region and per its square.
-    uneven : (2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic as cos phi and, in a frame rolled by a quarter
-        turn, as sin phi; the strain goes round the body by n + side.
+    uneven : (2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic w as cos(w phi) and, in a frame rolled by a
+        quarter of its period, as sin(w phi); the strain goes round the body by n + w side.
     uneven_load : (2, n_r, .., n_m, n_s, 3) per wall harmonic, through the load itself; None where it does not
         change.
     """
@@ -39,6 +39,19 @@ class ResponseTable:
     wall_twice: FloatArray
     uneven: FloatArray
     uneven_load: FloatArray | None = None
+
+
+def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
+    """Return the table of ``amplitude`` (.., n_m, n_s, 3) that no parameter changes."""
+    none = np.zeros((0, *amplitude.shape))
+    return ResponseTable(
+        nominal=amplitude,
+        along=np.zeros_like(amplitude),
+        along_twice=np.zeros_like(amplitude),
+        wall=none,
+        wall_twice=none,
+        uneven=np.zeros((2, n_regions, 3, *amplitude.shape)),
+    )
 
 
 def even_amplitudes(
@@ -90,13 +103,15 @@ def direction_weights(
     return normal, 2.0 * c * s * (1.0 - across)
 
 
-def side_phases(roll_angle: FloatArray, n_m: int) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+def side_phases(
+    roll_angle: FloatArray, n_m: int, wave: int = 1
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return per side cosine and sine (n_m, n_d) of the strain's harmonic at roll angles, and a factor (n_d,)."""
     found = []
     for side in SIDES:
-        m = np.arange(n_m) + side
-        inside = ((m >= 0) & (m < n_m)).astype(np.float64)[:, None]
+        m = np.arange(n_m) + wave * side
+        inside = (np.abs(m) < n_m).astype(np.float64)[:, None]
         phase = m[:, None] * roll_angle
-        factor = np.cos(roll_angle) if side == 0 else np.ones_like(roll_angle)
+        factor = np.cos(wave * roll_angle) if side == 0 else np.ones_like(roll_angle)
         found.append((inside * np.cos(phase), inside * np.sin(phase), factor))
     return found

@@ -1,52 +1,48 @@
 """Calibration scored on vehicles drawn at random: errors in flight before, after, and if all were known.
 
 Each vehicle is drawn from the tolerances of the section [calibration], is tested and flies on the independent
-model: another mesh, its own wall solved for, other flows. The map sees the readings of its test alone.
+model: another mesh, a wall of its own, other flows. Loads, load cell and pads err as the test says they may. The
+map sees the readings of its test alone. Regression load equations from the same readings stand in the same table.
+Rows are written after each vehicle; the same command goes on where it was stopped.
 
-    python -m builder.calibration.score VEHICLE SNAPSHOTS FLOWS --vehicles 40 --cases 12 -o score.json
+    python -m builder.calibration.score VEHICLE SNAPSHOTS FLOWS --vehicles 40 --cases 6 12 24 -o score.json
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale, load_operator
-from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, prior_std
-from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.aero.loads import coefficient_scales_at
+from builder.calibration.as_built_parameters import AsBuiltParameters, drawn
 from builder.calibration.calibrated_map import Remaining, calibrated_map, remaining_terms
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import calibrate_with_faults
-from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.readings_model import ReadingsModel
-from builder.calibration.standard_cases import standard_cases
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.inverse.ensemble import ensemble_of
-from builder.structure.loads.loaded_structure import LoadProperties
-from builder.truth.flow_table import FlowTable, harmonics_at, load_flow_table
-from builder.truth.held_out import held_out_conditions
-from builder.vehicle.file import Vehicle, load_vehicle
+from builder.calibration.ground_test import WINDOW, TestedStructure, ground_test
+from builder.calibration.load_equations import load_equations
+from builder.calibration.load_test import LoadErrors
+from builder.calibration.outside_errors import OUTSIDE, outside_vehicle
+from builder.calibration.score_setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
+from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
+from builder.campaign.snapshots import load_snapshots
+from builder.inverse.ensemble import Ensemble, ensemble_of
+from builder.inverse.noise_model import NoiseTerm
+from builder.truth.flow_table import load_flow_table
+from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.step import Estimator
-from strainfmu.flight_condition import FlightCondition
-
-READING_STD = 0.05e-6
-"""Of a reading that is the mean over a window [m/m]."""
-
-HARMONICS = 14
-"""Of loads: pads of half angle 30 deg need 12."""
-
-DENSITY = 4430.0
-"""Where the vehicle file names none: titanium [kg/m3]."""
+from strainfmu.files import write_bytes_atomically
 
 KINDS: dict[str, dict[str, Any]] = {
     "case 1": {"case": 1},
@@ -55,238 +51,233 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 """Entries of [map] of the maps that are scored."""
 
+UNAVERAGED = "single samples"
+"""Readings that are single samples, though said to be means: the third kind of error outside the model."""
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Flights:
-    """Held-out flights: net pressure (k, n_p) [Pa] on the nodes of the independent model, and the truth."""
-
-    conditions: tuple[FlightCondition, ...]
-    pressure: FloatArray
-    coefficients: FloatArray
+OUTSIDE_KINDS = (*OUTSIDE, UNAVERAGED)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Setup:
-    """What all vehicles of a score share.
+class Knowledge:
+    """What is known of a vehicle, and its noise terms; ``strain`` (k, n_d) is read in the flights [m/m].
 
-    ``structure`` is the map's, ``truth`` that of the independent model; its wall is solved for again for every
-    vehicle where ``solve_walls``, and follows from its tables otherwise. ``models`` hold the test by the number of
-    its pads, without readings; ``std`` is what vehicles are drawn from.
+    ``found`` is the estimate of a test; None without one.
     """
 
-    vehicle: Vehicle
-    snapshots: Snapshots
-    structure: AsBuiltStructure
-    flights: Flights
-    truth: AsBuiltStructure
-    solve_walls: bool
-    models: dict[int, ReadingsModel]
-    std: AsBuiltParameters
-    draws: int
+    state: str
+    remaining: Remaining
+    terms: list[NoiseTerm]
+    strain: FloatArray
+    found: Estimate | None = None
+    facts: dict[str, Any]
 
 
-def flights_of(vehicle: Vehicle, table: FlowTable, structure: AsBuiltStructure, count: int) -> Flights:
-    """Return ``count`` held-out flights on the nodes of ``structure``."""
-    conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
-    mach, incidence, wind, ambient, dynamic = (
-        np.array([getattr(one, name) for one in conditions])
-        for name in (
-            "mach_number",
-            "total_incidence",
-            "leeward_roll_angle",
-            "ambient_pressure",
-            "dynamic_pressure",
+class Score:
+    """Vehicles that share a setup; the map of the drawing is made once."""
+
+    def __init__(self, setup: Setup, kinds: Sequence[str], outside: Sequence[str]) -> None:
+        self.setup, self.kinds, self.outside = setup, kinds, outside
+        self._drawing: dict[str, InverseMap] = {}
+        self._ensemble: Ensemble = ensemble_of(setup.vehicle, setup.snapshots)
+
+    def of_vehicle(self, number: int) -> Iterator[dict[str, Any]]:
+        """Return one row for each map and state of vehicle ``number``."""
+        known = self._known(number)
+        for kind in self.kinds:
+            for one in known:
+                flown = self._flown(self._map(kind, one), kind, one.strain, number)
+                yield {"vehicle": number, "map": kind, "state": one.state, **one.facts, **flown}
+        for one in known:
+            if one.found is not None:
+                yield {"vehicle": number, "map": EQUATIONS, "state": one.state, **self._by_equations(one, number)}
+
+    def _known(self, number: int) -> list[Knowledge]:
+        """Return what is known of a vehicle: all, nothing but tolerances, and what each of its tests tells."""
+        setup = self.setup
+        built = drawn(setup.std, np.random.default_rng([7, number]))
+        truth = setup.truth_of(built)
+        strain = setup.flights.pressure @ truth.strain_operator(built).T
+        none, every = np.zeros((len(setup.std.vector),) * 2), np.diag(setup.std.vector**2)
+        nominal = Remaining(parameters=setup.structure.exactly_built(), covariance=every)
+        exact = Remaining(parameters=built, covariance=none)
+        known = [
+            Knowledge(state=EXACT, remaining=exact, terms=[], strain=strain, facts={}),
+            Knowledge(state=BEFORE, remaining=nominal, terms=[], strain=strain, facts={}),
+        ]
+        samples = self._samples(truth, built, number)
+        known += [self._tested(count, samples.mean(axis=1), strain, built) for count in setup.models]
+        for kind in self.outside:
+            count = max(n for n in setup.models if n <= 12 or n == min(setup.models))
+            if kind == UNAVERAGED:
+                known.append(self._tested(count, samples[:, 0], strain, built, kind))
+            else:
+                assert setup.outside is not None
+                other = outside_vehicle(truth, setup.outside, kind, np.random.default_rng([9, number]))
+                flown = setup.flights.pressure @ other.strain_operator(built).T
+                reading = self._samples(other, built, number).mean(axis=1)
+                known.append(self._tested(count, reading, flown, built, kind))
+        return known
+
+    def _samples(self, truth: TestedStructure, built: AsBuiltParameters, number: int) -> FloatArray:
+        """Return the samples (n_cases, n, n_d) of the largest test; smaller ones are parts of it."""
+        noise = np.full(built.n_gauges, READING_STD * np.sqrt(WINDOW))
+        setup, random = self.setup, np.random.default_rng([number, 1])
+        return ground_test(truth, built, setup.cases, setup.errors, noise, random=random).strain
+
+    def _tested(
+        self, count: int, reading: FloatArray, strain: FloatArray, built: AsBuiltParameters, kind: str = ""
+    ) -> Knowledge:
+        """Return what a test of ``count`` pads tells by readings (n_cases, n_d) of the largest test."""
+        setup = self.setup
+        rows = rows_of_test(count, max(setup.models), len(reading))
+        found, faults = calibrate_with_faults(setup.models[count].with_readings(reading[rows]))
+        n = found.model.n_built
+        remaining = Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
+        return Knowledge(
+            state=f"{count} cases" + (f", {kind}" if kind else ""),
+            remaining=remaining,
+            terms=remaining_terms(setup.structure, remaining, self._ensemble),
+            strain=strain + built.zero - found.parameters.zero,
+            found=found,
+            facts={
+                "chi_square_per_reading": found.chi_square / found.n_readings,
+                "faults": len(faults),
+                "steps": found.steps,
+            },
         )
-    )
-    harmonic, grid = harmonics_at(table, mach, incidence), structure.surface
-    m = np.arange(harmonic.shape[-1])
-    ratio = np.array([h @ np.cos(np.outer(m, grid.roll_angle - at)) for h, at in zip(harmonic, wind, strict=True)])
-    net = ambient[:, None] * (ratio.reshape(len(ratio), -1) - 1.0)
-    reference = vehicle.reference_quantities()
-    scale = np.array([coefficient_scale(q, reference) for q in dynamic])
-    loads = net @ load_operator(grid, reference.moment_station).T
-    return Flights(conditions=tuple(conditions), pressure=net, coefficients=loads * scale)
 
-
-def blank_test(vehicle: Vehicle, structure: AsBuiltStructure, cases: int, errors: LoadErrors) -> LoadTest:
-    """Return a test without readings: pads, and own weight in four attitudes."""
-    n_d = structure.n_gauges
-    found = [
-        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, READING_STD))
-        for name, loads in standard_cases(cases, vehicle.body().length, errors)
-    ]
-    return LoadTest(gauge_names=structure.gauges.names, cases=tuple(found), errors=errors)
-
-
-def measured(truth: AsBuiltStructure, built: AsBuiltParameters, test: LoadTest, seed: int) -> FloatArray:
-    """Return the readings (n_cases, n_d) of one vehicle: its loads are not quite those that are stated."""
-    random, n_d = np.random.default_rng(seed), truth.n_gauges
-    cell = test.errors.common * random.standard_normal()
-    found = []
-    for case in test.cases:
-        reading = built.zero + case.reading_std * random.standard_normal(n_d)
-        for one in case.loads:
-            factor = 1.0 + one.std * random.standard_normal() + (cell if one.on_load_cell else 0.0)
-            reading = reading + factor * truth.load_strain(built, [one.load])
-        found.append(reading)
-    return np.array(found)
-
-
-def flown(
-    setup: Setup, inverse_map: InverseMap, kind: str, strain: FloatArray, seed: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return errors and sigmas (n, 5) of the coefficients in the flights, each with several draws of noise."""
-    random, conditions = np.random.default_rng(seed), setup.flights.conditions
-    mach, altitude, q, ambient = (
-        np.repeat([getattr(one, name) for one in conditions], setup.draws)
-        for name in ("mach_number", "altitude", "dynamic_pressure", "ambient_pressure")
-    )
-    read = np.repeat(strain, setup.draws, axis=0)
-    read = read + inverse_map.noise_std * random.standard_normal(read.shape)
-    truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
-    if kind == "manifold":
-        flight = ManifoldEstimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
-        return flight.coefficients - truth, flight.coefficients_std
-    known = Estimator(inverse_map).estimate(read, q, mach_number=mach, altitude=altitude)
-    return known.coefficients - truth, known.coefficients_std
-
-
-def of_vehicle(setup: Setup, number: int, cases: Sequence[int], kinds: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Return one row for each map of vehicle ``number``."""
-    built = drawn(setup.std, np.random.default_rng([7, number]))
-    truth = setup.truth
-    if setup.solve_walls:
-        resolution, layout = setup.vehicle.resolution.truth, setup.vehicle.gauges.layout
-        properties = setup.structure.states.forces[0].properties
-        truth = as_built_structure(setup.vehicle, layout, resolution, properties, built.wall_thickness, HARMONICS)
-    strain = setup.flights.pressure @ truth.strain_operator(built).T
-    zero = np.zeros((len(setup.std.vector),) * 2)
-    known = Remaining(parameters=built, covariance=zero)
-    drawing = Remaining(parameters=setup.structure.exactly_built(), covariance=np.diag(setup.std.vector**2))
-    states: list[tuple[str, Remaining, dict[str, Any]]] = [("exact", known, {}), ("before", drawing, {})]
-    for count in cases:
-        blank = setup.models[count]
-        model = blank.with_readings(measured(truth, built, blank.test, number))
-        found, faults = calibrate_with_faults(model)
-        states.append((f"{count} cases", remaining_of(found), facts_of(found, len(faults))))
-    ensemble = ensemble_of(setup.vehicle, setup.snapshots)
-    terms = [remaining_terms(setup.structure, remaining, ensemble) for _, remaining, _ in states]
-    for kind in kinds:
+    def _map(self, kind: str, known: Knowledge) -> InverseMap:
+        setup = self.setup
         entry = setup.vehicle.map.model_copy(update=KINDS[kind])
         vehicle = setup.vehicle.model_copy(update={"map": entry})
-        for (state, remaining, facts), noise in zip(states, terms, strict=True):
-            left = built.zero - remaining.parameters.zero if state != "before" else 0.0 * built.zero
-            made = calibrated_map(vehicle, setup.snapshots, setup.structure, remaining, terms=noise)
-            error, sigma = flown(setup, made, kind, strain + left, number)
-            yield {"vehicle": number, "map": kind, "state": state, **facts, **errors_of(error, sigma)}
+        if known.state != BEFORE:
+            return calibrated_map(vehicle, setup.snapshots, setup.structure, known.remaining, terms=known.terms)
+        if kind not in self._drawing:
+            self._drawing[kind] = calibrated_map(vehicle, setup.snapshots, setup.structure, known.remaining)
+        return self._drawing[kind]
+
+    def _flown(self, inverse_map: InverseMap, kind: str, strain: FloatArray, seed: int) -> dict[str, Any]:
+        """Return the errors of a map in the flights, each with several draws of noise."""
+        setup, random = self.setup, np.random.default_rng(seed)
+        mach, altitude, q, ambient = (
+            np.repeat([getattr(one, name) for one in setup.flights.conditions], setup.draws)
+            for name in ("mach_number", "altitude", "dynamic_pressure", "ambient_pressure")
+        )
+        read = np.repeat(strain, setup.draws, axis=0)
+        read = read + inverse_map.noise_std * random.standard_normal(read.shape)
+        truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
+        if kind == "manifold":
+            flight = ManifoldEstimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
+            return errors_of(flight.coefficients - truth, flight.coefficients_std)
+        known = Estimator(inverse_map).estimate(read, q, mach_number=mach, altitude=altitude)
+        return errors_of(known.coefficients - truth, known.coefficients_std)
+
+    def _by_equations(self, known: Knowledge, seed: int) -> dict[str, Any]:
+        """Return the errors of regression load equations in the flights; their sigma is that of the regression."""
+        setup, random = self.setup, np.random.default_rng(seed)
+        assert known.found is not None
+        reference = setup.vehicle.reference_quantities()
+        equations = load_equations(known.found, reference.moment_station)
+        read = np.repeat(known.strain, setup.draws, axis=0)
+        read = read + READING_STD * np.sqrt(WINDOW) * random.standard_normal(read.shape)
+        scale = np.repeat(coefficient_scales_at(setup.flights.conditions, reference), setup.draws, axis=0)
+        load = np.column_stack([one.value(read) for one in equations])
+        truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
+        return errors_of(load * scale - truth, scale * np.array([one.residual_std for one in equations]))
 
 
-def remaining_of(found: Estimate) -> Remaining:
-    """Return what a test left of the vehicle."""
-    n = found.model.n_built
-    return Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
-
-
-def facts_of(found: Estimate, faults: int) -> dict[str, Any]:
-    """Return how a test was fitted."""
-    return {"chi_square_per_reading": found.chi_square / found.n_readings, "faults": faults, "steps": found.steps}
-
-
-def errors_of(error: FloatArray, sigma: FloatArray) -> dict[str, Any]:
-    """Return mean squares and coverage of errors (n, 5) of the coefficients."""
-    with np.errstate(invalid="ignore"):
-        inside = np.abs(error) <= 3.0 * sigma
-    return {
-        "mean_square": np.nanmean(error**2, axis=0).tolist(),
-        "coverage_percent": (100.0 * inside.mean(axis=0)).tolist(),
-        "sigma": np.nanmean(sigma, axis=0).tolist(),
+def settings_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what rows of one file have in common; the number of vehicles is not part of it."""
+    apart = ("vehicles", "first", "output", "vehicle", "snapshots", "flows")
+    return {name: value for name, value in vars(options).items() if name not in apart} | {
+        name: str(getattr(options, name)) for name in ("vehicle", "snapshots", "flows")
     }
 
 
-def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return pooled rms errors over those of the exactly known vehicle, and coverage, by map and state."""
-    found = []
-    for kind in dict.fromkeys(row["map"] for row in rows):
-        of_kind = [row for row in rows if row["map"] == kind]
-        exact = np.mean([row["mean_square"] for row in of_kind if row["state"] == "exact"], axis=0)
-        for state in dict.fromkeys(row["state"] for row in of_kind):
-            of_state = [row for row in of_kind if row["state"] == state]
-            coverage = np.array([row["coverage_percent"] for row in of_state])
-            square = np.mean([row["mean_square"] for row in of_state], axis=0)
-            chi = [row["chi_square_per_reading"] for row in of_state if "chi_square_per_reading" in row]
-            found.append(
-                {
-                    "map": kind,
-                    "state": state,
-                    "vehicles": len(of_state),
-                    "rms": dict(zip(COEFFICIENT_NAMES, np.sqrt(square).tolist(), strict=True)),
-                    "ratio": np.sqrt(square / exact).round(3).tolist(),
-                    "coverage_percent": coverage.mean(axis=0).round(2).tolist(),
-                    "worst_vehicle_percent": float(coverage.mean(axis=1).min().round(1)),
-                    "chi_square_per_reading": None if not chi else [min(chi), float(np.mean(chi)), max(chi)],
-                    "faults": sum(row.get("faults", 0) for row in of_state),
-                }
-            )
+def rows_of(path: Path, settings: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows of an earlier run; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        The file is of other settings, or no score.
+    """
+    if not path.exists():
+        return []
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+        of, rows = held["settings"], list(held["rows"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: expected a score of this command, got something else") from error
+    if of != settings:
+        other = [name for name in settings if of.get(name) != settings[name]]
+        raise InputError(f"{path}: holds a score of other settings ({', '.join(other)}); name another output")
+    return rows
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command's arguments."""
+    found = argparse.ArgumentParser(
+        prog="python -m builder.calibration.score",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    found.add_argument("vehicle", type=Path, help="vehicle file")
+    found.add_argument("snapshots", type=Path, help="snapshots.h5 of its map")
+    found.add_argument("flows", type=Path, help="independent_flows.h5")
+    found.add_argument("--vehicles", type=int, default=40, help="how many")
+    found.add_argument("--first", type=int, default=0, help="number of the first one")
+    found.add_argument("--cases", type=int, nargs="+", default=[12], help="pads of the tests")
+    found.add_argument("--maps", nargs="+", choices=list(KINDS), default=list(KINDS))
+    found.add_argument("--flights", type=int, default=60)
+    found.add_argument("--draws", type=int, default=8, help="of noise, for each flight")
+    found.add_argument("--load-cell-percent", type=float, default=0.5, help="error common to all loads")
+    found.add_argument("--outside", nargs="+", choices=OUTSIDE_KINDS, default=[], help="errors it does not know")
+    found.add_argument("--solve-walls", action="store_true", help="solve the wall of every vehicle: slow")
+    found.add_argument("-o", "--output", type=Path, default=Path("calibration_score.json"))
     return found
-
-
-def setup_of(vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, options: argparse.Namespace) -> Setup:
-    """Solve what all vehicles share; the vehicle's map then holds no errors of the hardware but the test's."""
-    noise = vehicle.noise.without_hardware_errors()
-    vehicle = vehicle.model_copy(update={"noise": noise})
-    layout = vehicle.gauges.layout
-    properties = LoadProperties(density=vehicle.material.density_kg_per_m3 or DENSITY)
-    structure, truth = (
-        as_built_structure(vehicle, layout, resolution, properties, max_harmonic=HARMONICS)
-        for resolution in (vehicle.resolution.map, vehicle.resolution.truth)
-    )
-    std = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
-    errors = LoadErrors(common=0.0, pad_position=0.0, pad_roll=0.0, pad_shape=0.0)
-    return Setup(
-        vehicle=vehicle,
-        snapshots=snapshots_on(snapshots, structure.surface),
-        structure=structure,
-        flights=flights_of(vehicle, table, truth, options.flights),
-        truth=truth,
-        solve_walls=options.solve_walls,
-        models={
-            count: ReadingsModel(structure, blank_test(vehicle, structure, count, errors), std)
-            for count in options.cases
-        },
-        std=std,
-        draws=options.draws,
-    )
 
 
 def main() -> None:
     """Score vehicles and write rows and their summary."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("vehicle", type=Path)
-    parser.add_argument("snapshots", type=Path)
-    parser.add_argument("flows", type=Path)
-    parser.add_argument("--vehicles", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--cases", type=int, nargs="+", default=[12])
-    parser.add_argument("--maps", nargs="+", choices=list(KINDS), default=list(KINDS))
-    parser.add_argument("--flights", type=int, default=60)
-    parser.add_argument("--draws", type=int, default=8)
-    parser.add_argument("--solve-walls", action="store_true")
-    parser.add_argument("-o", "--output", type=Path, default=Path("calibration_score.json"))
-    options = parser.parse_args()
+    options = parser().parse_args()
+    settings = settings_of(options)
+    rows = rows_of(options.output, settings)
+    numbers = range(options.first, options.first + options.vehicles)
+    left = sorted(set(numbers) - {row["vehicle"] for row in rows})
+    print(f"{len(numbers) - len(left)} of {len(numbers)} vehicles are scored", flush=True)
+    if left:
+        score = _score(options)
+        start = perf_counter()
+        for done, number in enumerate(left, start=1):
+            rows += score.of_vehicle(number)
+            text = json.dumps({"settings": settings, "rows": rows, "summary": summary(rows)}, indent=1)
+            write_bytes_atomically(options.output, text.encode())
+            each = (perf_counter() - start) / done
+            rest = each * (len(left) - done) / 60.0
+            print(f"vehicle {number}: {each:.0f} s each, {rest:.0f} min left", flush=True)
+    print(table(summary(rows)))
+
+
+def _score(options: argparse.Namespace) -> Score:
     setup = setup_of(
         load_vehicle(options.vehicle),
         load_snapshots(options.snapshots),
         load_flow_table(options.flows),
-        options,
+        SetupOptions(
+            cases=tuple(options.cases),
+            flights=options.flights,
+            draws=options.draws,
+            errors=LoadErrors(common=0.01 * options.load_cell_percent),
+            solve_walls=options.solve_walls,
+            with_outside=bool(set(options.outside) & set(OUTSIDE)),
+        ),
     )
-    rows: list[dict[str, Any]] = []
-    for number in range(options.first, options.first + options.vehicles):
-        rows += of_vehicle(setup, number, options.cases, options.maps)
-        options.output.write_text(json.dumps({"rows": rows, "summary": summary(rows)}, indent=1))
-        print(f"vehicle {number}", flush=True)
-    for line in summary(rows):
-        print(json.dumps(line))
+    return Score(setup, options.maps, options.outside)
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except StrainfmuError as error:
+        sys.exit(f"strainfmu: {error}")

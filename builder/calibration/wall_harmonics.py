@@ -1,8 +1,8 @@
-"""A wall whose thickness goes as cos phi: to first order it couples each harmonic with its neighbours.
+"""A wall whose thickness goes as cos(w phi): to first order it couples each harmonic n with n - w and n + w.
 
 With the stiffness K of the even wall and D its derivative by the amplitude of the harmonic, the strain
 b K^-1 f of a load f changes by -b K^-1 D K^-1 f. At every roll angle D is taken as the derivative of the even
-wall's stiffness there, times cos phi; the slope of the inner surface round the body is left out, thickness over
+wall's stiffness there, times cos(w phi); the slope of the inner surface round the body is left out, thickness over
 radius of what is kept. The strain b on the inner surface moves with it, and so does the mass.
 """
 
@@ -16,10 +16,10 @@ from scipy.sparse import csr_array
 from builder.structure.fourier.fourier_elasticity import strain_displacement
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.wall import Material
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 
 SIDES = (-1, 1, 0)
-"""Harmonic of the strain less that of the load: neighbours, and the same where the surface itself moves."""
+"""Harmonic of the strain less that of the load, over that of the wall; 0 where the surface itself moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,16 @@ def harmonic_product(mesh: MeridianMesh, material: Material) -> HarmonicProduct:
 
 
 def neighbour_weight(n: int) -> float:
-    """Return the part of cos(m phi), m a neighbour of the load's harmonic n, in cos(phi) cos(n phi)."""
+    """Return the part of cos(m phi), m = n +- w not both there if n = 0, in cos(w phi) cos(n phi)."""
     return 1.0 if n == 0 else 0.5
+
+
+def reflected(adjoint: FloatArray) -> FloatArray:
+    """Return strains (n_s, 3, n_dof) per force of harmonic -m from those of m: what goes round changes sign."""
+    found = adjoint.copy()
+    found[:, 2] *= -1.0
+    found[..., 2::3] *= -1.0
+    return found
 
 
 def times_cosine(force: FloatArray) -> FloatArray:
@@ -88,8 +96,14 @@ def times_cosine(force: FloatArray) -> FloatArray:
     return out
 
 
-def rolled_quarter(force: FloatArray) -> FloatArray:
-    """Return amplitudes (2, n_m, ..) referred to a roll angle of 90 deg: phi' = phi - pi / 2."""
-    quarter = 0.5 * np.pi * np.arange(force.shape[1]).reshape(-1, *[1] * (force.ndim - 2))
-    cosine, sine = np.round(np.cos(quarter)), np.round(np.sin(quarter))
+def rolled_quarter(force: FloatArray, wave: int = 1) -> FloatArray:
+    """Return amplitudes (2, n_m, ..) referred to a quarter of the wall's period: phi' = phi - pi / (2 wave)."""
+    m = np.arange(force.shape[1]).reshape(-1, *[1] * (force.ndim - 2))
+    cosine, sine = quarter_turns(m, wave)
     return np.stack([cosine * force[0] + sine * force[1], cosine * force[1] - sine * force[0]])
+
+
+def quarter_turns(m: IntArray, wave: int) -> tuple[FloatArray, FloatArray]:
+    """Return cosine and sine of harmonics ``m`` over a quarter of the wall's period, 0 and +-1 exactly so."""
+    angle = 0.5 * np.pi * m / wave
+    return np.round(np.cos(angle), 15), np.round(np.sin(angle), 15)

@@ -44,6 +44,11 @@ class WallRegions:
         begun = np.clip((x[:, None] - start) / blend, 0.0, 1.0)
         return np.asarray(begun - np.column_stack([begun[:, 1:], np.zeros(len(x))]))
 
+    def slope(self, x: FloatArray) -> FloatArray:
+        """Return (n, n_r) shares that grow from -1 at a region's fore end to 1 at its aft end."""
+        middle, half = 0.5 * (self.end[1:] + self.end[:-1]), 0.5 * np.diff(self.end)
+        return np.asarray(self.share(x) * np.clip((x[:, None] - middle) / half, -1.0, 1.0))
+
 
 def wall_regions(vehicle: Vehicle) -> WallRegions:
     """Return the regions of the section [calibration].
@@ -66,16 +71,22 @@ def wall_regions(vehicle: Vehicle) -> WallRegions:
     return WallRegions(end=np.array([first, *inner, last]))
 
 
-def thickened(mesh: MeridianMesh, wall: Wall, regions: WallRegions, thickness: FloatArray) -> MeridianMesh:
+def thickened(
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, thickness: FloatArray, taper: FloatArray | None = None
+) -> MeridianMesh:
     """Return the mesh of a wall whose thickness is larger by ``thickness`` (n_r,), relative to that of ``wall``.
 
-    The outer surface stays. Nodes of the wall move along the radius, so that stations keep their meaning.
+    ``taper`` (n_r,) is what regions are thicker at their aft end, and thinner at their fore end. The outer surface
+    stays. Nodes of the wall move along the radius, so that stations keep their meaning.
     """
     inner = line_nodes(mesh.inner_edge)
     outer = line_nodes(mesh.outer_edge)[-len(inner) :]
     x, r = mesh.node[outer].T
     slope = np.gradient(r, x)
-    inward = wall.thickness * np.sqrt(1.0 + slope**2) * (regions.share(x) @ thickness)
+    larger = regions.share(x) @ thickness
+    if taper is not None:
+        larger = larger + regions.slope(x) @ taper
+    inward = wall.thickness * np.sqrt(1.0 + slope**2) * larger
     n_through = int(outer[0] - inner[0]) + 1
     column = inner[:, None] + np.arange(n_through)
     node = mesh.node.copy()

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.wall_harmonics import SIDES, harmonic_product, neighbour_weight
+from builder.calibration.wall_harmonics import SIDES, harmonic_product, neighbour_weight, reflected
 from builder.calibration.wall_regions import WallRegions, thickened
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
@@ -109,10 +109,11 @@ class WallStates:
     rows : nodal forces that count.
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
     thin, thick : per region, of a wall thinner and thicker there; empty where the thickness is known.
-    uneven : (n_r, 3 sides) per region of a wall thicker at roll angle 0, as in
+    uneven : (n_r, 3 sides) per region of a wall whose thickness goes as cos(wave phi), as in
         :data:`~builder.calibration.wall_harmonics.SIDES`.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.
     station : (n_d,) of each gauge.
+    wave : harmonic of the uneven wall.
     """
 
     rows: ForceRows
@@ -124,6 +125,7 @@ class WallStates:
     uneven: Adjoint
     forces: tuple[FourierStructure, tuple[FourierStructure, ...], tuple[FourierStructure, ...]]
     station: IntArray
+    wave: int = 1
 
 
 def wall_states(
@@ -136,6 +138,7 @@ def wall_states(
     max_harmonic: int,
     with_regions: bool = True,
     progress: Progress | None = None,
+    wave: int = 1,
 ) -> WallStates:
     """Solve every state of the wall for the strains at the gauges.
 
@@ -150,6 +153,7 @@ def wall_states(
     max_harmonic : highest harmonic in roll angle.
     with_regions : whether thickness by regions is not known.
     progress : called with (states done, states in all).
+    wave : harmonic of the uneven wall.
     """
     outer = np.unique(line_nodes(mesh.outer_edge))
     rows = ForceRows(outer=outer, n_nodes=len(mesh.node))
@@ -172,7 +176,7 @@ def wall_states(
     full = solved(0, np.concatenate([x - step, x, x + step]))
     place = full.station.reshape(3, -1)
     whole = _kept(full.adjoint, rows)
-    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows)
+    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows, wave)
     changed = {key: _kept(solved(key, x).adjoint, rows) for key in states[1:]}
     bare = {key: _forces_only(one, wall, properties, max_harmonic) for key, one in meshes.items()}
     order = range(1, n_r + 1)
@@ -188,6 +192,7 @@ def wall_states(
         uneven=uneven,
         forces=(bare[0], tuple(bare[-k] for k in order), tuple(bare[k] for k in order)),
         station=station_index(x, gauges.x),
+        wave=wave,
     )
 
 
@@ -230,8 +235,9 @@ def _uneven(
     x: FloatArray,
     adjoint: FloatArray,
     rows: ForceRows,
+    wave: int,
 ) -> Adjoint:
-    """Return (n_r, 3 sides) change of the adjoint by the amplitude of cos phi; the load's harmonic is n.
+    """Return (n_r, 3 sides) change of the adjoint by the amplitude of cos(wave phi); the load's harmonic is n.
 
     ``adjoint`` (n_m, n_s, 3, n_dof) is that of the even wall.
     """
@@ -249,12 +255,12 @@ def _uneven(
         load = np.zeros((n_r, len(SIDES), 3 * n_s, n_dof))
         for k, (plus, minus) in enumerate(pairs):
             for side, shift in enumerate(SIDES):
-                m = n + shift
+                m = n + wave * shift
                 if shift == 0:
                     change = (strain_rows(plus, x, n) - strain_rows(minus, x, n)) / (2.0 * step)
                     load[k, side] = change.reshape(-1, n_dof)
-                elif 0 <= m < n_m:
-                    motion = adjoint[m].reshape(-1, n_dof).T
+                elif (m >= 0 or n > 0) and abs(m) < n_m:
+                    motion = (adjoint[m] if m >= 0 else reflected(adjoint[-m])).reshape(-1, n_dof).T
                     load[k, side] = -neighbour_weight(n) * products[k].times(n, m, motion).T
         solved = factor_harmonic(mesh, stiffness, n, twist=True).solve(load.reshape(-1, n_dof).T).T
         part = solved.reshape(n_r, len(SIDES), n_s, 3, n_dof)

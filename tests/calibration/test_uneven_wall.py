@@ -26,6 +26,10 @@ ONE = WallRegions(end=np.array([-1.0, LENGTH]))
 
 @pytest.fixture(scope="module")
 def states() -> WallStates:
+    return solved()
+
+
+def solved(wave: int = 1) -> WallStates:
     ends = np.array([0.0, LENGTH])
     mesh = tube_mesh(ends, np.full(2, RADIUS - THICKNESS), np.full(2, RADIUS), element_length=0.05)
     gauge = PlacedGauges(
@@ -39,6 +43,7 @@ def states() -> WallStates:
         along=np.array([1e-3]),
         properties=LoadProperties(density=4430.0),
         max_harmonic=4,
+        wave=wave,
     )
 
 
@@ -118,3 +123,39 @@ def test_the_outer_surface_stays(states: WallStates) -> None:
     np.testing.assert_array_equal(moved.node[mesh.outer_edge], mesh.node[mesh.outer_edge])
     gap = mesh.node[mesh.inner_edge, 1] - moved.node[mesh.inner_edge, 1]
     np.testing.assert_allclose(gap, 0.1 * THICKNESS, rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def twice() -> WallStates:
+    return solved(wave=2)
+
+
+def test_a_wall_thicker_on_two_sides_stiffens_one_plane(twice: WallStates) -> None:
+    """Thickness as cos 2 phi changes the second moment of area by half as much, more in the plane of its crest.
+
+    What strains axially as cos phi, the gauge's own place on the moved bore aside, is the bending of the plane.
+    """
+    moment = 50.0
+    bent = SectionLoad(station=0.0, moment=(0.0, moment, 0.0))
+    turned = SectionLoad(station=0.0, moment=(0.0, 0.0, moment))
+    stiffer = 0.5 * WALL.material.youngs_modulus * np.pi * BORE**3 * THICKNESS  # per amplitude
+    expected = moment * BORE * stiffer / STIFFNESS**2
+    for load, sign in ((bent, 1.0), (turned, -1.0)):
+        force = twice.rows.split(nodal_force(twice.forces[0], load))
+        nominal = twice.nominal.strain(force)[:, 1, 0, 0]
+        family = int(np.abs(nominal).argmax())
+        back = twice.uneven.strain(force)[0, 0, family, 1, 0, 0]  # load as n = 1, strain as m = -1
+        # In the sine's family harmonic -1 is the negative of harmonic 1.
+        change = (1.0 if family == 0 else -1.0) * back / nominal[family]
+        assert change == pytest.approx(-sign * expected / abs(nominal[family]), rel=0.02)
+
+
+def test_a_taper_is_a_region_thicker_towards_its_end(states: WallStates) -> None:
+    mesh = states.forces[0].mesh
+    regions = WallRegions(end=np.array([0.0, 1.0, LENGTH]))
+    tapered = thickened(mesh, WALL, regions, np.zeros(2), np.array([0.1, 0.0]))
+    x = mesh.node[mesh.inner_edge, 0]
+    gap = mesh.node[mesh.inner_edge, 1] - tapered.node[mesh.inner_edge, 1]
+    inside = (x > 0.1) & (x < 0.9)
+    np.testing.assert_allclose(gap[inside], 0.1 * THICKNESS * (2.0 * x[inside] - 1.0), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(gap[x > 1.1], 0.0, atol=1e-15)
