@@ -12,8 +12,9 @@ Any resolution will do, so that a finer one plays the vehicle that is tested.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from builder.calibration.wall_states import WALL_STEP, Adjoint, WallStates, wall
 from builder.reporting import Progress
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.model import place_layouts, structural_model_on, with_mesh_error
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.loads.applied import Acceleration, ApparentStrain, Load, SurfacePressure, Weight
@@ -88,6 +89,7 @@ class AsBuiltStructure:
     known_thickness : (n_r,) relative thickness of the wall that was solved for; others are taken from there.
     states : adjoint solutions.
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
+    mesh_error : (n_d, n_p) of the drawing's strain operator [1/Pa]; found when it is first asked for.
     """
 
     surface: SurfaceGrid
@@ -98,7 +100,12 @@ class AsBuiltStructure:
     known_thickness: FloatArray
     states: WallStates
     pressure: ResponseTable
+    _mesh_error: Callable[[], FloatArray | None]
     _responses: dict[Load, LoadResponse] = field(default_factory=dict)
+
+    @cached_property
+    def mesh_error(self) -> FloatArray | None:
+        return self._mesh_error()
 
     @property
     def n_gauges(self) -> int:
@@ -328,7 +335,13 @@ def as_built_structure(
         known_thickness=thickness,
         states=states,
         pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
+        _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
     )
+
+
+def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:
+    drawing = structural_model_on(vehicle, grid, resolution, [layout])
+    return with_mesh_error(drawing, vehicle, resolution).error_operator(layout)
 
 
 def gain_of(parameters: AsBuiltParameters) -> FloatArray:

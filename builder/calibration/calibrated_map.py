@@ -14,6 +14,7 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, slices
 from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.estimate import Estimate
 from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, on_structure
@@ -21,6 +22,7 @@ from builder.inverse.ensemble import Ensemble, ensemble_of, rolled_modes
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.manifold.build import with_manifold
+from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -54,6 +56,12 @@ class Remaining:
     covariance: FloatArray
 
 
+def remaining_after(found: Estimate) -> Remaining:
+    """Return what a test left of the vehicle."""
+    n = found.model.n_built
+    return Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
+
+
 def calibrated_structure(
     structure: AsBuiltStructure, parameters: AsBuiltParameters, layout: str, others: Mapping[str, FloatArray]
 ) -> MappedStructure:
@@ -63,6 +71,8 @@ def calibrated_structure(
         description="fourier, calibrated",
         layouts={layout: structure.gauges},
         operators={**others, layout: structure.strain_operator(parameters)},
+        error_operators={} if structure.mesh_error is None else {layout: structure.mesh_error},
+        checked_against=StructuralModel.checked_against,
     )
 
 

@@ -7,43 +7,31 @@ from dataclasses import replace
 import numpy as np
 
 from builder.calibration.load_test import KnownLoad, LoadErrors
-from builder.structure.loads.applied import (
-    Acceleration,
-    ApparentStrain,
-    DistributedForce,
-    Load,
-    PadForce,
-    PadPressure,
-    PointForce,
-    SectionLoad,
-    SurfaceForce,
-    SurfacePressure,
-    Vector,
-    Weight,
-)
+from builder.structure.loads import applied
+from builder.structure.loads.applied import Load, Vector
 from builder.structure.loads.temperature import TemperatureField
 
 
 def scaled(load: Load, factor: float) -> Load:
     """Return ``load`` times ``factor``."""
     match load:
-        case PadForce() | PointForce() | SurfaceForce():
+        case applied.PadForce() | applied.PointForce() | applied.SurfaceForce():
             return replace(load, force=_times(load.force, factor))
-        case PadPressure():
+        case applied.PadPressure():
             return replace(load, push=factor * load.push)
-        case SurfacePressure():
+        case applied.SurfacePressure():
             return replace(load, pressure=factor * load.pressure)
-        case SectionLoad():
+        case applied.SectionLoad():
             return replace(load, force=_times(load.force, factor), moment=_times(load.moment, factor))
-        case Weight():
+        case applied.Weight():
             return replace(load, gravity=factor * load.gravity)
-        case Acceleration():
+        case applied.Acceleration():
             return replace(load, linear=_times(load.linear, factor), angular=_times(load.angular, factor))
-        case DistributedForce():
+        case applied.DistributedForce():
             return replace(load, force_per_length=factor * load.force_per_length)
         case TemperatureField():
             return replace(load, inner=factor * load.inner, outer=factor * load.outer)
-        case ApparentStrain():
+        case applied.ApparentStrain():
             return replace(load, strain=factor * load.strain)
 
 
@@ -52,7 +40,7 @@ def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0
 
     A force keeps its direction; loads that are no pads stay as they are.
     """
-    if not isinstance(load, PadForce | PadPressure):
+    if not isinstance(load, applied.PadForce | applied.PadPressure):
         return load
     return replace(
         load,

@@ -12,12 +12,7 @@ from builder.aero.loads import coefficient_scale
 from builder.calibration.as_built_parameters import prior_std, slices
 from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
-from builder.calibration.case_selection import (
-    CaseSensitivity,
-    FlightSensitivity,
-    no_knowledge,
-    select_cases,
-)
+from builder.calibration.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
 from builder.calibration.ground_test import known_loads
 from builder.calibration.load_changes import scaled
 from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest

@@ -23,7 +23,7 @@ import numpy as np
 
 from builder.aero.loads import coefficient_scales_at
 from builder.calibration.as_built_parameters import AsBuiltParameters, drawn
-from builder.calibration.calibrated_map import Remaining, calibrated_map, remaining_terms
+from builder.calibration.calibrated_map import Remaining, calibrated_map, remaining_after, remaining_terms
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import calibrate_with_faults
 from builder.calibration.ground_test import WINDOW, TestedStructure, ground_test
@@ -131,8 +131,7 @@ class Score:
         setup = self.setup
         rows = rows_of_test(count, max(setup.models), len(reading))
         found, faults = calibrate_with_faults(setup.models[count].with_readings(reading[rows]))
-        n = found.model.n_built
-        remaining = Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
+        remaining = remaining_after(found)
         return Knowledge(
             state=f"{count} cases" + (f", {kind}" if kind else ""),
             remaining=remaining,
@@ -168,9 +167,9 @@ class Score:
         truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
         if kind == "manifold":
             flight = ManifoldEstimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
-            return errors_of(flight.coefficients - truth, flight.coefficients_std)
+            return errors_of(flight.coefficients - truth, flight.coefficients_std, flight.health)
         known = Estimator(inverse_map).estimate(read, q, mach_number=mach, altitude=altitude)
-        return errors_of(known.coefficients - truth, known.coefficients_std)
+        return errors_of(known.coefficients - truth, known.coefficients_std, np.asarray(known.health))
 
     def _by_equations(self, known: Knowledge, seed: int) -> dict[str, Any]:
         """Return the errors of regression load equations in the flights; their sigma is that of the regression."""

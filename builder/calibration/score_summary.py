@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 EXACT, BEFORE = "exact", "before"
@@ -19,11 +20,25 @@ EQUATIONS = "load equations"
 REFERENCE = "case 1"
 
 
-def errors_of(error: FloatArray, sigma: FloatArray) -> dict[str, Any]:
-    """Return mean squares, coverage and sigma of errors (n, 5) of the coefficients in one vehicle's flights."""
+ALARMS = (HealthState.INCONSISTENT, HealthState.SUSPECT)
+"""States that a sound vehicle should be in no oftener than the stated rate."""
+
+
+def errors_of(error: FloatArray, sigma: FloatArray, health: IntArray | None = None) -> dict[str, Any]:
+    """Return mean squares, coverage and sigma of errors (n, 5) of the coefficients in one vehicle's flights.
+
+    ``health`` (n,) adds how many samples raise an alarm, and how many are not OK.
+    """
     with np.errstate(invalid="ignore"):
         inside = np.abs(error) <= 3.0 * sigma
+    states = {}
+    if health is not None:
+        states = {
+            "alarm_percent": float(100.0 * np.isin(health, ALARMS).mean()),
+            "not_ok_percent": float(100.0 * np.mean(health != HealthState.OK)),
+        }
     return {
+        **states,
         "mean_square": np.nanmean(error**2, axis=0).tolist(),
         "coverage_percent": (100.0 * inside.mean(axis=0)).tolist(),
         "sigma": np.nanmean(sigma, axis=0).tolist(),
@@ -59,9 +74,16 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                     "worst_vehicle_one_coefficient_percent": float(coverage.min().round(1)),
                     "chi_square_per_reading": None if not chi else [min(chi), float(np.mean(chi)), max(chi)],
                     "faults": sum(row.get("faults", 0) for row in of_state),
+                    "alarm_percent": _mean(of_state, "alarm_percent"),
+                    "not_ok_percent": _mean(of_state, "not_ok_percent"),
                 }
             )
     return found
+
+
+def _mean(rows: Sequence[dict[str, Any]], name: str) -> float | None:
+    values = [row[name] for row in rows if name in row]
+    return float(np.mean(values)) if values else None
 
 
 def _exact_square(rows: Sequence[dict[str, Any]], kind: str) -> FloatArray | None:
@@ -74,7 +96,7 @@ def _exact_square(rows: Sequence[dict[str, Any]], kind: str) -> FloatArray | Non
 def table(lines: Sequence[dict[str, Any]]) -> str:
     """Return the summary as a table for a terminal."""
     head = f"{'map':15s}{'state':28s}{'rms over exact: ' + ' '.join(COEFFICIENT_NAMES):34s}"
-    text = [head + f"{'3 sigma %':>10s}{'worst':>7s}{'one':>6s}  chi-square/n   faults"]
+    text = [head + f"{'3 sigma %':>10s}{'worst':>7s}{'one':>6s}  chi-square/n      faults  alarm %"]
     for line in lines:
         ratio = " ".join(f"{value:6.2f}" for value in line["ratio"] or [])
         chi = line["chi_square_per_reading"]
@@ -82,6 +104,7 @@ def table(lines: Sequence[dict[str, Any]]) -> str:
         text.append(
             f"{line['map']:15s}{line['state']:28s}{ratio:34s}{line['pooled_coverage_percent']:10.2f}"
             f"{line['worst_vehicle_percent']:7.1f}{line['worst_vehicle_one_coefficient_percent']:6.1f}  "
-            f"{fit:17s}{line['faults'] if chi else '':>4}"
+            f"{fit:19s}{line['faults'] if chi else '':>5}"
+            + ("" if line["alarm_percent"] is None else f"{line['alarm_percent']:9.3f}")
         )
     return "\n".join(text)

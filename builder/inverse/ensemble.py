@@ -184,11 +184,15 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
     of_ring = np.ones(rings.shape[1]) if weights is None else weights.reshape(-1, n_roll)[:, 0]
     root, roll_angle = np.sqrt(of_ring)[:, None], grid.roll_angle
     shapes, deviations = [], []
-    for m in range(spectrum.shape[2]):
-        left, deviation, _ = np.linalg.svd(root * (share * spectrum[:, :, m]).T, full_matrices=False)
+    parts = [
+        np.linalg.svd(root * (share * of_m).T, full_matrices=False)[:2] for of_m in np.moveaxis(spectrum, 2, 0)
+    ]
+    # A mode's deviation is in proportion to its singular value: what is far below the limit is not expanded.
+    least = 0.5 * _NEGLIGIBLE * max(float(deviation[0]) for _, deviation in parts)
+    for m, (left, deviation) in enumerate(parts):
         phases = np.exp(1j * m * roll_angle)
         alone = m == 0 or 2 * m == n_roll
-        for shape, std in zip(left.T, deviation, strict=True):
+        for shape, std in zip(left.T[deviation > least], deviation[deviation > least], strict=True):
             field = (shape / root[:, 0])[:, None] * phases
             # p = 2 Re(c e^(i m phi)); the real and the imaginary part of c each have half of its variance.
             for part in (field.real,) if alone else (field.real, field.imag):

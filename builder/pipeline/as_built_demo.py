@@ -17,20 +17,19 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.calibrated_map import Remaining, calibrated_map, with_provenance
+from builder.calibration.calibrated_map import Remaining, calibrated_map
 from builder.calibration.candidate_cases import Candidate
-from builder.calibration.faults import calibrate_with_faults
 from builder.calibration.ground_test import ground_test, write_ground_test
 from builder.calibration.load_test import LoadErrors, LoadTest
 from builder.calibration.load_test_file import load_test_file
 from builder.calibration.plant_gauges import plant_gauges
 from builder.calibration.readings import load_test
-from builder.calibration.readings_model import ReadingsModel
 from builder.calibration.standard_cases import standard_cases
 from builder.calibration.wall_regions import wall_regions
-from builder.campaign.snapshots import load_snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.as_built import as_built_figure
 from builder.figures.canvas import save
+from builder.pipeline.calibrate import CalibrationParts, calibration_by, write_report
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import FLOWS
 from builder.pipeline.pipeline import Pipeline
@@ -43,7 +42,7 @@ from strainfmu.cosim import flight_model as flight_model_file
 from strainfmu.cosim.flight_model import save_flight_model
 from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.zeros_file import load_zeros, write_zeros
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically
 
@@ -130,34 +129,35 @@ class AsBuiltRun:
         pipeline = self.pipeline
 
         def calibrated(path: Path) -> None:
-            test = self.test()
-            prior = prior_std(pipeline.vehicle.calibration, self._n_gauges, self.structure.n_regions)
-            with pipeline.reporter.stage("Calibration: the vehicle as built from its test"):
-                model = ReadingsModel(self.structure, test, prior)
-                found, faults = calibrate_with_faults(model)
+            test, reporter, vehicle = self.test(), pipeline.reporter, pipeline.vehicle
+            drawing = load_inverse_map(pipeline.path(MAP))
+            parts = CalibrationParts(
+                vehicle=vehicle, snapshots=self._snapshots(), structure=self.structure, drawn=drawing
+            )
+            made = calibration_by(test, pipeline.path(TEST), parts, reporter)
+            found, faults = made.estimate, made.faults
             fit = found.chi_square / found.n_readings
-            pipeline.reporter.note(f"chi-square per reading {fit:.2f}, {len(faults)} faults")
+            reporter.note(f"chi-square per reading {fit:.2f}, {len(faults)} faults")
             for fault in faults:
-                pipeline.reporter.note(fault.line)
-            of_built = slice(0, model.n_built)
-            remaining = Remaining(parameters=found.parameters, covariance=found.covariance[of_built, of_built])
-            facts = {"test": TEST, "chi_square_per_reading": fit, "faults": [one.where for one in faults]}
-            save_inverse_map(with_provenance(self._map(remaining), facts), path)
-            zeros = GaugeZeros(value=remaining.parameters.zero, std=np.zeros(test.readings.shape[1]))
+                reporter.note(fault.line)
+            title = f"{vehicle.name}: calibration by {TEST}"
+            write_report(made, title, vehicle.reference.moment_station_m, path.with_suffix(".html"))
+            save_inverse_map(made.inverse_map, path)
+            zeros = GaugeZeros(value=found.parameters.zero, std=np.zeros(test.readings.shape[1]))
             write_zeros(path.with_name(ZEROS), test.gauge_names, zeros, {"calibration": CALIBRATED})
 
         def exact(path: Path) -> None:
-            known = np.zeros((len(self.built.vector),) * 2)
-            save_inverse_map(self._map(Remaining(parameters=self.built, covariance=known)), path)
+            none = np.zeros((len(self.built.vector),) * 2)
+            known = Remaining(parameters=self.built, covariance=none)
+            save_inverse_map(calibrated_map(pipeline.vehicle, self._snapshots(), self.structure, known), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
-        holds = "the map as calibrated; zeros.toml holds the zeros that are taken off"
+        holds = "the map as calibrated, with its report (.html); zeros.toml holds the zeros that are taken off"
         pipeline.make(CALIBRATED, holds, inputs, calibrated)
         pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
 
-    def _map(self, remaining: Remaining) -> InverseMap:
-        snapshots = load_snapshots(self.pipeline.path(SNAPSHOTS))
-        return calibrated_map(self.pipeline.vehicle, snapshots, self.structure, remaining)
+    def _snapshots(self) -> Snapshots:
+        return load_snapshots(self.pipeline.path(SNAPSHOTS))
 
     def test(self) -> LoadTest:
         """Return the test as its files tell it."""

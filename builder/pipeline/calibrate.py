@@ -10,7 +10,7 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import prior_std, slices
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.calibrated_map import Remaining, calibrated_map, with_provenance
+from builder.calibration.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.cross_validation import cross_validation
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, calibrate_with_faults
@@ -41,8 +41,18 @@ class Calibration:
     inverse_map: InverseMap
     estimate: Estimate
     faults: tuple[Fault, ...]
-    files: tuple[Path, ...]
-    notes: tuple[str, ...]
+    files: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CalibrationParts:
+    """What a calibration starts from: the map as ``drawn``, and what it was made from."""
+
+    vehicle: Vehicle
+    snapshots: Snapshots
+    structure: AsBuiltStructure
+    drawn: InverseMap
 
 
 def run_calibrate(
@@ -78,18 +88,38 @@ def run_calibrate(
         structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
     if structure.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not those of layout '{vehicle.gauges.layout}'")
-    with reporter.stage("Estimate: the vehicle as built"):
-        found, faults = calibrate_with_faults(_model(structure, vehicle, test))
-    with reporter.stage("Map of the vehicle as built"):
-        made = _map(vehicle, snapshots, structure, found, drawn)
-    made = with_provenance(made, _facts(found, faults, test_path))
-    save_inverse_map(made, output)
+    parts = CalibrationParts(vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn)
+    made = calibration_by(test, test_path, parts, reporter)
+    save_inverse_map(made.inverse_map, output)
     page = output.with_suffix(".html")
     with reporter.stage("Report"):
-        equations = load_equations(found, vehicle.reference.moment_station_m)
-        title = f"{vehicle.name}: calibration by {file.name}"
-        write_page(calibration_page(title, found, faults, cross_validation(found), equations), page)
-    return Calibration(inverse_map=made, estimate=found, faults=faults, files=(output, page), notes=notes)
+        write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
+    return replace(made, files=(output, page), notes=notes)
+
+
+def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, reporter: Reporter) -> Calibration:
+    """Return the calibration of a map by a ground test, files not yet written.
+
+    Raises
+    ------
+    InputError
+        No reading is left, or the map cannot be built.
+    """
+    vehicle, structure = parts.vehicle, parts.structure
+    prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    with reporter.stage("Estimate: the vehicle as built"):
+        found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
+    with reporter.stage("Map of the vehicle as built"):
+        made = _map(parts, found)
+    made = with_provenance(made, _facts(found, faults, test_path))
+    return Calibration(inverse_map=made, estimate=found, faults=faults)
+
+
+def write_report(made: Calibration, title: str, moment_station: float, page: Path) -> None:
+    """Write the page of a calibration; moments of its load equations are about ``moment_station`` [m]."""
+    found = made.estimate
+    equations = load_equations(found, moment_station)
+    write_page(calibration_page(title, found, made.faults, cross_validation(found), equations), page)
 
 
 def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path: Path) -> Vehicle:
@@ -110,22 +140,14 @@ def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path:
     return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": estimator})})
 
 
-def _model(structure: AsBuiltStructure, vehicle: Vehicle, test: LoadTest) -> ReadingsModel:
-    prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
-    return ReadingsModel(structure, test, prior)
-
-
-def _map(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AsBuiltStructure, found: Estimate, drawn: InverseMap
-) -> InverseMap:
+def _map(parts: CalibrationParts, found: Estimate) -> InverseMap:
     """Return the calibrated map; alarm levels stay those of the map as drawn, which flows set more than gauges."""
+    vehicle, drawn = parts.vehicle, parts.drawn
     others: dict[str, FloatArray] = {}
     named = vehicle.noise.of_layout
     if named is not None and named != vehicle.gauges.layout:
         others[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
-    n = found.model.n_built
-    remaining = Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
-    made = calibrated_map(vehicle, snapshots, structure, remaining, others)
+    made = calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(found), others)
     return replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
 
 

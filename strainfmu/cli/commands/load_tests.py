@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.commands.number_ranges import number, within
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
@@ -27,9 +27,7 @@ def loadtest(
         int, typer.Option(metavar="N", callback=within(1, 200), help="Load cases, beside those of own weight.")
     ] = 12,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")] = Path("loadtest.toml"),
-    force: Annotated[
-        float, typer.Option(metavar="N", callback=within(0.0, 1e7, "N"), help="Largest force on a pad.")
-    ] = 1500.0,
+    force: Annotated[float, number(0.0, 1e7, "N", "Largest force on a pad.")] = 1500.0,
     directions: Annotated[
         str, typer.Option(help="Of a pad's force: some of in, out, axial, around, with commas.")
     ] = "in",
@@ -43,31 +41,13 @@ def loadtest(
             help="Roll angles of the meridian that points up in which the vehicle lies, deg, with commas."
         ),
     ] = "0,90,180,270",
-    pad_length: Annotated[
-        float, typer.Option(metavar="MM", callback=within(1.0, 1e4, "mm"), help="Length of a pad.")
-    ] = 100.0,
-    pad_angle: Annotated[
-        float, typer.Option(metavar="DEG", callback=within(1.0, 180.0, "deg"), help="Angle that a pad spans.")
-    ] = 60.0,
-    pressure: Annotated[
-        float, typer.Option(metavar="KPA", callback=within(0.0, 1e5, "kPa"), help="Internal pressure; 0: none.")
-    ] = 0.0,
-    axial: Annotated[
-        float, typer.Option(metavar="N", callback=within(0.0, 1e7, "N"), help="Axial force; 0: none.")
-    ] = 0.0,
-    largest_strain: Annotated[
-        float,
-        typer.Option(
-            metavar="UM/M", callback=within(1.0, 1e5, "um/m"), help="Of any gauge; loads are lowered to it."
-        ),
-    ] = 1000.0,
-    load_error: Annotated[
-        float, typer.Option(metavar="%", callback=within(0.0, 100.0, "%"), help="Error of each load, 1 sigma.")
-    ] = 0.5,
-    cell_error: Annotated[
-        float,
-        typer.Option(metavar="%", callback=within(0.0, 100.0, "%"), help="Error of all loads together, 1 sigma."),
-    ] = 0.5,
+    pad_length: Annotated[float, number(1.0, 1e4, "mm", "Length of a pad.")] = 100.0,
+    pad_angle: Annotated[float, number(1.0, 180.0, "deg", "Angle that a pad spans.")] = 60.0,
+    pressure: Annotated[float, number(0.0, 1e5, "kPa", "Internal pressure; 0: none.")] = 0.0,
+    axial: Annotated[float, number(0.0, 1e7, "N", "Axial force; 0: none.")] = 0.0,
+    largest_strain: Annotated[float, number(1.0, 1e5, "um/m", "Of any gauge; loads are lowered to it.")] = 1000.0,
+    load_error: Annotated[float, number(0.0, 100.0, "%", "Error of each load, 1 sigma.")] = 0.5,
+    cell_error: Annotated[float, number(0.0, 100.0, "%", "Error of all loads together, 1 sigma.")] = 0.5,
     snapshots: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Flows to judge by (snapshots.h5). Default: local inclination."),
@@ -126,8 +106,8 @@ def _show(console: Console, plan: LoadPlan) -> None:
     table.add_column("applied, beside all above")
     for name in COEFFICIENT_NAMES:
         table.add_column(name, justify="right")
-    for number, (name, ratio) in enumerate(sigma_rows(plan), start=-1):
-        table.add_row(str(number) if number > 0 else "", escape(name), *(f"{one:.3g}" for one in ratio))
+    for row, (name, ratio) in enumerate(sigma_rows(plan), start=-1):
+        table.add_row(str(row) if row > 0 else "", escape(name), *(f"{one:.3g}" for one in ratio))
     console.print(table)
     console.print(f"{plan.candidates} load cases compared.", highlight=False)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import typer
 
@@ -30,3 +31,8 @@ def within(low: float, high: float, unit: str = "") -> Callable[[typer.CallbackP
         return value
 
     return checked
+
+
+def number(low: float, high: float, unit: str, help_text: str) -> Any:
+    """Return the option of a number from ``low`` to ``high``, shown with its unit; errors as :func:`within`."""
+    return typer.Option(metavar=unit.upper(), callback=within(low, high, unit), help=help_text)

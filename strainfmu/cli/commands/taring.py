@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.commands.number_ranges import number
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
@@ -32,36 +32,18 @@ def tare(
     channels: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge.")
     ] = None,
-    max_dynamic_pressure: Annotated[
-        float,
-        typer.Option(metavar="PA", callback=within(0.0, 1e5, "Pa"), help="Largest dynamic pressure meanwhile."),
-    ] = 100.0,
-    largest_zero: Annotated[
-        float,
-        typer.Option(metavar="UM/M", callback=within(1.0, 5e4, "um/m"), help="Largest plausible zero."),
-    ] = 2000.0,
-    largest_drift: Annotated[
-        float,
-        typer.Option(metavar="UM/M", callback=within(0.0, 5e4, "um/m"), help="Largest drift over the window."),
-    ] = 2.0,
+    max_dynamic_pressure: Annotated[float, number(0.0, 1e5, "Pa", "Largest dynamic pressure meanwhile.")] = 100.0,
+    largest_zero: Annotated[float, number(1.0, 5e4, "um/m", "Largest plausible zero.")] = 2000.0,
+    largest_drift: Annotated[float, number(0.0, 5e4, "um/m", "Largest drift over the window.")] = 2.0,
     vehicle: Annotated[
         Path | None,
         typer.Option(metavar="TOML", help="Vehicle file: takes off the strain of own weight and of ambient air."),
     ] = None,
     weight_up_roll_deg: Annotated[
-        float | None,
-        typer.Option(
-            metavar="DEG", callback=within(-360.0, 360.0, "deg"), help="Roll angle of the meridian that is up."
-        ),
+        float | None, number(-360.0, 360.0, "deg", "Roll angle of the meridian that is up.")
     ] = None,
-    weight_nose_deg: Annotated[
-        float,
-        typer.Option(metavar="DEG", callback=within(-90.0, 90.0, "deg"), help="Elevation of the nose."),
-    ] = 0.0,
-    ambient_pressure: Annotated[
-        float,
-        typer.Option(metavar="PA", callback=within(0.0, 1e6, "Pa"), help="Of the air inside and outside."),
-    ] = 0.0,
+    weight_nose_deg: Annotated[float, number(-90.0, 90.0, "deg", "Elevation of the nose.")] = 0.0,
+    ambient_pressure: Annotated[float, number(0.0, 1e6, "Pa", "Of the air inside and outside.")] = 0.0,
     accept: Annotated[
         bool, typer.Option("--accept", help="Write the zeros although something speaks against them.")
     ] = False,
