@@ -21,6 +21,7 @@ import numpy as np
 from builder.calibration.as_built_parameters import AsBuiltParameters, exactly_built
 from builder.calibration.response_tables import (
     QUARTER,
+    LoadResponse,
     ResponseTable,
     direction_weights,
     even_amplitudes,
@@ -57,22 +58,6 @@ MAX_HARMONIC = 24
 
 WITHIN_THE_WALL = (Weight, Acceleration, TemperatureField)
 """Loads whose forces change with the wall."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LoadResponse:
-    """What one load strains, ready for any vehicle as built.
-
-    Attributes
-    ----------
-    table : amplitudes; the two families of harmonics lead.
-    constant : (n_d,) reading that no parameter changes, as apparent strain [m/m].
-    by_stress : whether strain goes with 1 / E; strain of a temperature does not.
-    """
-
-    table: ResponseTable
-    constant: FloatArray
-    by_stress: bool = True
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -158,10 +143,10 @@ class AsBuiltStructure:
         return self._responses[load]
 
     def response_strain(self, parameters: AsBuiltParameters, response: LoadResponse) -> FloatArray:
-        """Return the readings (n_d,) [m/m] under the load of ``response``."""
+        """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
         thickness, station = self._thickness(parameters), self.states.station
         roll = self._roll_angle(parameters)
-        even = even_amplitudes(response.table, parameters, thickness, station)
+        even = even_amplitudes(response.table, parameters, thickness, station)  # 2, .., n_m, n_d, 3
         n_m = even.shape[-3]
         phase = np.arange(n_m)[:, None] * roll
         strain = _at_roll(even, np.cos(phase), np.sin(phase))
@@ -172,8 +157,8 @@ class AsBuiltStructure:
                 for (cosine, sine, factor), part in zip(phases, parts, strict=True):
                     strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
         normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
-        reading = (normal * strain[:, :2]).sum(axis=1) + shear * strain[:, 2]
-        stiffness = 1.0 + parameters.youngs_modulus if response.by_stress else 1.0
+        reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
+        stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
         return np.asarray(gain_of(parameters) * reading / stiffness + response.constant)
 
     def nominal_response(self, load: Load) -> LoadResponse:
@@ -350,11 +335,11 @@ def gain_of(parameters: AsBuiltParameters) -> FloatArray:
 
 
 def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
-    """Return strain (n_d, 3) of amplitudes (2, n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
+    """Return strain (.., n_d, 3) of amplitudes (2, .., n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
     c, s = cosine[..., None], sine[..., None]
     first, second = amplitude
-    normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=0)
-    shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=0)
+    normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=-3)
+    shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=-3)
     return np.concatenate([normal, shear], axis=-1)
 
 

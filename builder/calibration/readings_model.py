@@ -17,6 +17,7 @@ from builder.calibration.as_built_parameters import AsBuiltParameters, parameter
 from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.load_test import LoadTest
 from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.calibration.response_tables import LoadResponse, together
 from builder.structure.loads.applied import Load, PadForce, PadPressure
 from strainfmu.arrays import FloatArray, IntArray
 
@@ -55,6 +56,7 @@ class ReadingsModel:
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
         self.loads = [(k, one) for k, case in enumerate(test.cases) for one in case.loads]
         self._pads = [self._pad_columns(one.load) for _, one in self.loads]
+        self._together: LoadResponse | None = None
         self._at_drawing: tuple[FloatArray, FloatArray] | None = None
         built = parameter_names(structure.gauges.names, structure.n_regions)
         extra, std = self._extra_names(), self._extra_std()
@@ -96,9 +98,11 @@ class ReadingsModel:
 
     def load_strains(self, built: AsBuiltParameters) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
-        responses = [self.structure.response(one.load) for _, one in self.loads]
-        found = [self.structure.response_strain(built, response) for response in responses]
-        return np.array(found).reshape(-1, self.structure.n_gauges)
+        if not self.loads:
+            return np.zeros((0, self.structure.n_gauges))
+        if self._together is None:
+            self._together = together([self.structure.response(one.load) for _, one in self.loads])
+        return self.structure.response_strain(built, self._together)
 
     def readings(self, vector: FloatArray) -> FloatArray:
         """Return what the gauges should read (n_cases, n_d) [m/m]."""

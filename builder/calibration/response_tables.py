@@ -6,13 +6,14 @@ What leads is the load's: its two families of harmonics, or the stations of a pr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters
 from builder.calibration.wall_harmonics import SIDES
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 QUARTER = 0.5 * np.pi
 
@@ -41,6 +42,22 @@ class ResponseTable:
     uneven_load: FloatArray | None = None
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadResponse:
+    """What one load strains, ready for any vehicle as built.
+
+    Attributes
+    ----------
+    table : amplitudes; the two families of harmonics lead.
+    constant : (n_d,) reading that no parameter changes, as apparent strain [m/m].
+    by_stress : whether strain goes with 1 / E; strain of a temperature does not.
+    """
+
+    table: ResponseTable
+    constant: FloatArray
+    by_stress: bool | BoolArray = True
+
+
 def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
     """Return the table of ``amplitude`` (.., n_m, n_s, 3) that no parameter changes."""
     none = np.zeros((0, *amplitude.shape))
@@ -51,6 +68,50 @@ def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
         wall=none,
         wall_twice=none,
         uneven=np.zeros((2, n_regions, 3, *amplitude.shape)),
+    )
+
+
+def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
+    """Return one table of loads (2, n_loads, n_m, n_s, 3), families of harmonics ahead of the loads.
+
+    What one load has no part of, as harmonics or the wall's thickness, is zero.
+    """
+    n_m = max(one.nominal.shape[1] for one in tables)
+    n_r = max(len(one.wall) for one in tables)
+
+    def stacked(parts: Sequence[FloatArray]) -> FloatArray:
+        # What leads is the table's; 2, n_m, n_s, 3 are the load's.
+        padded = [
+            np.pad(one, [(0, 0)] * (one.ndim - 3) + [(0, n_m - one.shape[-3]), (0, 0), (0, 0)]) for one in parts
+        ]
+        return np.stack(padded, axis=-4)
+
+    def by_region(name: str) -> FloatArray:
+        parts = [getattr(one, name) for one in tables]
+        return stacked([one if len(one) else np.zeros((n_r, *one.shape[1:])) for one in parts])
+
+    uneven = [
+        np.zeros((2, one.uneven.shape[1], *one.nominal.shape)) if one.uneven_load is None else one.uneven_load
+        for one in tables
+    ]
+    changes = any(one.uneven_load is not None for one in tables)
+    return ResponseTable(
+        nominal=stacked([one.nominal for one in tables]),
+        along=stacked([one.along for one in tables]),
+        along_twice=stacked([one.along_twice for one in tables]),
+        wall=by_region("wall"),
+        wall_twice=by_region("wall_twice"),
+        uneven=stacked([one.uneven for one in tables]),
+        uneven_load=stacked(uneven) if changes else None,
+    )
+
+
+def together(responses: Sequence[LoadResponse]) -> LoadResponse:
+    """Return the responses of loads of one structure as one, whose readings are those of every load."""
+    return LoadResponse(
+        table=stacked_tables([one.table for one in responses]),
+        constant=np.array([one.constant for one in responses]),
+        by_stress=np.array([one.by_stress for one in responses]),
     )
 
 

@@ -106,6 +106,4 @@ def rolled_quarter(force: FloatArray, wave: int = 1) -> FloatArray:
 def quarter_turns(m: IntArray, wave: int) -> tuple[FloatArray, FloatArray]:
     """Return cosine and sine of harmonics ``m`` over a quarter of the wall's period, 0 and +-1 exactly so."""
     angle: FloatArray = 0.5 * np.pi * np.asarray(m, dtype=np.float64) / wave
-    cosine: FloatArray = np.round(np.cos(angle), 15)
-    sine: FloatArray = np.round(np.sin(angle), 15)
-    return cosine, sine
+    return np.cos(angle).round(15), np.sin(angle).round(15)

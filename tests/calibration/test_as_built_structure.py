@@ -10,9 +10,10 @@ from as_built_case import LAYOUT, TITANIUM
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, parameter_names, prior_std
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.calibration.response_tables import together
 from builder.inverse.gauge_derivatives import fourier_gauge_derivatives
 from builder.structure.fourier.model import StructuralModel
-from builder.structure.loads.applied import Load, PadForce, SurfacePressure, Weight
+from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.vehicle.file import Vehicle
@@ -117,3 +118,13 @@ def test_parameters_pack_into_a_vector(as_built: AsBuiltStructure, errors: AsBui
     assert names[list(errors.vector).index(errors.wall_sine[1])] == "wall sine region 2"
     with pytest.raises(InputError, match=r"gauge_gain: expected|zero: expected"):
         replace(errors, zero=np.zeros(3))
+
+
+def test_loads_together_read_as_each_alone(as_built: AsBuiltStructure, errors: AsBuiltParameters) -> None:
+    """Loads of other numbers of harmonics, with forces in the wall and without, and one that no stress makes."""
+    apparent = ApparentStrain(strain=1e-6 * np.arange(as_built.n_gauges))
+    responses = [as_built.response(load) for load in (*LOADS, apparent)]
+    responses.append(replace(responses[0], by_stress=False))
+    alone = np.array([as_built.response_strain(errors, one) for one in responses])
+    found = as_built.response_strain(errors, together(responses))
+    np.testing.assert_allclose(found, alone, rtol=1e-12, atol=1e-18)
