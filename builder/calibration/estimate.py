@@ -21,6 +21,10 @@ SETTLED = 0.1
 """Largest change of a parameter, in its standard deviations after the test, that ends the steps."""
 
 
+FITS = (0.05, 4.0)
+"""Chi-square per reading within which test and model agree: 1 by this much, and so many standard deviations."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
     """What a test says of a vehicle and of itself.
@@ -47,6 +51,17 @@ class Estimate:
     @property
     def n_readings(self) -> int:
         return int(self.used.sum())
+
+    @property
+    def per_reading(self) -> float:
+        """Chi-square per reading; 1 is expected."""
+        return self.chi_square / self.n_readings
+
+    @property
+    def agrees(self) -> bool:
+        """Whether test and model agree: if not, the vehicle errs in a way that no parameter describes, or the
+        readings are not as exact as stated, and the covariance is too small."""
+        return abs(self.per_reading - 1.0) <= FITS[0] + FITS[1] * float(np.sqrt(2.0 / self.n_readings))
 
     @property
     def parameters(self) -> AsBuiltParameters:

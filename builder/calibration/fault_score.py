@@ -99,7 +99,7 @@ def load_statistics(model: ReadingsModel, draws: int, error: float = 0.1) -> dic
         case = model.test.cases[model.loads[wrong][0]].name
         tally["found"] += case in [one.where for one in faults]
         tally["named"] += [one.where for one in faults] == [case]
-        chi.append(found.chi_square / found.n_readings)
+        chi.append(found.per_reading)
     return {"fault": f"load {error:+.0%}", "draws": draws, **tally, "chi_square_per_reading": float(np.mean(chi))}
 
 

@@ -139,7 +139,7 @@ class Score:
             strain=strain + built.zero - found.parameters.zero,
             found=found,
             facts={
-                "chi_square_per_reading": found.chi_square / found.n_readings,
+                "chi_square_per_reading": found.per_reading,
                 "faults": len(faults),
                 "steps": found.steps,
             },

@@ -136,8 +136,7 @@ class AsBuiltRun:
             )
             made = calibration_by(test, pipeline.path(TEST), parts, reporter)
             found, faults = made.estimate, made.faults
-            fit = found.chi_square / found.n_readings
-            reporter.note(f"chi-square per reading {fit:.2f}, {len(faults)} faults")
+            reporter.note(f"chi-square per reading {found.per_reading:.2f}, {len(faults)} faults")
             for fault in faults:
                 reporter.note(fault.line)
             title = f"{vehicle.name}: calibration by {TEST}"

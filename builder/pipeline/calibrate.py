@@ -159,7 +159,7 @@ def _facts(found: Estimate, faults: tuple[Fault, ...], test_path: Path) -> dict[
         "test": test_path.name,
         "cases": [case.name for k, case in enumerate(found.model.test.cases) if found.used[k].any()],
         "readings": found.n_readings,
-        "chi_square_per_reading": found.chi_square / found.n_readings,
+        "chi_square_per_reading": found.per_reading,
         "faults": [one.line for one in faults],
         "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
         "zero_std_um_per_m": (1e6 * sigma[where["zero"]]).round(6).tolist(),

@@ -21,9 +21,6 @@ CANNOT_SEE = (
     "A zero that drifts after the test is not seen; take the tare before each flight.",
 )
 
-FITS = (0.7, 1.3)
-"""Chi-square per reading within which test and model agree."""
-
 
 def calibration_page(
     title: str,
@@ -33,11 +30,10 @@ def calibration_page(
     equations: Sequence[LoadEquation],
 ) -> Page:
     """Return the page."""
-    per_reading = found.chi_square / found.n_readings
-    agrees = FITS[0] <= per_reading <= FITS[1]
+    agrees = found.agrees
     facts = (
         f"{found.n_readings} readings, {len(found.vector)} parameters, {found.steps} steps",
-        f"chi-square per reading {per_reading:.3g}; 1 is expected",
+        f"chi-square per reading {found.per_reading:.3g}; 1 is expected",
         f"rms of measured less predicted: drawing {1e6 * _rms(found, found.before):.3g} um/m, "
         f"calibrated {1e6 * _rms(found, found.after):.3g} um/m",
     )

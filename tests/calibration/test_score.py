@@ -1,0 +1,88 @@
+"""The score of calibrations: its summary, how it goes on, and one vehicle from end to end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from coarse_vehicle import COARSE
+
+from builder.calibration.load_test import LoadErrors
+from builder.calibration.outside_errors import OUTSIDE
+from builder.calibration.score import OUTSIDE_KINDS, Score, rows_of
+from builder.calibration.score_setup import SetupOptions, rows_of_test, setup_of
+from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary
+from builder.calibration.score_summary import table as as_text
+from builder.campaign.snapshots import Snapshots
+from builder.truth.flow_table import FlowTable
+from builder.vehicle.file import Vehicle
+from builder.vehicle.sections import Resolutions
+from strainfmu.errors import InputError
+from strainfmu.estimator.health import HealthState
+
+
+@pytest.mark.fast
+def test_errors_are_pooled_over_vehicles_and_put_over_the_exact_ones() -> None:
+    random, rows = np.random.default_rng(0), []
+    for vehicle, size in ((0, 1.0), (1, 3.0)):
+        error = size * random.standard_normal((4000, 5))
+        health = np.full(4000, HealthState.OK)
+        health[:40] = HealthState.SUSPECT
+        exact = errors_of(error, np.full_like(error, size), health)
+        tested = errors_of(2.0 * error, np.full_like(error, size))
+        rows += [
+            {"vehicle": vehicle, "map": "case 1", "state": EXACT, **exact},
+            {"vehicle": vehicle, "map": "case 1", "state": "12 cases", "chi_square_per_reading": size, **tested},
+            {"vehicle": vehicle, "map": EQUATIONS, "state": "12 cases", **errors_of(10.0 * error, error)},
+        ]
+    exact, tested, equations = summary(rows)
+    assert tested["ratio"] == [2.0] * 5
+    assert equations["ratio"] == [10.0] * 5  # over the exactly known map of case 1
+    assert exact["rms"]["C_A"] == pytest.approx(np.sqrt(5.0), rel=0.05)
+    assert exact["pooled_coverage_percent"] == pytest.approx(99.73, abs=0.1)
+    assert tested["pooled_coverage_percent"] == pytest.approx(86.6, abs=1.0)  # 1.5 sigma
+    assert tested["chi_square_per_reading"] == [1.0, 2.0, 3.0]
+    assert exact["alarm_percent"] == 1.0
+    assert "86." in as_text([exact, tested, equations])
+
+
+@pytest.mark.fast
+def test_a_score_goes_on_with_its_own_settings_only(tmp_path: Path) -> None:
+    path = tmp_path / "score.json"
+    assert rows_of(path, {"cases": [12]}) == []
+    path.write_text(json.dumps({"settings": {"cases": [12]}, "rows": [{"vehicle": 0}]}), encoding="utf-8")
+    assert rows_of(path, {"cases": [12]}) == [{"vehicle": 0}]
+    with pytest.raises(InputError, match=r"other settings \(cases\)"):
+        rows_of(path, {"cases": [6]})
+    path.write_text("[]", encoding="utf-8")
+    with pytest.raises(InputError, match="expected a score"):
+        rows_of(path, {"cases": [12]})
+
+
+@pytest.mark.fast
+def test_smaller_tests_begin_with_the_same_pads() -> None:
+    assert list(rows_of_test(2, 4, 6)) == [0, 1, 4, 5]
+
+
+@pytest.mark.slow
+def test_a_tested_vehicle_flies_as_one_that_is_known(
+    vehicle: Vehicle, snapshots: Snapshots, table: FlowTable
+) -> None:
+    """And the errors that the calibration has no parameter for show in chi-square."""
+    finer = COARSE.model_copy(update={"element_length_mm": 30.0})
+    vehicle = vehicle.model_copy(update={"resolution": Resolutions(map=COARSE, truth=finer)})
+    options = SetupOptions(cases=(12,), flights=20, draws=2, errors=LoadErrors(), with_outside=True)
+    score = Score(setup_of(vehicle, snapshots, table, options), ["case 2"], OUTSIDE_KINDS)
+    rows = [row for number in (0, 1) for row in score.of_vehicle(number)]
+    found = {(one["map"], one["state"]): one for one in summary(rows)}
+    assert max(found["case 2", "12 cases"]["ratio"]) < 1.3
+    assert max(found["case 2", BEFORE]["ratio"]) > 1.5
+    assert max(found[EQUATIONS, "12 cases"]["ratio"]) > 3.0
+    assert found["case 2", "12 cases"]["pooled_coverage_percent"] > 99.0
+    fit = {state: one["chi_square_per_reading"] for (_, state), one in found.items()}
+    assert 0.85 < fit["12 cases"][1] < 1.15
+    for kind in OUTSIDE:
+        assert fit[f"12 cases, {kind}"][0] > 1.25
+    assert fit["12 cases, single samples"][0] > 10.0
