@@ -176,7 +176,7 @@ def wall_states(
     full = solved(0, np.concatenate([x - step, x, x + step]))
     place = full.station.reshape(3, -1)
     whole = _kept(full.adjoint, rows)
-    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows, wave)
+    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows=rows, wave=wave)
     changed = {key: _kept(solved(key, x).adjoint, rows) for key in states[1:]}
     bare = {key: _forces_only(one, wall, properties, max_harmonic) for key, one in meshes.items()}
     order = range(1, n_r + 1)
