@@ -63,9 +63,14 @@ class MapStep:
     further_inputs = NAVIGATION
 
     def __init__(self, inverse_map: InverseMap, zeros: GaugeZeros | None = None) -> None:
-        found = estimator_of(inverse_map, zeros=zeros)
-        self._estimator = FlightTracker(found) if isinstance(found, ManifoldEstimator) else found
+        self._map = inverse_map
+        self.set_zeros(zeros)
         self.noise_std = inverse_map.noise_std
+
+    def set_zeros(self, zeros: GaugeZeros | None) -> None:
+        """Take ``zeros`` off the strains from the next step on."""
+        found = estimator_of(self._map, zeros=zeros)
+        self._estimator = FlightTracker(found) if isinstance(found, ManifoldEstimator) else found
 
     def __call__(
         self,

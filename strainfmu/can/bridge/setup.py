@@ -11,8 +11,10 @@ from strainfmu.can.bridge.bus import BusSettings, configured, open_bus
 from strainfmu.can.bridge.freshness_file import FreshnessKeeper, freshness_file
 from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.bridge.run_loop import Bridge
+from strainfmu.can.bridge.zeros_keeper import ZerosKeeper
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.taring import Taring
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
 from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
@@ -51,6 +53,9 @@ class BridgeOptions:
     max_uncertainty : as there; None for no limit.
     gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
     zeros : file of what the gauges read without strain (zeros.toml), None for what the FMU was exported with.
+    tare : map of the same gauges, with which tares are taken on command; None: they are not.
+    tare_cycles : window of a tare [cycles].
+    tare_output : where its zeros are written, None for zeros.toml.
     """
 
     interface: str
@@ -77,6 +82,9 @@ class BridgeOptions:
     synchronised: float | None = None
     synchronised_shift: float = 0.0
     zeros: Path | None = None
+    tare: Path | None = None
+    tare_cycles: int = 500
+    tare_output: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +110,7 @@ class ReadyBridge:
     """A bridge and its description; its core began at ``start`` [s] by its clock.
 
     ``freshness`` keeps the freshness value of authenticated frames; None where they are not authenticated.
+    ``zeros`` keeps those of tares; None where they are not taken.
     ``start_lines`` say what a user must know before the run: options that were not given, lack of protection.
     """
 
@@ -110,6 +119,7 @@ class ReadyBridge:
     layout_name: str
     start: float
     freshness: FreshnessKeeper | None = None
+    zeros: ZerosKeeper | None = None
     start_lines: tuple[str, ...] = ()
 
 
@@ -140,6 +150,12 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
         keeper = _freshness_keeper(core, options)
         if keeper is not None:
             stack.enter_context(keeper)
+        zeros = None
+        if core.taring is not None:
+            path = options.tare_output or Path("zeros.toml")
+            source = f"{options.interface}:{options.channel}"
+            zeros = stack.enter_context(ZerosKeeper(path, step.gauge_names, source))
+            core.taring.on_end = zeros.ended
         bridge = Bridge(
             core,
             lambda: open_bus(bus),
@@ -160,6 +176,7 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
             layout_name=core.layout.name,
             start=start,
             freshness=keeper,
+            zeros=zeros,
         )
 
 
@@ -206,8 +223,26 @@ def make_core(
         start=start,
         own_keys=own_keys,
         dynamic_pressure=options.dynamic_pressure,
+        taring=_taring(step, options, gauge_names, settings),
     )
     return core, results, configuration
+
+
+def _taring(
+    step: Step, options: BridgeOptions, gauge_names: Sequence[str], settings: BridgeSettings
+) -> Taring | None:
+    """Return what takes the zeros of the gauges on command, None if the options do not allow it."""
+    if options.tare is None:
+        return None
+    set_zeros = getattr(step, "set_zeros", None)
+    if set_zeros is None:
+        raise InputError("--tare: expected an estimator that takes zeros of its gauges")
+    from strainfmu.estimator.inverse_map import load_inverse_map
+
+    held = load_inverse_map(options.tare)
+    if tuple(held.gauge_names) != tuple(gauge_names):
+        raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
+    return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles))
 
 
 def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
@@ -226,8 +261,11 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
             cycle_time=options.cycle_time,
             identifiers=options.identifiers,
             key=key,
+            has_tare=options.tare is not None,
         )
         return layout, configuration_of(options.profile, gauge_names)
+    if options.tare is not None:
+        raise InputError("--tare: expected with a profile, whose frames hold the command, got it with --dbc")
     from strainfmu.can.wire.dbc_files import load_database, load_mapping
     from strainfmu.can.wire.dbc_mapping import mapped_layout
 

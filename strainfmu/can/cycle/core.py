@@ -7,6 +7,7 @@ recording gives the results of the live run again.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from strainfmu.can.cycle.assembler import Arrival, Cycle, Verdict
 from strainfmu.can.cycle.bus_state import BusState, state_after
@@ -16,6 +17,7 @@ from strainfmu.can.cycle.own_frames import OwnFrames, own_frames
 from strainfmu.can.cycle.parts import CycleParts, cycle_parts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.taring import Taring
 from strainfmu.can.e2e.authentication import Authentication
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
@@ -61,6 +63,8 @@ class BridgeCore:
         self._acceptance, self._reception = parts.acceptance, parts.reception
         self._assembler, self._judge = parts.assembler, judge
         self._held_slots = frozenset(layout.held_slots)
+        self.taring = parts.taring
+        self._command_slot = -1 if layout.command is None else len(layout.frames) - 1
         n_strain = len(layout.strain_frames)
         self._cycle_slots = frozenset(range(n_strain + (layout.trailer is not None))) - self._held_slots
         self._noted = Cause.NONE
@@ -171,8 +175,12 @@ class BridgeCore:
             return []
         if arrival.slot in self._cycle_slots:
             return self._offer(arrival, is_answered)
-        is_held = arrival.slot in self._held_slots
-        kind = self._judge.take_held(arrival) if is_held else self._judge.take_flow(arrival)
+        if arrival.slot in self._held_slots:
+            kind = self._judge.take_held(arrival)
+        elif arrival.slot == self._command_slot:
+            kind = self._judge.take_command(arrival)
+        else:
+            kind = self._judge.take_flow(arrival)
         self.account.settle(kind, frame.time)
         return []
 
@@ -285,6 +293,7 @@ def bridge_core(
     start: float,
     own_keys: OwnFrames | Iterable[int] = (),
     dynamic_pressure: float | None = None,
+    taring: Taring | None = None,
 ) -> BridgeCore:
     """Return a core for ``layout`` in front of the estimator ``step``.
 
@@ -294,6 +303,7 @@ def bridge_core(
     start : local monotonic clock [s] at the start.
     own_keys : keys of the frames that the bridge sends, or these frames.
     dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    taring : takes the zeros of the gauges on command; None where that is not allowed.
 
     Raises
     ------
@@ -304,6 +314,7 @@ def bridge_core(
     _check_input(layout, own.keys, dynamic_pressure)
     noise_std = noise_of(step) if settings.gauge_noise is None else settings.gauge_noise
     parts = cycle_parts(layout, settings, own=own, dynamic_pressure=dynamic_pressure, noise_std=noise_std)
+    parts = replace(parts, taring=taring)
     judge = CycleJudge(layout, step, settings=settings, parts=parts)
     return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 

@@ -20,11 +20,11 @@ from strainfmu.can.wire.frame_layout import (
     InputFrame,
     SignalLayout,
 )
-from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
+from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
 
 _SENSIBLE = {
-    DYNAMIC_PRESSURE: (0.0, LARGEST_DYNAMIC_PRESSURE),
+    DYNAMIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
     MACH_NUMBER: (0.0, 100.0),
     ALTITUDE: (-2e3, 2e5),
 }
@@ -77,6 +77,7 @@ class HeldValue:
         self._max_age, self._clock = max_age, clock
         self._value = nan
         self._sampled = nan
+        self._stated = self._stated_at = nan
         self._to_be_proven, self._new = False, 0
         self._shares_clock = False
         self.hides_delay = False
@@ -93,7 +94,7 @@ class HeldValue:
 
     def reset(self) -> None:
         """Forget the sender."""
-        self._value = self._sampled = nan
+        self._value = self._sampled = self._stated = self._stated_at = nan
         self.was_known = False
         self._to_be_proven, self._new = True, 0
         if self._clock is not None:
@@ -143,6 +144,8 @@ class HeldValue:
             or self._is_refused_by_sender(raw)
         )
         self._value, self._sampled = (nan, nan) if bad else (value * self._source.to_si, time - delay)
+        is_stated = isfinite(value) and not (self._has_no_value(signal, code) or self._is_refused_by_sender(raw))
+        self._stated, self._stated_at = (value * self._source.to_si if is_stated else nan), time - delay
         self.was_known |= not bad
         return not bad
 
@@ -164,6 +167,13 @@ class HeldValue:
     def value(self, now: float) -> float:
         """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
         return nan if self._is_old(now) else self._value
+
+    def stated(self, now: float) -> float:
+        """Return what the sender states [SI] at ``now`` [s]; NaN if that is nothing, or old.
+
+        Air at rest is stated as 0, which is of no use for coefficients.
+        """
+        return self._stated if now - self._stated_at <= self._max_age else nan
 
     def _is_old(self, now: float) -> bool:
         return now - self._sampled > self._max_age
@@ -236,6 +246,12 @@ class HeldFlow:
             is_navigation_lost=_is_lost(self._mach_number, mach_number) or _is_lost(self._altitude, altitude),
             hides_delay=hides_delay,
         )
+
+    def stated_pressure(self, now: float) -> float:
+        """Return q_inf as it is stated [Pa] at ``now`` [s], also of air at rest; NaN if it is not known."""
+        if self._fixed is not None:
+            return self._fixed
+        return nan if self._pressure is None else self._pressure.stated(now)
 
 
 def _at(held: HeldValue | None, now: float) -> float:

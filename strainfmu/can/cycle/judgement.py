@@ -8,7 +8,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.assembler import Arrival, Cycle
-from strainfmu.can.cycle.decoder import DecodedCycle
+from strainfmu.can.cycle.decoder import STATUS_DEGRADED, DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
 from strainfmu.can.cycle.held_flow import FlowState, StrainTime
@@ -50,7 +50,7 @@ class CycleJudge:
         self._clock, self._pace = parts.clock, parts.pace
         self._seen, self._proof = parts.seen, parts.proof
         self._decoder, self._gauges = parts.decoder, parts.gauges
-        self._held = parts.held
+        self._held, self._taring = parts.held, parts.taring
         self._may_be_held_back = False
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._last_step: float | None = None
@@ -99,6 +99,22 @@ class CycleJudge:
         own = self._decoder.decode([arrival], 0)
         usable = own.present & ~own.refused & np.isfinite(own.strain)
         return FrameClass.USED if usable.any() else FrameClass.NOT_USABLE
+
+    def take_command(self, arrival: Arrival) -> FrameClass:
+        """Take in a command of the sender; return its frame's class. One of another time than now is none."""
+        if not self._reception.is_trusted(arrival.slot):
+            return FrameClass.NOT_TRUSTED
+        frame, now = self._layout.frames[arrival.slot], self._strain_time(arrival.frame.time)
+        is_usable = arrival.status <= STATUS_DEGRADED and frame.request is not None
+        if self._taring is None or now is None or arrival.sample_time is None or not is_usable:
+            return FrameClass.NOT_USABLE
+        clock = frame.layout.signals[frame.sample_time or 0]
+        whole = frame.tick * (1 << clock.length)
+        apart = (arrival.sample_time * frame.tick - now.seconds + 0.5 * whole) % whole - 0.5 * whole
+        if abs(apart) > self._settings.max_age * self._layout.cycle_time:
+            return FrameClass.TOO_OLD
+        self._taring.ask(arrival.plan.numbers(arrival.frame.data)[frame.request or 0])
+        return FrameClass.USED
 
     def keep_pace(self, cycle: Cycle) -> None:
         """Note the arrival of a closed cycle, before it is judged or skipped."""
@@ -168,6 +184,8 @@ class CycleJudge:
         if whole is not None:
             answer.held = whole.held
             answer.age += whole.held
+        if self._taring is not None and self._taring.is_active:
+            answer.causes |= self._taring.take(answer, self._flow.stated_pressure(now))
         return answer, classes
 
     def _plausible(self, decoded: DecodedCycle, cycle: Cycle, whole: WholeCycle | None) -> BoolArray:

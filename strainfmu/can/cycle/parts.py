@@ -20,6 +20,7 @@ from strainfmu.can.cycle.own_frames import OwnFrames
 from strainfmu.can.cycle.plausibility import GaugeChecks
 from strainfmu.can.cycle.reception import Reception
 from strainfmu.can.cycle.restart_proof import ProofLimits, RestartProof, SeenFrames
+from strainfmu.can.cycle.taring import Taring
 from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
 from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings
@@ -44,6 +45,7 @@ class CycleParts:
     gauges : plausibility of each gauge.
     flow : dynamic pressure and navigation.
     held : strains that come more slowly than cycles; None where all come in every cycle.
+    taring : takes the zeros of the gauges on command; None where that is not allowed.
     """
 
     own: OwnFrames
@@ -58,6 +60,7 @@ class CycleParts:
     gauges: GaugeChecks
     flow: HeldFlow
     held: HeldStrains | None = None
+    taring: Taring | None = None
 
 
 def cycle_parts(

@@ -86,6 +86,12 @@ class Cause(IntFlag):
     """Frames with correct CRC whose counter is that of other strains, or again and again out of sequence."""
     SECOND_BRIDGE = 1 << 19
     """Result frames on our identifiers that are not ours."""
+    TARE_RUNNING = 1 << 20
+    """Strains are collected for the zeros of the gauges; the quality is as before, as with the next two."""
+    TARE_REFUSED = 1 << 21
+    """A tare was asked for, and loads are not known or the strains are no zeros: zeros are as before."""
+    ZEROS_TAKEN = 1 << 22
+    """The zeros of the gauges are new: strains of a tare are taken off from now on."""
     NOT_AUTHENTIC = 1 << 24
     """Frames were refused whose authenticator does not fit, or whose freshness value is not new; the quality is as
     before, for what is used is authentic."""

@@ -13,8 +13,17 @@ from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.files import write_bytes_atomically
 
 
-def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, identifiers: Identifiers) -> int:
+def write_dbc(
+    source: Path,
+    output: Path,
+    profile: str,
+    cycle_time: float,
+    identifiers: Identifiers,
+    has_tare: bool = False,
+) -> int:
     """Write the DBC file of a map's (or its FMU's) frames; return its number of frames.
+
+    ``has_tare`` adds the frame that asks for a tare.
 
     Raises
     ------
@@ -26,17 +35,20 @@ def write_dbc(source: Path, output: Path, profile: str, cycle_time: float, ident
     from strainfmu.can.wire.dbc_writer import dbc_text
 
     checked_cycle_time(cycle_time, "cycle time")
-    layouts = all_layouts(profile, map_gauge_names(source), cycle_time=cycle_time, identifiers=identifiers)
+    names = map_gauge_names(source)
+    layouts = all_layouts(profile, names, cycle_time=cycle_time, identifiers=identifiers, has_tare=has_tare)
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))
     return len(layouts)
 
 
 def all_layouts(
-    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers
+    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers, has_tare: bool = False
 ) -> list[FrameLayout]:
     """Return every frame of a profile: input, then results."""
-    layout = profile_layout(profile, gauge_names, cycle_time=cycle_time, identifiers=identifiers)
+    layout = profile_layout(
+        profile, gauge_names, cycle_time=cycle_time, identifiers=identifiers, has_tare=has_tare
+    )
     results = result_layouts(form_of_profile(profile), identifiers, cycle_time)
     identifiers.checked(len(layout.frames), len(results))
     return [*(frame.layout for frame in layout.frames), *results]

@@ -77,6 +77,7 @@ class FaultySender:
         *,
         mach_number: float = nan,
         altitude: float = nan,
+        tare_request: int | None = None,
     ) -> list[Frame]:
         """Return the frames that go out from ``time`` [s] until a cycle later, with their times, in order.
 
@@ -86,6 +87,7 @@ class FaultySender:
         strain : (n_d,) true strains [m/m].
         dynamic_pressure : true q_inf [Pa].
         mach_number, altitude : true Mach number [1] and altitude [m], NaN where the vehicle has no navigation.
+        tare_request : number in the frame that asks for a tare; None leaves that out.
         """
         self._activate(number)
         sample = Sample(
@@ -106,6 +108,7 @@ class FaultySender:
             status=sample.status,
             mach_number=sample.mach_number,
             altitude=sample.altitude,
+            tare_request=tare_request,
         )
         spacing = 0.2 * self._layout.cycle_time / len(frames)
         frames = [replace(frame, time=time + index * spacing) for index, frame in enumerate(frames)]

@@ -40,6 +40,9 @@ class ObservedBridge:
                 lines.append(f"{self.recorder.path}: recording ended early: {self.recorder.failure}")
         if self.ready.freshness is not None and self.ready.freshness.failure_text:
             lines.append(self.ready.freshness.failure_text)
+        if self.ready.zeros is not None:
+            self.ready.zeros.finish()
+            lines += self.ready.zeros.lines
         if self.publisher is not None:
             lines.append(f"datagrams: {self.publisher.sent} sent, {self.publisher.dropped} dropped")
         return lines

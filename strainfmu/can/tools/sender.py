@@ -63,6 +63,7 @@ def send_flight(
     stopped: Callable[[], bool] = lambda: False,
     own: Frame | None = None,
     trip: int = FIRST_TRIP,
+    tare_at: float | None = None,
 ) -> SentFlight:
     """Send one sample per cycle of ``layout`` on ``bus`` until there are no more, or ``stopped`` returns True.
 
@@ -73,6 +74,7 @@ def send_flight(
     ----------
     own : a frame of the bridge, for the fault OWN_IDENTIFIER.
     trip : trip counter of authenticated frames.
+    tare_at : when a tare is asked for [s]; None for never.
 
     Raises
     ------
@@ -95,6 +97,7 @@ def send_flight(
             dynamic_pressure=sample.dynamic_pressure,
             mach_number=sample.mach_number,
             altitude=sample.altitude,
+            tare_request=None if tare_at is None else int(begin >= tare_at),
         )
         for index, frame in enumerate(frames):
             wait = start + frame.time - clock()

@@ -131,6 +131,7 @@ class InputFrame:
     sample_time : index of the sender's clock, or None; ``tick`` its unit [s], its range is its length in bits.
     status : index of the sender's own status (0 good, 1 degraded, others: do not use), or None.
     configuration : index of the number that must equal its signal's ``initial``, or None.
+    request : index of the number of a command to the bridge, or None.
     is_trailer : the frame ends a cycle, and its CRC covers the data of all strain frames.
     hold : of strains that come more slowly than cycles, the time for which they are used [s]; None of others.
     timeout : the time for which quantities of the flow are used [s]; None for that of the settings.
@@ -145,6 +146,7 @@ class InputFrame:
     tick: float = 1e-6
     status: int | None = None
     configuration: int | None = None
+    request: int | None = None
     is_trailer: bool = False
     hold: float | None = None
     timeout: float | None = None
@@ -161,6 +163,7 @@ class InputLayout:
     strain_frames : one cycle of strains.
     flow_frames : the frames of q_inf, Mach number and altitude; each of these is in one of them or in none.
     trailer : the frame that ends a cycle, or None.
+    command : the frame of commands to the bridge, or None.
     cycle_time : nominal period [s].
     key : of the frames that are authenticated; None where none is, or where only their layout matters.
     """
@@ -170,13 +173,15 @@ class InputLayout:
     strain_frames: tuple[InputFrame, ...]
     flow_frames: tuple[InputFrame, ...] = ()
     trailer: InputFrame | None = None
+    command: InputFrame | None = None
     cycle_time: float = 0.01
     key: AuthenticationKey | None = None
     frames: tuple[InputFrame, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         trailer = () if self.trailer is None else (self.trailer,)
-        object.__setattr__(self, "frames", (*self.strain_frames, *trailer, *self.flow_frames))
+        command = () if self.command is None else (self.command,)
+        object.__setattr__(self, "frames", (*self.strain_frames, *trailer, *self.flow_frames, *command))
 
     @property
     def cycle_length(self) -> int:
@@ -185,9 +190,10 @@ class InputLayout:
 
     @property
     def optional_keys(self) -> frozenset[int]:
-        """Keys of the frames that need not come in every cycle: of navigation alone, and of held strains."""
+        """Keys of the frames that need not come in every cycle: navigation alone, held strains, commands."""
         alone = [frame for frame in self.flow_frames if all(s.quantity in NAVIGATION for s in frame.flow)]
         alone += [frame for frame in self.strain_frames if frame.hold is not None]
+        alone += [] if self.command is None else [self.command]
         needed = {frame.layout.key for frame in self.frames if frame not in alone}
         return frozenset(frame.layout.key for frame in alone) - needed
 

@@ -15,8 +15,8 @@ STRAIN_SCALE = 0.25
 LARGEST_FLOAT_STRAIN = 50_000.0
 """Maximum strain of a foil gauge [um/m], 5 %; a float beyond is no strain."""
 
-LARGEST_DYNAMIC_PRESSURE = 1e7
-"""Maximum dynamic pressure [Pa]; Mach 10 at sea level has 7.1 MPa."""
+LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE = 1e-6, 1e7
+"""Dynamic pressures [Pa] below and above which there are no coefficients; Mach 10 at sea level has 7.1 MPa."""
 
 MACH_SCALE = 1e-3
 ALTITUDE_SCALE, LOWEST_ALTITUDE = 2.0, -2000.0
@@ -152,9 +152,9 @@ def pressure_signal(start: int, byte_order: str) -> SignalLayout:
         byte_order=byte_order,
         kind=FLOAT,
         unit="Pa",
-        minimum=1e-6,
+        minimum=0.0,
         maximum=LARGEST_DYNAMIC_PRESSURE,
-        comment="Free-stream dynamic pressure; NaN not available",
+        comment="Free-stream dynamic pressure; NaN not available; 0 at rest: no coefficients, a tare is possible",
     )
 
 

@@ -40,6 +40,7 @@ from strainfmu.can.wire.profile_signals import (
     status_signal,
     strain_signal,
 )
+from strainfmu.can.wire.tare_frame import tare_frame
 from strainfmu.errors import InputError
 
 SECURED_PROFILE = "fd64-sec"
@@ -110,10 +111,12 @@ def profile_layout(
     cycle_time: float,
     identifiers: Identifiers | None = None,
     key: AuthenticationKey | None = None,
+    has_tare: bool = False,
 ) -> InputLayout:
     """Return the frames of ``profile`` for gauges in the order of ``gauge_names``, sent every ``cycle_time`` [s].
 
     ``key`` is that of profile fd64-sec; without it frames are described, but neither encoded nor checked.
+    ``has_tare`` adds the frame that asks for a tare.
 
     Raises
     ------
@@ -136,8 +139,25 @@ def profile_layout(
         layout = _classic(
             profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration
         )
+    if has_tare:
+        layout = replace(layout, command=_tare_command(layout, identifiers, configuration))
     identifiers.checked(len(layout.frames), 1)
     return layout
+
+
+def _tare_command(layout: InputLayout, identifiers: Identifiers, configuration: int) -> InputFrame:
+    """Return the frame of a tare, on the identifier behind those of the other frames."""
+    is_fd = layout.strain_frames[0].layout.is_fd
+    command = tare_frame(
+        identifiers.base + len(layout.frames),
+        is_extended=identifiers.is_extended,
+        cycle_time=layout.cycle_time,
+        sender=SENDER,
+        configuration=configuration if is_fd else None,
+        byte_order=BIG if layout.name == "classic-be" else LITTLE,
+    )
+    is_secured = layout.name == SECURED_PROFILE
+    return replace(command, layout=_secured(command.layout, 32)) if is_secured else command
 
 
 def signal_names(gauge_names: Sequence[str]) -> list[str]:

@@ -26,12 +26,14 @@ from strainfmu.errors import InputError
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Sample:
-    """Values of one cycle: (n_d,) strains [m/m], flow by quantity [SI], sender's clock [s], sender's status."""
+    """Values of one cycle: (n_d,) strains [m/m], flow by quantity [SI], sender's clock [s], sender's status,
+    number of a command."""
 
     strain: FloatArray
     flow: dict[str, float]
     sample_time: float
     status: int
+    request: int
 
 
 class StrainEncoder:
@@ -56,7 +58,7 @@ class StrainEncoder:
         self._layout = layout
         self.trip = trip
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]
-        self._first_of_flow = len(layout.frames) - len(layout.flow_frames)
+        self._first_of_flow = len(layout.strain_frames) + (layout.trailer is not None)
         self._sent = [_holds_pressure(frame) for frame in layout.flow_frames]
 
     def encode(
@@ -69,6 +71,7 @@ class StrainEncoder:
         *,
         mach_number: float = nan,
         altitude: float = nan,
+        tare_request: int | None = None,
     ) -> list[Frame]:
         """Return the frames of one cycle.
 
@@ -80,6 +83,7 @@ class StrainEncoder:
         sample_time : sender's clock [s].
         status : 0 good, 1 degraded, 2 do not use.
         mach_number, altitude : by navigation [1] and [m], NaN for "not available".
+        tare_request : number of the command's frame; None leaves that out.
 
         Raises
         ------
@@ -91,6 +95,7 @@ class StrainEncoder:
             flow={DYNAMIC_PRESSURE: dynamic_pressure, MACH_NUMBER: mach_number, ALTITUDE: altitude},
             sample_time=sample_time,
             status=status,
+            request=tare_request or 0,
         )
         layout, frames, covered = self._layout, [], b""
         for number, item in enumerate(layout.flow_frames):
@@ -105,6 +110,8 @@ class StrainEncoder:
             covered += frames[-1].data
         if layout.trailer is not None:
             frames.append(self._frame(len(layout.strain_frames), sample, cycle, covered=covered))
+        if layout.command is not None and tare_request is not None:
+            frames.append(self._frame(len(layout.frames) - 1, sample, cycle))
         return frames
 
     def _frame(self, slot: int, sample: _Sample, cycle: int, covered: bytes = b"") -> Frame:
@@ -116,6 +123,8 @@ class StrainEncoder:
             values[list(item.indices)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
         for signal in item.flow:
             values[signal.index] = sample.flow[signal.quantity] / signal.to_si
+        if item.request is not None:
+            values[item.request] = sample.request
         if item.status is not None:
             values[item.status] = sample.status
         if item.sample_time is not None:

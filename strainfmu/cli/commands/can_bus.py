@@ -177,6 +177,16 @@ def bridge(
         typer.Option(metavar="MAP", help="With --publish: the pressure on the surface too, by this map.h5."),
     ] = None,
     zeros: ZerosOption = None,
+    tare: Annotated[
+        Path | None,
+        typer.Option(metavar="MAP", help="Take tares that the sender asks for; map.h5 of the same gauges."),
+    ] = None,
+    tare_cycles: Annotated[
+        int, typer.Option(callback=within(64, 100_000), help="With --tare: cycles of a tare.")
+    ] = 500,
+    tare_output: Annotated[
+        Path | None, typer.Option(metavar="TOML", help="With --tare: zeros to write. Default: zeros.toml.")
+    ] = None,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
@@ -222,7 +232,12 @@ def bridge(
         max_uncertainty=None if max_uncertainty is None else 1e-3 * max_uncertainty,
         synchronised=None if synchronised is None else 1e-3 * synchronised,
         zeros=zeros,
+        tare=tare,
+        tare_cycles=tare_cycles,
+        tare_output=tare_output,
     )
+    if tare is None and tare_output is not None:
+        raise InputError("--tare-output: expected with --tare alone")
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
     with observed_bridge(
@@ -260,6 +275,7 @@ def dbc(
     id_base: BaseOption = "0x300",
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
+    tare: Annotated[bool, typer.Option("--tare", help="With the frame that asks a bridge for a tare.")] = False,
 ) -> None:
     """Write the DBC file of the bridge's frames: strains in, results out.
 
@@ -273,7 +289,12 @@ def dbc(
 
     identifiers = identifiers_of(id_base, result_base, extended)
     n_frames = write_dbc(
-        source, output, profile=profile, cycle_time=cycle_time_of(cycle_time), identifiers=identifiers
+        source,
+        output,
+        profile=profile,
+        cycle_time=cycle_time_of(cycle_time),
+        identifiers=identifiers,
+        has_tare=tare,
     )
     Console().print(f"{output}: written, {n_frames} frames", highlight=False, markup=False, soft_wrap=True)
 

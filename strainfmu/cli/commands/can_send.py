@@ -83,6 +83,12 @@ def send(
         int,
         typer.Option(callback=within(0, 2**31 - 1), help="Of the faults: the same seed, the same faults."),
     ] = 1,
+    tare_at: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", callback=within(*DURATION_S, "s"), help="Ask for a tare then; with 'bridge --tare'."
+        ),
+    ] = None,
     report: Annotated[
         Path | None,
         typer.Option(metavar="X.json", help="Write what the bridge's results were worth, against the truth."),
@@ -124,6 +130,7 @@ def send(
         identifiers=identifiers,
         key_file=key,
         freshness_file=freshness,
+        tare=None if tare_at is None else source,
     )
     check_bus_options(interface, bus_settings(options).options)
     names = map_gauge_names(source)
@@ -151,7 +158,7 @@ def send(
     for line in configured(bus_settings(options)):
         console.print(str(line), highlight=False, markup=False, soft_wrap=True)
     with samples as opened:
-        sent, score = _send(options, layout, opened, planned, duration)
+        sent, score = _send(options, layout, opened, planned, duration, tare_at)
     console.print(_sent_table(sent))
     if score is not None:
         console.print(score_table(score, "Results heard on the bus against truth"))
@@ -186,7 +193,12 @@ def _samples(
 
 
 def _send(
-    options: Any, layout: Any, samples: Iterator[FlownSample], faults: list[Any], duration: float
+    options: Any,
+    layout: Any,
+    samples: Iterator[FlownSample],
+    faults: list[Any],
+    duration: float,
+    tare_at: float | None,
 ) -> tuple[SentFlight, Score | None]:
     """Open the bus twice, to send and to listen; return what was sent, and what came back."""
     from itertools import islice
@@ -210,7 +222,16 @@ def _send(
         listener = None if heard is None else Listener(heard, answer)
         with stop_request() as stopped:
             limited = islice(samples, round(duration / layout.cycle_time))
-            sent = send_flight(bus, layout, samples=limited, faults=faults, stopped=stopped, own=own, trip=trip)
+            sent = send_flight(
+                bus,
+                layout,
+                samples=limited,
+                faults=faults,
+                stopped=stopped,
+                own=own,
+                trip=trip,
+                tare_at=tare_at,
+            )
         if listener is None:
             return sent, None
         sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle

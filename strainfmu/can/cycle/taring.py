@@ -1,0 +1,180 @@
+"""A tare on the running bus: strains of a window of cycles, while loads are known, become the zeros of the gauges.
+
+The window is judged as that of a recording is (:mod:`strainfmu.estimator.tare`); besides, the dynamic pressure
+must be known and the sender proven in every cycle of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isnan
+
+import numpy as np
+
+from strainfmu.can.cycle.quality import Cause
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.tare import LEAST_SAMPLES, KnownStrain, Tare, TareLimits, tare
+from strainfmu.estimator.zeros import LARGEST_ZERO, GaugeZeros
+
+MOST_CYCLES = 100_000
+"""Longest window [cycles]."""
+
+_PATIENCE = 2.0
+"""Times its length that a window may last, with cycles that are of no use."""
+
+_USELESS = (
+    Cause.NOT_TRUSTED | Cause.CYCLE_CRC | Cause.OLD | Cause.CLOCK_JUMP | Cause.SENDER_STATUS | Cause.PARTIAL_CYCLE
+)
+"""Causes with which a cycle is left out of the window."""
+
+_UNPROVEN = Cause.HIDDEN_DELAY | Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.SECOND_BRIDGE
+"""Causes that end it."""
+
+_LEAST_GAUGES = 0.5
+"""Part of the gauges that must read."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TareEnd:
+    """The end of a tare.
+
+    Attributes
+    ----------
+    text : what became of it, one line.
+    zeros : that are in use from now on; None if it was refused.
+    samples : number of cycles of the window.
+    """
+
+    text: str
+    zeros: GaugeZeros | None = None
+    samples: int = 0
+
+
+class Taring:
+    """Collects the window that was asked for, and gives the estimator the zeros that follow from it.
+
+    Parameters
+    ----------
+    held : map of the estimator's gauges, for their noise and the pattern of a flight.
+    set_zeros : gives zeros to the estimator.
+    n_cycles : length of the window.
+    said_for : number of results that say how it ended.
+    known : strain of the loads that act meanwhile; None for none.
+
+    Raises
+    ------
+    InputError
+        ``n_cycles`` is out of range.
+    """
+
+    def __init__(
+        self,
+        held: InverseMap,
+        set_zeros: Callable[[GaugeZeros], None],
+        n_cycles: int,
+        *,
+        said_for: int = 10,
+        known: KnownStrain | None = None,
+    ) -> None:
+        if not LEAST_SAMPLES <= n_cycles <= MOST_CYCLES:
+            raise InputError(f"tare: expected a window of {LEAST_SAMPLES} to {MOST_CYCLES} cycles, got {n_cycles}")
+        self._map, self._set_zeros, self._n_cycles = held, set_zeros, n_cycles
+        self._limits, self._known = TareLimits(), known
+        self._strain = np.empty((n_cycles, held.n_gauges))
+        self._pressure = np.empty(n_cycles)
+        self._taken = self._seen = 0
+        self._is_running = False
+        self._request: int | None = None
+        self._said_for, self._to_say, self._outcome = said_for, 0, Cause.NONE
+        self.ends: list[TareEnd] = []
+        self.on_end: Callable[[TareEnd], None] | None = None
+        """Called at the end of each, in the thread that steps."""
+
+    @property
+    def is_active(self) -> bool:
+        """Return whether results are to be handed to :meth:`take`."""
+        return self._is_running or self._to_say > 0
+
+    def ask(self, request: int) -> None:
+        """Take in the number of a command; one that changes to another than 0 begins a window.
+
+        The first one of a run begins none: a bridge that is started again finds the last request on the bus.
+        """
+        known, self._request = self._request, request
+        if known is None or request in (0, known):
+            return
+        self._is_running, self._taken, self._seen, self._to_say = True, 0, 0, 0
+
+    def take(self, result: CycleResult, dynamic_pressure: float) -> Cause:
+        """Take in a judged cycle; return the causes that its result gets.
+
+        Parameters
+        ----------
+        dynamic_pressure : q_inf that the bus states [Pa], 0 of air at rest; NaN if it is not known.
+        """
+        if self._is_running:
+            self._collect(result, dynamic_pressure)
+            if self._is_running:
+                return Cause.TARE_RUNNING
+        self._to_say -= 1
+        return self._outcome
+
+    def _collect(self, result: CycleResult, pressure: float) -> None:
+        self._seen += 1
+        if result.causes & _UNPROVEN:
+            self._refuse("the sender of the strains is not proven")
+        elif isnan(pressure):
+            self._refuse("loads are not known: no dynamic pressure on the bus")
+        elif abs(pressure) > self._limits.dynamic_pressure:
+            self._refuse(
+                f"loads are not known: dynamic pressure is {pressure:.4g} Pa, expected at most "
+                f"{self._limits.dynamic_pressure:g} Pa"
+            )
+        elif self._seen > _PATIENCE * self._n_cycles:
+            self._refuse(f"{self._taken} of {self._seen} cycles were of use, expected {self._n_cycles}")
+        elif not result.causes & _USELESS:
+            self._strain[self._taken], self._pressure[self._taken] = result.strain, pressure
+            self._taken += 1
+            if self._taken == self._n_cycles:
+                self._finish()
+
+    def _finish(self) -> None:
+        """Judge the window, and use its zeros if nothing speaks against them."""
+        found = tare(self._map, self._strain, self._pressure, self._limits, self._known)
+        n_reading = int(np.count_nonzero(found.zeros.std < LARGEST_ZERO))
+        if found.faults:
+            self._refuse("; ".join(found.faults))
+        elif n_reading < _LEAST_GAUGES * self._map.n_gauges:
+            self._refuse(f"{n_reading} of {self._map.n_gauges} gauges read")
+        else:
+            try:
+                self._set_zeros(found.zeros)
+            except StrainfmuError as error:
+                self._refuse(str(error))
+                return
+            text = _text(found, n_reading)
+            self._end(Cause.ZEROS_TAKEN, TareEnd(text=text, zeros=found.zeros, samples=found.samples))
+
+    def _refuse(self, why: str) -> None:
+        self._end(Cause.TARE_REFUSED, TareEnd(text=f"tare refused: {why}; zeros as before"))
+
+    def _end(self, outcome: Cause, end: TareEnd) -> None:
+        self._is_running = False
+        self._outcome, self._to_say = outcome, self._said_for
+        self.ends.append(end)
+        if self.on_end is not None:
+            self.on_end(end)
+
+
+def _text(found: Tare, n_reading: int) -> str:
+    used = found.zeros.std < LARGEST_ZERO
+    rms = 1e6 * float(np.sqrt(np.mean(found.zeros.value[used] ** 2)))
+    largest = 1e6 * float(found.zeros.std[used].max())
+    notes = "".join(f"; {note}" for note in found.notes)
+    return (
+        f"tare taken: {n_reading} zeros from {found.samples} cycles, rms {rms:.4g} um/m, standard deviations up "
+        f"to {largest:.2g} um/m each and {1e6 * found.zeros.common_std:.2g} um/m in common{notes}"
+    )
