@@ -33,5 +33,15 @@ RATIO_UNITS = {"V/V": 1.0, "mV/V": 1e-3, **dict.fromkeys(("uV/V", "µV/V", "μV/
 VOLTAGE_UNITS = {"V": 1.0, "mV": 1e-3, **dict.fromkeys(("uV", "µV", "μV"), 1e-6)}
 """Factor to V."""
 
+_CELSIUS = (1.0, 273.15)
+_FAHRENHEIT = (5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0)
+
+TEMPERATURE_UNITS = {
+    "K": (1.0, 0.0),
+    **dict.fromkeys(("degC", "°C", "C", "deg C"), _CELSIUS),
+    **dict.fromkeys(("degF", "°F", "F", "deg F"), _FAHRENHEIT),
+}
+"""Factor and offset to K."""
+
 NUMBER_UNITS = {"1": 1.0, "-": 1.0}
 """Units of a quantity without dimension."""

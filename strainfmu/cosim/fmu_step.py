@@ -25,6 +25,8 @@ from strainfmu.interface.zero_variables import zero_names
 _STRAIN = re.compile(r"strain\[(\d+)\]")
 _VALID = re.compile(r"valid\[(\d+)\]")
 _GAUGE = re.compile(r"Strain of gauge (.+) at x = ")
+_TEMPERATURE = re.compile(r"temperature\[(\d+)\]")
+_SENSOR = re.compile(r"Temperature of sensor (.+);")
 _NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
 _OUTPUTS = (
     *COEFFICIENT_NAMES,
@@ -36,6 +38,9 @@ _FIRST_NUMBER = 2 * len(COEFFICIENT_NAMES)
 """Place of the first output that is neither a coefficient nor its standard deviation: ``health.chi_square``."""
 _CONTENTS = "extra/strainfmu/contents.json"
 """What an FMU of this project states beside its model description (strainfmu/fmu/package.py)."""
+
+TEMPERATURE = "temperature"
+"""Name that stands for the temperatures of all sensors among the further inputs that are asked for."""
 
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
@@ -61,6 +66,8 @@ class FmuStep:
     Attributes
     ----------
     further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
+    sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
+        ``temperature[k]`` [K].
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
     noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
@@ -87,7 +94,10 @@ class FmuStep:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
         by_name = {variable.name: variable for variable in inputs}
-        self.further_inputs = tuple(name for name in further_inputs if name in by_name)
+        sensors = _numbered(inputs, _TEMPERATURE) if TEMPERATURE in further_inputs else []
+        self.sensor_names = tuple(_described(variable, _SENSOR) for variable in sensors)
+        asked = (*further_inputs, *(variable.name for variable in sensors))
+        self.further_inputs = tuple(name for name in asked if name in by_name)
         of_flow = tuple(by_name[name] for name in self.further_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
@@ -306,6 +316,10 @@ def _numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:
 
 
 def _gauge_name(variable: Any) -> str:
-    """Return the gauge's name from the variable's description, or the variable's own."""
-    match = _GAUGE.match(variable.description or "")
+    return _described(variable, _GAUGE)
+
+
+def _described(variable: Any, pattern: re.Pattern[str]) -> str:
+    """Return the name of gauge or sensor in the variable's description, or the variable's own."""
+    match = pattern.match(variable.description or "")
     return match[1] if match else str(variable.name)

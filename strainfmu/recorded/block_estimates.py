@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
 from strainfmu.cosim.step import StepRefused
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
@@ -83,9 +83,11 @@ class BlockEstimator(Protocol):
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
     further_columns : names and units of further columns of the output.
     inverse_map : the map, None of an FMU.
+    sensor_names : temperature sensors that it takes.
     """
 
     gauge_names: tuple[str, ...]
+    sensor_names: tuple[str, ...]
     further_columns: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     reference: LevelReference
@@ -109,7 +111,7 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        with FmuStep(source, FLOW_NAMES[1:], tuple(f"health.{name}" for name in _HEALTH)) as step:
+        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE), tuple(f"health.{name}" for name in _HEALTH)) as step:
             if zeros is not None:
                 step.set_zeros(load_zeros(zeros, step.gauge_names))
             yield _FmuBlocks(step)
@@ -135,11 +137,14 @@ class MapBlocks:
         self.estimator = estimator
         self.inverse_map: InverseMap | None = inverse_map
         self.gauge_names = tuple(inverse_map.gauge_names)
+        self.sensor_names = _sensor_names(inverse_map)
         self.envelope_score_limit = inverse_map.envelope_score_limit
         self.reference = _level_reference(inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        found = self.estimator.estimate(block.strain, block.dynamic_pressure, **block.flow)
+        found = self.estimator.estimate(
+            block.strain, block.dynamic_pressure, temperature=block.temperature, **block.flow
+        )
         if not isinstance(found, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
         return self.of_series(found)
@@ -195,6 +200,7 @@ class FlightBlocks:
         self.inverse_map: InverseMap | None = estimator.inverse_map
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
         self.gauge_names = tuple(estimator.inverse_map.gauge_names)
+        self.sensor_names = _sensor_names(estimator.inverse_map)
         self.reference = _level_reference(estimator.inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
@@ -223,7 +229,12 @@ class FlightBlocks:
 
     def _step(self, block: StrainBlock, row: int) -> FlightEstimate:
         flow = {name: float(values[row]) for name, values in block.flow.items()}
-        return self._tracker.step(block.strain[row], float(block.dynamic_pressure[row]), **flow)
+        warm = None if block.temperature is None else block.temperature[row]
+        return self._tracker.step(block.strain[row], float(block.dynamic_pressure[row]), temperature=warm, **flow)
+
+
+def _sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
+    return () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
 
 
 def _further_columns(inverse_map: InverseMap) -> tuple[tuple[str, str], ...]:
@@ -268,7 +279,7 @@ class _FmuBlocks:
 
     def __init__(self, step: FmuStep) -> None:
         self._step = step
-        self.gauge_names = step.gauge_names
+        self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
         self.inputs = step.further_inputs
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
@@ -281,6 +292,8 @@ class _FmuBlocks:
         numbers = np.full((n, 12), np.nan)
         further = np.full((n, len(_HEALTH)), np.nan)
         flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
+        if block.temperature is not None:
+            flow |= {f"{TEMPERATURE}[{i}]": one.tolist() for i, one in enumerate(block.temperature.T, start=1)}
         before = np.append(last if np.isfinite(last) else block.time[0] - _first_step(block), block.time[:-1])
         for i in range(n):
             given = {name: values[i] for name, values in flow.items()}

@@ -10,6 +10,7 @@ from pathlib import Path
 from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.recorded.bridges import BENDING, BRIDGES, POISSON, WIRES
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE
+from strainfmu.recorded.temperature_columns import is_temperature
 from strainfmu.recorded.rasters import JOINS, Join
 from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
 
@@ -68,7 +69,7 @@ class ChannelEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowEntry:
-    """One channel of the flow: a quantity of ``FLOW_NAMES`` or ``STATIC_PRESSURE``, and its unit."""
+    """One channel of the flow: a quantity of ``FLOW_NAMES``, ``STATIC_PRESSURE`` or ``temperature[k]``, its unit."""
 
     where: str
     name: str
@@ -243,12 +244,19 @@ def _rosette(item: TomlTable) -> Rosette:
     )
 
 
+def _quantity(item: TomlTable) -> str:
+    stated = item.entries.get("quantity")
+    if isinstance(stated, str) and is_temperature(stated):
+        return str(item.entries.pop("quantity"))
+    return _one_of(item, "quantity", (*FLOW_NAMES, STATIC_PRESSURE), None) or ""
+
+
 def _flow(item: TomlTable) -> FlowEntry:
     """Read a channel of the flow."""
     entry = FlowEntry(
         where=item.name,
         name=item.text("name"),
-        quantity=_one_of(item, "quantity", (*FLOW_NAMES, STATIC_PRESSURE), None) or "",
+        quantity=_quantity(item),
         unit=item.text("unit") if "unit" in item.entries else None,
     )
     if not entry.quantity:

@@ -16,6 +16,7 @@ from strainfmu.recorded.columns import plan_columns
 from strainfmu.recorded.mdf_file import opened_mdf
 from strainfmu.recorded.rasters import Channel, on_one_raster
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
+from strainfmu.recorded.temperature_columns import sensor_of
 
 
 @contextmanager
@@ -37,7 +38,12 @@ def mf4_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
         if not signals:
             raise InputError(f"{path}: no channel of a gauge found, it holds {', '.join(names[:6])}")
         channels = {name: _channel(path, name, signal) for name, signal in signals.items()}
-        merged = on_one_raster(path, channels, [name for name in channels if last_part(name) not in wanted.flow])
+        strains = [
+            name
+            for name in channels
+            if last_part(name) not in wanted.flow and sensor_of(name, wanted.sensors) is None
+        ]
+        merged = on_one_raster(path, channels, strains)
         columns: dict[str, Any] = {"time": merged.time, **dict.fromkeys(names), **merged.values}
         units: dict[str, str | None] = {"time": "s", **{name: signal.unit for name, signal in signals.items()}}
         yield column_file(path, columns, units=units, wanted=wanted, notes=merged.notes)

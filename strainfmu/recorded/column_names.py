@@ -11,6 +11,7 @@ from pathlib import Path
 from strainfmu.errors import InputError
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.recorded.strain_level import LevelReference
+from strainfmu.recorded.temperature_columns import is_temperature, sensor_of
 
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
@@ -58,6 +59,7 @@ class Wanted:
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     needs_pressure : whether a file that neither holds q_inf nor lets it be computed is refused.
+    sensors : names of the n_t temperature sensors that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     """
@@ -70,6 +72,7 @@ class Wanted:
     computes_pressure: bool = False
     combined: frozenset[str] = frozenset()
     needs_pressure: bool = True
+    sensors: tuple[str, ...] = ()
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:
@@ -117,7 +120,11 @@ def columns_to_read(
             unused.append(name)
         elif is_read(name, wanted) if known is None else name in known:
             read.append(column)
-        elif _is_signal(name) or any(pattern.fullmatch(name) for pattern in patterns):
+        elif (
+            _is_signal(name)
+            or (is_temperature(name) and not wanted.sensors)
+            or any(pattern.fullmatch(name) for pattern in patterns)
+        ):
             unused.append(name)
         else:
             unknown.append(name)
@@ -138,6 +145,8 @@ def _pattern(entry: str) -> re.Pattern[str]:
 def is_read(name: str, wanted: Wanted) -> bool:
     """Return whether a column of this name is one of time, gauges and flow."""
     if name in wanted.gauge_names or name.lower() in TIME_NAMES or last_part(name) in wanted.flow:
+        return True
+    if sensor_of(name, wanted.sensors) is not None:
         return True
     number = strain_number(name)
     return number is not None and 1 <= number <= len(wanted.gauge_names)

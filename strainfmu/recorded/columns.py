@@ -23,6 +23,12 @@ from strainfmu.recorded.column_names import (
 )
 from strainfmu.recorded.flight_pressure import computed_pressure, pressure_note, pressure_sources
 from strainfmu.recorded.strain_level import LevelReference, level_of, likely_units
+from strainfmu.recorded.temperature_columns import (
+    TemperatureColumn,
+    temperature_columns,
+    temperature_note,
+    temperatures,
+)
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
@@ -50,12 +56,14 @@ class StrainBlock:
     strain : (n, n_d) [m/m], NaN where a gauge has no value.
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
     flow : (n,) of each other quantity of ``FLOW_NAMES`` that the file holds [Pa, 1, m], NaN where it is not known.
+    temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
     """
 
     time: FloatArray
     strain: FloatArray
     dynamic_pressure: FloatArray
     flow: Mapping[str, FloatArray] = field(default_factory=dict)
+    temperature: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,6 +78,8 @@ class ColumnPlan:
     fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, or where it is computed.
     unused : names of the columns that are not read.
     reference : strains that the map expects, None if they are not known.
+    temperature : column of each temperature sensor of the map, None of one without.
+    sensors : names of those sensors.
     """
 
     path: Path
@@ -82,11 +92,14 @@ class ColumnPlan:
     fixed_pressure: float
     unused: tuple[str, ...] = ()
     reference: LevelReference | None = None
+    temperature: tuple[TemperatureColumn | None, ...] = ()
+    sensors: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """All columns in use: time, strains, then those of ``flow``."""
-        return (self.time, *self.strain, *(column for column, _ in self.flow.values()))
+        """All columns in use: time, strains, those of ``flow``, then those of temperatures."""
+        of_flow = (column for column, _ in self.flow.values())
+        return (self.time, *self.strain, *of_flow, *(one.column for one in self.temperature if one is not None))
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -102,7 +115,8 @@ class ColumnPlan:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the columns."""
-        return (f"{self.path}: {pressure_note(self.computed_from)}",) if self.computed_from else ()
+        notes = [f"{self.path}: {pressure_note(self.computed_from)}"] if self.computed_from else []
+        return (*notes, *temperature_note(self.path, self.temperature, self.sensors))
 
     def block(self, table: FloatArray, first_row: int = 1) -> StrainBlock:
         """Return the samples of ``table`` (n, k), whose k columns are :attr:`columns`; its rows count from 1.
@@ -132,7 +146,9 @@ class ColumnPlan:
         flow.pop(STATIC_PRESSURE, None)
         pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
         # A strain that no gauge bears is no value.
-        return StrainBlock(time, np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan), pressure, flow)
+        strain = np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan)
+        warm = temperatures(self.temperature, table[:, 1 + n_d + len(self.flow) :])
+        return StrainBlock(time, strain, pressure, flow, warm)
 
     def _unit_hint(self, strain: FloatArray) -> str:
         """Return what to do about strains that no gauge bears, with the unit that the map's strains suggest."""
@@ -229,6 +245,8 @@ def plan_columns(
         fixed_pressure=float("nan") if wanted.fixed_pressure is None else wanted.fixed_pressure,
         unused=(*unused, *passed),
         reference=wanted.reference,
+        temperature=temperature_columns(path, names, given, [i for i in read if i not in indices], wanted.sensors),
+        sensors=wanted.sensors,
     )
 
 

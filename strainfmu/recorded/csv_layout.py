@@ -23,6 +23,7 @@ from strainfmu.units import (
     PRESSURE_UNITS,
     RATIO_UNITS,
     STRAIN_UNITS,
+    TEMPERATURE_UNITS,
     TIME_UNITS,
     VOLTAGE_UNITS,
 )
@@ -41,6 +42,7 @@ ALL_UNITS = frozenset(
         *NUMBER_UNITS,
         *RATIO_UNITS,
         *VOLTAGE_UNITS,
+        *TEMPERATURE_UNITS,
     }
 )
 

@@ -49,6 +49,7 @@ class FilteredFlight(FlightBlocks):
 
     def __init__(self, static: FlightBlocks, settings: FilterSettings, smooths: bool) -> None:
         super().__init__(static.estimator)
+        self.sensor_names = ()
         self.settings, self.smooths = settings, smooths
         self._filter = FlightFilter(static.estimator, settings)
 
@@ -74,6 +75,7 @@ class FilteredMap(MapBlocks):
 
     def __init__(self, static: MapBlocks, settings: FilterSettings, smooths: bool) -> None:
         super().__init__(static.estimator)
+        self.sensor_names = ()
         self.settings, self.smooths = settings, smooths
         self._filter = LinearFilter(static.estimator, settings)
 

@@ -22,9 +22,11 @@ from strainfmu.recorded.columns import (
 )
 from strainfmu.recorded.flight_pressure import pressure_sources
 from strainfmu.recorded.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
+from strainfmu.recorded.temperature_columns import TemperatureColumn, kelvin
 
 _SLASH = "%2F"
 _ARRAYS = ("strain", "time", "gauge_names")
+_TEMPERATURE = "temperature"
 
 
 @contextmanager
@@ -58,8 +60,9 @@ def _is_column(item: Any) -> bool:
 
 
 def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
-    """Read ``strain`` (n, n_d), ``time`` (n,) and the flow, each quantity a number or (n,)."""
-    read, unused = columns_to_read(path, list(file), wanted, known=(*_ARRAYS, *wanted.flow))
+    """Read ``strain`` (n, n_d), ``time`` (n,), the flow, each quantity a number or (n,), ``temperature`` (n, n_t)."""
+    known = (*_ARRAYS, *((_TEMPERATURE,) if wanted.sensors else ()), *wanted.flow)
+    read, unused = columns_to_read(path, list(file), wanted, known=known)
     names = [list(file)[column] for column in read]
     fixed = wanted.fixed_pressure
     found = [name for name in wanted.flow if name in names]
@@ -74,9 +77,11 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     if "gauge_names" in names:
         _check_gauge_order(path, file, wanted.gauge_names)
     n_d, strain, time = len(wanted.gauge_names), file["strain"], file["time"]
+    warm = file[_TEMPERATURE] if _TEMPERATURE in names else None
+    first = 1 + n_d + len(held)
     plan = ColumnPlan(
         path=path,
-        names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held),
+        names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held, *wanted.sensors),
         time=0,
         time_factor=time_factor(path, "time", _unit(path, "time", time)),
         strain=tuple(range(1, n_d + 1)),
@@ -88,8 +93,22 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         fixed_pressure=float("nan") if fixed is None else fixed,
         unused=(*unused, *(name for name in wanted.flow if name in names and name not in held)),
         reference=wanted.reference,
+        temperature=_sensors(path, warm, first, len(wanted.sensors), len(time)),
+        sensors=wanted.sensors,
     )
-    return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=[file[name] for name in held]), plan)
+    flow = [file[name] for name in held]
+    return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=flow, warm=warm), plan)
+
+
+def _sensors(path: Path, warm: Any, first: int, n_t: int, n: int) -> tuple[TemperatureColumn | None, ...]:
+    """Return the columns of temperatures, from ``first`` on, of the data set ``warm``; None there if it is None."""
+    if warm is None:
+        return (None,) * n_t
+    if not isinstance(warm, h5py.Dataset) or warm.shape != (n, n_t) or warm.dtype.kind not in "fiu":
+        got = getattr(warm, "shape", "a group")
+        raise InputError(f"{path}: data set '{_TEMPERATURE}': expected numbers of shape {(n, n_t)}, got {got}")
+    factor, offset = kelvin(path, _TEMPERATURE, _unit(path, _TEMPERATURE, warm))
+    return tuple(TemperatureColumn(first + sensor, factor, offset) for sensor in range(n_t))
 
 
 def _check_shapes(path: Path, file: h5py.File, n_d: int, held: list[str]) -> None:
@@ -109,7 +128,9 @@ def _check_shapes(path: Path, file: h5py.File, n_d: int, held: list[str]) -> Non
             )
 
 
-def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, flow: list[Any]) -> Iterator[tuple[StrainBlock, int]]:
+def _hdf5_blocks(
+    plan: ColumnPlan, time: Any, strain: Any, flow: list[Any], warm: Any
+) -> Iterator[tuple[StrainBlock, int]]:
     last = -np.inf
     for first in range(0, len(time), BLOCK_ROWS):
         rows = slice(first, min(first + BLOCK_ROWS, len(time)))
@@ -117,6 +138,8 @@ def _hdf5_blocks(plan: ColumnPlan, time: Any, strain: Any, flow: list[Any]) -> I
         for held in flow:
             value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
             parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
+        if warm is not None:
+            parts.append(np.asarray(warm[rows], dtype=float))
         block, last = checked_block(plan, np.column_stack(parts), first_row=first + 1, last=last)
         yield block, rows.stop
 

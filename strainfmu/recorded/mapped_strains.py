@@ -23,6 +23,7 @@ from strainfmu.recorded.flight_pressure import pressure_sources
 from strainfmu.recorded.name_match import matched, plain_name, suggestion
 from strainfmu.recorded.rasters import Channel, on_one_raster
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
+from strainfmu.recorded.temperature_columns import is_temperature, kelvin, sensor_of, temperature_quantities
 from strainfmu.units import STRAIN_UNITS, TIME_UNITS
 
 _QUANTITIES = (*FLOW_NAMES, STATIC_PRESSURE)
@@ -55,6 +56,7 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     """
     stated = [*(item.name for item in mapping.channels), *(item.name for item in mapping.flow)]
     stated += [one for one in (mapping.time, mapping.raster) if one is not None]
+    stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
     with open_channels(path, {plain_name(name) for name in (*stated, *_QUANTITIES)}) as file:
         gauges = _gauges(mapping, wanted)
         found = _Found()
@@ -236,9 +238,14 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
         if unit is None and entry.quantity != "mach_number":
             raise InputError(f"{mapping.path}: {entry.where}.unit: entry is missing, the recording states none")
         stated.add(entry.quantity)
+        if is_temperature(entry.quantity) and sensor_of(entry.quantity, wanted.sensors) is None:
+            raise InputError(
+                f"{mapping.path}: {entry.where}.quantity: expected one of {len(wanted.sensors)} sensors of the map, "
+                f"got '{entry.quantity}'"
+            )
         _add_flow(file, name, entry.quantity, unit=unit, clock=clock, found=found)
-    for quantity in _QUANTITIES:
-        own = [name for name in file.names if last_name(name) == quantity]
+    for quantity in (*_QUANTITIES, *temperature_quantities(wanted.sensors)):
+        own = [name for name in file.names if last_name(name) in _own_names(quantity, wanted.sensors)]
         if quantity not in stated and len(own) == 1:
             _add_flow(file, own[0], quantity, unit=file.units.get(own[0]), clock=clock, found=found)
     is_known = "dynamic_pressure" in found.flow or wanted.fixed_pressure is not None
@@ -249,13 +256,23 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
         )
 
 
+def _own_names(quantity: str, sensors: Sequence[str]) -> tuple[str, ...]:
+    """Return the plain names that a channel of ``quantity`` may have by itself: a sensor's own name, too."""
+    sensor = sensor_of(quantity, sensors)
+    return (quantity,) if sensor is None else (plain_name(quantity), plain_name(sensors[sensor]))
+
+
 def _add_flow(
     file: ChannelFile, name: str, quantity: str, *, unit: str | None, clock: _Clock, found: _Found
 ) -> None:
     if name in found.used:
         raise InputError(f"{file.path}: channel '{name}': expected one use, got two, the second as {quantity}")
     raw = _read(file, name, clock)
-    found.channels[name] = Channel(raw.time, raw.values * flow_factor(file.path, name, quantity, unit))
+    is_warm = is_temperature(quantity)
+    factor, offset = (
+        kelvin(file.path, name, unit) if is_warm else (flow_factor(file.path, name, quantity, unit), 0.0)
+    )
+    found.channels[name] = Channel(raw.time, raw.values * factor + offset)
     found.flow[quantity] = name
     found.used.add(name)
 

@@ -144,6 +144,7 @@ def estimate_file(
             computes_pressure=True,
             ignored=tuple(ignore_columns),
             reference=estimator.reference,
+            sensors=estimator.sensor_names,
         )
         if channels is not None and ignore_columns:
             raise InputError(
@@ -154,7 +155,8 @@ def estimate_file(
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
             zero = 0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value
             summary = EstimationSummary(
-                unused=plan.unused, notes=[*opened.notes, *_unused_inputs(source, estimator, plan)]
+                unused=plan.unused,
+                notes=[*opened.notes, *_unused_inputs(source, estimator, plan)],
             )
             names = _columns(plan, estimator.further_columns, estimator.gauge_names if residuals else ())
             made = filter_attributes(estimator)

@@ -16,6 +16,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.detectability import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.innovation import inverse_cholesky
+from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
 from strainfmu.estimator.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,
@@ -76,6 +77,9 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
         console.print(_eigenvalues(loaded))
     console.print(_coefficients(loaded))
     console.print(_gauges(loaded))
+    if loaded.thermal is not None:
+        console.print(temperature_table(loaded.thermal))
+        console.print(temperature_sensors(loaded.thermal))
     if folder is not None:
         for name in _draw(loaded, folder):
             console.print(f"{folder / name}: written", highlight=False, markup=False, soft_wrap=True)
