@@ -10,8 +10,8 @@ from pathlib import Path
 from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.recorded.bridges import BENDING, BRIDGES, POISSON, WIRES
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE
-from strainfmu.recorded.temperature_columns import is_temperature
 from strainfmu.recorded.rasters import JOINS, Join
+from strainfmu.recorded.temperature_columns import is_temperature
 from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
 
 COMPENSATIONS = ("none", "self", "dummy", "bridge")
@@ -69,7 +69,7 @@ class ChannelEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowEntry:
-    """One channel of the flow: a quantity of ``FLOW_NAMES``, ``STATIC_PRESSURE`` or ``temperature[k]``, its unit."""
+    """One channel of the flow: one of ``FLOW_NAMES``, ``STATIC_PRESSURE`` or ``temperature[k]``; its unit."""
 
     where: str
     name: str

@@ -60,7 +60,7 @@ def _is_column(item: Any) -> bool:
 
 
 def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
-    """Read ``strain`` (n, n_d), ``time`` (n,), the flow, each quantity a number or (n,), ``temperature`` (n, n_t)."""
+    """Read ``strain`` (n, n_d), ``time`` (n,), the flow, each a number or (n,), and ``temperature`` (n, n_t)."""
     known = (*_ARRAYS, *((_TEMPERATURE,) if wanted.sensors else ()), *wanted.flow)
     read, unused = columns_to_read(path, list(file), wanted, known=known)
     names = [list(file)[column] for column in read]
@@ -101,7 +101,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
 
 
 def _sensors(path: Path, warm: Any, first: int, n_t: int, n: int) -> tuple[TemperatureColumn | None, ...]:
-    """Return the columns of temperatures, from ``first`` on, of the data set ``warm``; None there if it is None."""
+    """Return the columns of temperatures, from ``first`` on, of the data set ``warm``; None of none."""
     if warm is None:
         return (None,) * n_t
     if not isinstance(warm, h5py.Dataset) or warm.shape != (n, n_t) or warm.dtype.kind not in "fiu":

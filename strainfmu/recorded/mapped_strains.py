@@ -240,8 +240,8 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
         stated.add(entry.quantity)
         if is_temperature(entry.quantity) and sensor_of(entry.quantity, wanted.sensors) is None:
             raise InputError(
-                f"{mapping.path}: {entry.where}.quantity: expected one of {len(wanted.sensors)} sensors of the map, "
-                f"got '{entry.quantity}'"
+                f"{mapping.path}: {entry.where}.quantity: expected one of {len(wanted.sensors)} sensors of the "
+                f"map, got '{entry.quantity}'"
             )
         _add_flow(file, name, entry.quantity, unit=unit, clock=clock, found=found)
     for quantity in (*_QUANTITIES, *temperature_quantities(wanted.sensors)):

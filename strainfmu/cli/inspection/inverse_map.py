@@ -13,10 +13,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray
+from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
 from strainfmu.estimator.detectability import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.innovation import inverse_cholesky
-from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
 from strainfmu.estimator.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
@@ -27,7 +29,7 @@ def temperature_table(thermal: ThermalMap) -> Table:
         left = (
             sensor_set(thermal, np.full(thermal.n_sensors, known)).gauge_covariance - thermal.isothermal_covariance
         )
-        rms = MICRO * float(np.sqrt(max(np.mean(np.diag(left)), 0.0)))
+        rms = MICRO * sqrt(max(float(np.mean(np.diag(left))), 0.0))
         table.add_row(escape(f"thermal strain left with {name}, rms of the gauges [um/m]"), f"{rms:.3g}")
     return table
 
