@@ -5,7 +5,8 @@ The wind seen by the body is V (cos a cos b, -sin b, sin a cos b) in body axes: 
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import atan2, cos, degrees, hypot, sin
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
@@ -21,6 +22,8 @@ class FlightCondition:
     angle_of_attack : alpha [rad], positive nose-up.
     sideslip_angle : beta [rad], positive with the wind from starboard.
     altitude : H, geopotential [m].
+    parameters : further parameters of the flow, such as deflections of control surfaces, in the order and the
+        units of the vehicle file.
 
     Example
     -------
@@ -34,6 +37,13 @@ class FlightCondition:
     angle_of_attack: float
     sideslip_angle: float
     altitude: float
+    parameters: tuple[float, ...] = ()
+
+    @classmethod
+    def of_row(cls, row: Sequence[float]) -> FlightCondition:
+        """Return the condition of :meth:`as_row`."""
+        mach_number, angle_of_attack, sideslip_angle, altitude, *parameters = map(float, row)
+        return cls(mach_number, angle_of_attack, sideslip_angle, altitude, tuple(parameters))
 
     @property
     def _cross_flow(self) -> tuple[float, float]:
@@ -65,10 +75,15 @@ class FlightCondition:
 
     def as_tuple(self) -> tuple[float, float, float, float]:
         """Return (mach_number, angle_of_attack, sideslip_angle, altitude)."""
-        return astuple(self)
+        return self.mach_number, self.angle_of_attack, self.sideslip_angle, self.altitude
+
+    def as_row(self) -> tuple[float, ...]:
+        """Return :meth:`as_tuple` and the further parameters after it."""
+        return (*self.as_tuple(), *self.parameters)
 
     def __str__(self) -> str:
         return (
             f"M {self.mach_number:g}, angle of attack {degrees(self.angle_of_attack):g} deg, "
             f"sideslip {degrees(self.sideslip_angle):g} deg, {self.altitude / 1e3:g} km"
+            + (f", parameters {', '.join(f'{value:g}' for value in self.parameters)}" if self.parameters else "")
         )

@@ -86,6 +86,7 @@ def _level(name: str) -> MarchingGrid:
 def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, note: Note) -> Engine:
     from builder.aero.cfd.surface_files import read_surface
     from builder.aero.cfd.units import METRES
+    from builder.aero.deflections import deflections_of
     from builder.aero.newtonian import NewtonianEngine, newtonian_engine
 
     _refuse_level("newtonian", grid_level)
@@ -96,7 +97,8 @@ def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None,
         if value is not None
     }
     if entries.surface is None:
-        return NewtonianEngine(_noted_surface(vehicle, resolution, note), **options)
+        surface = _noted_surface(vehicle, resolution, note)
+        return NewtonianEngine(surface, **options, deflections=deflections_of(vehicle, surface))
     path = vehicle.beside(entries.surface)
     mesh = read_surface(path, METRES[entries.surface_length_unit])
     try:
@@ -115,7 +117,8 @@ def _table(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, not
     manifest = vehicle.aerodynamics.manifest
     if manifest is None:
         raise InputError("aerodynamics.manifest: entry is missing, the table engine reads its results from there")
-    return table_engine(vehicle.beside(manifest), _noted_surface(vehicle, resolution, note))
+    surface = _noted_surface(vehicle, resolution, note)
+    return table_engine(vehicle.beside(manifest), surface, tuple(vehicle.conditions.parameters))
 
 
 def _noted_surface(vehicle: Vehicle, resolution: Resolution, note: Note) -> SurfaceMesh:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, degrees, radians, sin
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from builder.aero.surface_mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
+
+if TYPE_CHECKING:
+    from builder.aero.deflections import Deflection
 
 METHOD_VERSION = 1
 """Raised whenever results change, so that stored flows of an older version are solved again."""
@@ -47,6 +50,7 @@ class NewtonianEngine:
     surface : nodes doubled at sharp edges, triangles facing outward (:func:`newtonian_engine` makes it so).
     stagnation : one of :data:`builder.aero.local_inclination.STAGNATION`.
     leeward : one of :data:`builder.aero.local_inclination.LEEWARD`.
+    deflections : how the surface moves with each further parameter of the flow, in the order of a condition's.
 
     Raises
     ------
@@ -57,6 +61,7 @@ class NewtonianEngine:
     surface: SurfaceMesh
     stagnation: str = "rayleigh_pitot"
     leeward: str = "ambient"
+    deflections: tuple[Deflection, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value, allowed in (
@@ -79,14 +84,18 @@ class NewtonianEngine:
             "surface": self.surface.digest(),
             "stagnation": self.stagnation,
             "leeward": self.leeward,
+            **({"deflections": {one.name: one.digest() for one in self.deflections}} if self.deflections else {}),
         }
 
     def conditions(self) -> None:
         return None
 
     def flow_key(self, condition: FlightCondition) -> FlowKey:
-        """Return (M, alpha, beta), angles in radians, rounded; altitude does not change p/p_inf."""
-        values = condition.mach_number, condition.angle_of_attack, condition.sideslip_angle
+        """Return (M, alpha [rad], beta [rad], further parameters), rounded; altitude does not change p/p_inf."""
+        values = (
+            *(condition.mach_number, condition.angle_of_attack, condition.sideslip_angle),
+            *condition.parameters[: len(self.deflections)],
+        )
         return tuple(round(value, 9) for value in values)
 
     def solve(self, key: FlowKey) -> Flow:
@@ -95,12 +104,17 @@ class NewtonianEngine:
         wind = np.array(
             [cos(angle_of_attack) * cos(sideslip), -sin(sideslip), sin(angle_of_attack) * cos(sideslip)]
         )
-        sine = -self.surface.node_normal @ wind
+        sine = -self._moved(key[3:]).node_normal @ wind
         if self.leeward == "matched":
             _check_blunt(mach_number, float(sine.max()))
         ratio = inclination_pressure_ratio(mach_number, sine, self.stagnation, self.leeward)
         base = self.surface.node_normal[:, 0] >= cos(BASE_ANGLE)
         return Flow(key=key, arrays={"pressure_ratio": np.where(base & (sine < 0.0), 1.0, ratio)})
+
+    def _moved(self, parameters: tuple[float, ...]) -> SurfaceMesh:
+        """Return the surface at values of the further parameters; those that are not given leave it as it is."""
+        shifts = [one.at(value) for one, value in zip(self.deflections, parameters, strict=False)]
+        return SurfaceMesh(self.surface.point + sum(shifts), self.surface.triangle) if shifts else self.surface
 
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
         return flow.arrays["pressure_ratio"]

@@ -89,7 +89,7 @@ def surface_of_file(path: Path, unit: str | None, length: float | None) -> tuple
     """
     mesh = read_surface(path)
     extent = float(np.ptp(mesh.point[:, 0]))
-    scale = METRES[unit] if unit is not None else _unit_of_length(path, extent, length)
+    scale = file_scale(path, extent, unit, length)
     if length is not None and abs(scale * extent / length - 1.0) > SAME_LENGTH:
         fitting = [name for name, one in METRES.items() if abs(one * extent / length - 1.0) <= SAME_LENGTH]
         hint = f"; in {fitting[0]} it is {METRES[fitting[0]] * extent:.4g} m" if fitting else ""
@@ -121,7 +121,16 @@ def surface_length(surface: SurfaceMesh) -> float:
     return float(surface.point[:, 0].max())
 
 
-def _unit_of_length(path: Path, extent: float, length: float | None) -> float:
+def file_scale(path: Path, extent: float, unit: str | None, length: float | None) -> float:
+    """Return the metres of a file's unit of length, from the unit or, without one, from the vehicle's length [m].
+
+    Raises
+    ------
+    InputError
+        No unit makes the file's ``extent`` along x the length.
+    """
+    if unit is not None:
+        return METRES[unit]
     assert length is not None
     for scale in METRES.values():
         if abs(scale * extent / length - 1.0) <= SAME_LENGTH:

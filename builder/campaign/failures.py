@@ -38,13 +38,13 @@ class FailedCondition:
 
     def as_entry(self) -> dict[str, Any]:
         """Return it as the settings of a snapshot file hold it: Mach number [1], angles [rad], altitude [m]."""
-        return {"number": self.number, "condition": list(self.condition.as_tuple()), "cause": self.cause}
+        return {"number": self.number, "condition": list(self.condition.as_row()), "cause": self.cause}
 
 
 def failed_conditions(snapshots: Snapshots) -> tuple[FailedCondition, ...]:
     """Return the conditions that the campaign of ``snapshots`` had and could not solve."""
     return tuple(
-        FailedCondition(int(entry["number"]), FlightCondition(*entry["condition"]), str(entry["cause"]))
+        FailedCondition(int(entry["number"]), FlightCondition.of_row(entry["condition"]), str(entry["cause"]))
         for entry in snapshots.settings.get("failed", ())
     )
 

@@ -244,7 +244,7 @@ def snapshots_of_flows(
             "inputs": dict(engine.inputs()),
             **({"failed": [one.as_entry() for one in left_out]} if left_out else {}),
         },
-        condition=np.array([condition.as_tuple() for condition in conditions]),
+        condition=np.array([condition.as_row() for condition in conditions]),
         pressure=pressure,
         internal_pressure=campaign.internal_pressure[rows],
         reference=np.array([reference.area, reference.length, reference.moment_station]),

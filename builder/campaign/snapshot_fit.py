@@ -114,7 +114,11 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
     same = snapshots.engine == vehicle.aerodynamics.engine
     if same and set(conditions) == set(vehicle.flight_conditions()):
         return vehicle
-    mach, alpha, beta, altitude = (np.unique(column).tolist() for column in snapshots.condition.T)
+    mach, alpha, beta, altitude, *values = (np.unique(column).tolist() for column in snapshots.condition.T)
+    parameters = {
+        name: vehicle.conditions.parameters[name].model_copy(update={"values": one})
+        for name, one in zip(snapshots.parameter_names, values, strict=True)
+    }
     alpha, beta = np.degrees(alpha).tolist(), np.degrees(beta).tolist()
     if vehicle.map.symmetry == "full":
         alpha, beta = [0.0, float(np.degrees(snapshots.total_incidence.max()))], [0.0]
@@ -123,6 +127,7 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
         "angle_of_attack_deg": alpha,
         "sideslip_angle_deg": beta,
         "altitude_km": [1e-3 * one for one in altitude],
+        "parameters": parameters,
     }
     return vehicle.model_copy(
         update={

@@ -45,7 +45,8 @@ class Snapshots:
     vehicle, engine : names.
     settings : the engine's inputs, and the version that wrote the file; under ``failed`` the conditions of the
         campaign that are not here, where there are any.
-    condition : (N, 4) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m].
+    condition : (N, 4 + k) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m], then the
+        values of k further parameters, whose names are ``settings["parameters"]``.
     pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
     internal_pressure : (N,) pressure inside the body [Pa].
     reference : (3,) S [m2], L [m], moment station [m].
@@ -85,7 +86,12 @@ class Snapshots:
 
     def conditions(self) -> list[FlightCondition]:
         """Return the conditions as objects."""
-        return [FlightCondition(*map(float, row)) for row in self.condition]
+        return [FlightCondition.of_row(row) for row in self.condition.tolist()]
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the further parameters of the flow."""
+        return tuple(self.settings.get("parameters", ()))
 
     @property
     def total_incidence(self) -> FloatArray:
@@ -95,7 +101,7 @@ class Snapshots:
     def __post_init__(self) -> None:
         n, n_p = self.pressure.shape if self.pressure.ndim == 2 else (-1, -1)
         shapes = {
-            "condition": (n, 4),
+            "condition": (n, 4 + len(self.parameter_names)),
             "internal_pressure": (n,),
             "reference": (3,),
             "point": (n_p, 3),

@@ -42,6 +42,7 @@ def vehicle_campaign(
             "strainfmu_version": __version__,
             "sets": [{"name": one.name, "conditions": len(one.conditions)} for one in chosen],
             "options": dict(options or {}),
+            **({"parameters": list(vehicle.conditions.parameters)} if vehicle.conditions.parameters else {}),
             **({"profile": profile_record(vehicle.body())} if vehicle.is_of_revolution else {}),
         },
     )

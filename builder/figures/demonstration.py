@@ -14,7 +14,7 @@ from builder.figures.unrolled import at_roll_angles
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.inverse_map import InverseMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,6 +26,7 @@ COEFFICIENT_TITLES = {
     "C_Y": "Side force $C_Y$ [1]",
     "M_P": "Pitching moment $M_P$ [1]",
     "M_Y": "Yawing moment $M_Y$ [1]",
+    "M_R": "Rolling moment $M_R$ [1]",
 }
 
 
@@ -178,9 +179,10 @@ def _draw_coefficient(axis: Any, recording: Recording, name: str) -> None:
 
 def coefficients(recording: Recording, title: str) -> Figure:
     """Draw estimated and true coefficients over time with bands of 3 sigma, and the health chi-square."""
-    figure = blank_figure(10.0, 11.0)
-    axes = figure.subplots(len(COEFFICIENT_NAMES) + 1, 1, sharex=True)
-    for axis, name in zip(axes, COEFFICIENT_NAMES, strict=False):
+    names = [name for name in COEFFICIENT_TITLES if f"plant.{name}" in recording.names]
+    figure = blank_figure(10.0, 1.0 + 2.0 * len(names))
+    axes = figure.subplots(len(names) + 1, 1, sharex=True)
+    for axis, name in zip(axes, names, strict=False):
         _draw_coefficient(axis, recording, name)
     axes[0].legend(ncols=3, fontsize=8, loc="upper right")
     health = axes[-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GAUGE_COLOUR = "#c02020"
+SHOWN_SHARE = 0.95
+"""Of the triangles, that the colours tell apart; the highest pressures have one colour."""
 
 
 def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str) -> Figure:
@@ -40,6 +43,7 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
         patches = PolyCollection(
             list(seen[triangle[order], :2]), array=mean[order], cmap=COLOUR_MAP, edgecolors="face"
         )
+        patches.set_clim(float(mean.min()), float(np.quantile(mean, SHOWN_SHARE)))
         patches.set_linewidth(0.2)
         ax.add_collection(patches)
         spots = position @ view.T
@@ -48,9 +52,11 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
         ax.set_aspect("equal")
         ax.set_title(name, fontsize="small")
         ax.set_xlabel("x [m]" if view is not oblique else "")
-        figure.colorbar(patches, ax=ax, label="p/p_inf")
+        figure.colorbar(patches, ax=ax, label="p/p_inf", extend="max")
     axes[0].legend(loc="upper left", fontsize="small")
-    figure.suptitle(f"{title}: {condition}", fontsize="medium")
+    named = zip(snapshots.parameter_names, condition.parameters, strict=True)
+    further = "".join(f", {name} {value:g}" for name, value in named)
+    figure.suptitle(f"{title}: {replace(condition, parameters=())}{further}", fontsize="medium")
     return figure
 
 

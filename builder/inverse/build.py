@@ -334,12 +334,20 @@ def _provenance(
         ],
         "internal_pressure_Pa": vehicle.structure.internal_pressure_Pa,
         **condition_ranges(conditions),
+        **_parameter_ranges(snapshots),
         "total_incidence_deg": _incidence_range(ensemble),
         "moment_station_m": vehicle.reference_quantities().moment_station,
         "resolution": vehicle.resolution.map.model_dump(),
         "structural_model": structure.description,
         **({} if problem.mesh is None else {"mesh_error": problem.mesh.record(_gauge_names(vehicle, structure))}),
     }
+
+
+def _parameter_ranges(snapshots: Snapshots) -> dict[str, Any]:
+    """Return the least and greatest value of each further parameter of the flow, under ``parameters``."""
+    names, values = snapshots.parameter_names, snapshots.condition[:, 4:]
+    ranges = [[float(one.min()), float(one.max())] for one in values.T]
+    return {"parameters": dict(zip(names, ranges, strict=True))} if names else {}
 
 
 def _gauge_names(vehicle: Vehicle, structure: AnyStructure) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_
 from strainfmu.cosim.system import System
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
 from strainfmu.fmu.native_package import shipped_libraries
@@ -165,7 +165,7 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     vehicle = pipeline.vehicle
     recording = fly_free_shape(pipeline, vehicle_as_built(vehicle, as_built))
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-    flown = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    flown = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre), tuple(vehicle.conditions.parameters))
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
         pipeline.reporter.note(warning)
     score = score_flight(recording)
@@ -386,9 +386,7 @@ def _without_nan(value: Any) -> Any:
 def _summary(pipeline: Pipeline, score: FlightScore, more: dict[str, dict[str, Any]]) -> None:
     def make(path: Path) -> None:
         values = {
-            key: dict(zip(COEFFICIENT_NAMES, value.tolist(), strict=True))
-            if isinstance(value, np.ndarray)
-            else value
+            key: dict(zip(score.names, value.tolist(), strict=True)) if isinstance(value, np.ndarray) else value
             for key, value in asdict(score).items()
         }
         values |= {name: entry for name, entry in more.items() if entry}

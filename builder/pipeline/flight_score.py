@@ -10,24 +10,27 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
+ROLLING = "M_R"
 CONSTANT = 1e-9
 """Range of a coefficient [1] below which it counts as constant."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightScore:
-    """Errors of C_A, C_N, C_Y, M_P, M_Y over a flight of n samples.
+    """Errors of m coefficients over a flight of n samples.
 
     Attributes
     ----------
-    rms_error : (5,) root mean square of estimate minus truth [1].
-    rms_error_of_range : (5,) the same over the range of the truth in this flight [1]; NaN where it is constant.
-    mean_sigma : (5,) mean stated standard deviation [1].
-    coverage : (5,) fraction of samples with the truth within 3 sigma [1].
+    names : of the m coefficients: C_A, C_N, C_Y, M_P, M_Y, and M_R where it was recorded.
+    rms_error : (m,) root mean square of estimate minus truth [1].
+    rms_error_of_range : (m,) the same over the range of the truth in this flight [1]; NaN where it is constant.
+    mean_sigma : (m,) mean stated standard deviation [1].
+    coverage : (m,) fraction of samples with the truth within 3 sigma [1].
     healthy : fraction of samples with health state OK [1].
     step_time : median wall-clock time of one step per instance [s].
     """
 
+    names: tuple[str, ...]
     rms_error: FloatArray
     rms_error_of_range: FloatArray
     mean_sigma: FloatArray
@@ -38,14 +41,16 @@ class FlightScore:
 
 def score_flight(recording: Recording, plant: str = "plant", estimator: str = "estimator") -> FlightScore:
     """Compare the estimates of the instance ``estimator`` with the truth of the instance ``plant``."""
-    truth = np.stack([recording[f"{plant}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
-    estimate = np.stack([recording[f"{estimator}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
-    sigma = np.stack([recording[f"{estimator}.sigma.{name}"] for name in COEFFICIENT_NAMES], axis=1)
+    names = (*COEFFICIENT_NAMES, *((ROLLING,) if f"{plant}.{ROLLING}" in recording.names else ()))
+    truth = np.stack([recording[f"{plant}.{name}"] for name in names], axis=1)
+    estimate = np.stack([recording[f"{estimator}.{name}"] for name in names], axis=1)
+    sigma = np.stack([recording[f"{estimator}.sigma.{name}"] for name in names], axis=1)
     error = estimate - truth
     rms = np.sqrt(np.mean(error**2, axis=0))
     spread = np.ptp(truth, axis=0)
     cost = np.median(recording.step_cost, axis=0)
     return FlightScore(
+        names=names,
         rms_error=rms,
         rms_error_of_range=np.divide(rms, spread, out=np.full(len(rms), np.nan), where=spread > CONSTANT),
         mean_sigma=sigma.mean(axis=0),

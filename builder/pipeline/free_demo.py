@@ -18,6 +18,7 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.figures.free_shape import shape_with_gauges
+from builder.pipeline.flight_score import ROLLING
 from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
@@ -34,6 +35,7 @@ from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.native_package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names
@@ -104,7 +106,7 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
 def _flown(pipeline: Pipeline, case: FreeCase, built: AsBuilt) -> FlownPath:
     """Compute what the vehicle does on its manoeuvre."""
     vehicle, reporter = pipeline.vehicle, pipeline.reporter
-    path = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    path = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre), tuple(vehicle.conditions.parameters))
     time = STEP_SIZE * np.arange(round(path.stop_time / STEP_SIZE) + 1, dtype=np.float64)
     flows = flows_along(vehicle, path, reporter)
     structure = load_structure(pipeline.path(STRUCTURE)).check
@@ -144,17 +146,32 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
             )
             if i % 100 == 0:
                 progress(i, len(strain))
-    table = np.array([condition.as_tuple() for condition in flown.conditions])
-    plant = [*COEFFICIENT_NAMES, *strain_names(strain.shape[1]), "dynamic_pressure"]
-    plant += ["mach_number", "angle_of_attack", "sideslip_angle", "altitude"]
+    # No output of the FMU: the same estimate by the estimator in Python.
+    estimates = Estimator(inverse_map).estimate(strain, stated)
+    table = np.array([condition.as_row() for condition in flown.conditions])
+    parameters = list(pipeline.vehicle.conditions.parameters)
+    plant = [*COEFFICIENT_NAMES, ROLLING, *strain_names(strain.shape[1]), "dynamic_pressure"]
+    plant += ["mach_number", "angle_of_attack", "sideslip_angle", "altitude", *parameters]
     estimator = [*COEFFICIENT_NAMES, *(f"sigma.{name}" for name in COEFFICIENT_NAMES)]
-    estimator += ["health.state", "health.chi_square", LIMIT]
-    units = ["1"] * 5 + ["1"] * strain.shape[1] + ["Pa", "1", "rad", "rad", "m"] + ["1"] * 10 + ["", "1", "1"]
+    estimator += ["health.state", "health.chi_square", LIMIT, ROLLING, f"sigma.{ROLLING}"]
+    units = ["1"] * (6 + strain.shape[1]) + ["Pa", "1", "rad", "rad", "m"] + [""] * len(parameters)
+    units += ["1"] * 10 + ["", "1", "1", "1", "1"]
     return Recording(
         time=flown.time,
         names=(*(f"plant.{name}" for name in plant), *(f"estimator.{name}" for name in estimator)),
         units=tuple(units),
-        values=np.column_stack([flown.coefficients, strain, stated, table, np.array(rows)]),
+        values=np.column_stack(
+            [
+                flown.coefficients,
+                flown.rolling,
+                strain,
+                stated,
+                table,
+                np.array(rows),
+                estimates.M_R,
+                estimates.sigma.M_R,
+            ]
+        ),
         instances=("estimator",),
         step_cost=np.array(cost[1:])[:, None],
     )

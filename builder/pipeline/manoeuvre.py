@@ -26,7 +26,7 @@ def manoeuvre_warnings(
     conditions : those of the snapshots.
     of_revolution : whether the snapshots are of a body of revolution, whose flows hold at every roll angle.
     """
-    flown = [FlightCondition(*row) for row in trajectory.conditions.tolist()]
+    flown = [FlightCondition.of_row(row) for row in trajectory.conditions.tolist()]
     return [
         f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
         f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
@@ -59,3 +59,5 @@ def _ranges(
     if vehicle.map.form == "dynamic_pressure":
         heights = list(vehicle.map.valid_altitude_km)
     yield "altitude", " km", [1e-3 * c.altitude for c in flown], heights
+    for i, name in enumerate(vehicle.conditions.parameters):
+        yield name, "", [c.parameters[i] for c in flown], [c.parameters[i] for c in held]

@@ -103,7 +103,7 @@ def _snapshots(pipeline: Pipeline) -> None:
         "engine": campaign.engine.inputs(),
         "engine_entries": vehicle.aerodynamics.model_dump(),
         "surface": sha256(surface.point.tobytes() + surface.triangle.tobytes()).hexdigest(),
-        "conditions": [condition.as_tuple() for condition in campaign.conditions],
+        "conditions": [condition.as_row() for condition in campaign.conditions],
         "flows": [campaign.engine.flow_key(condition) for condition in campaign.conditions],
         "internal_pressure": campaign.internal_pressure,
         "reference": asdict(campaign.reference),

@@ -13,7 +13,8 @@ from scipy.interpolate import CubicSpline
 
 from builder.aero.engines import make_engine
 from builder.aero.loads import coefficients_of
-from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.aero.section_loads import six_loads
+from builder.aero.surface_mesh import SurfaceMesh
 from builder.campaign.run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
@@ -53,12 +54,14 @@ class FlownPath:
     conditions : n flight conditions.
     strain : (n, n_d) of the gauges as built, without noise [m/m].
     coefficients : (n, 5) C_A, C_N, C_Y, M_P, M_Y [1].
+    rolling : (n,) M_R [1].
     """
 
     time: FloatArray
     conditions: tuple[FlightCondition, ...]
     strain: FloatArray
     coefficients: FloatArray
+    rolling: FloatArray
 
 
 def flows_along(vehicle: Vehicle, path: Trajectory, reporter: Reporter) -> tuple[FloatArray, Snapshots]:
@@ -121,19 +124,24 @@ def flown_path(
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
     at_knots = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
     ratio = CubicSpline(knots, snapshots.pressure / at_knots[:, None], axis=0)
-    loads = mesh_load_operator(snapshots.surface, vehicle.reference_quantities().moment_station)
+    reference = vehicle.reference_quantities()
+    loads = six_loads(snapshots.surface, reference.moment_station)
+    scale = np.array([one.dynamic_pressure for one in conditions]) * reference.area * reference.length
     own = _as_built(vehicle, case, operator, built)
     strain, coefficients = np.empty((len(time), len(own))), np.empty((len(time), 5))
+    rolling = np.empty(len(time))
     for start in range(0, len(time), 100):  # in blocks: pressures on all nodes are large
         part = slice(start, start + 100)
         net = ambient[part, None] * ratio(time[part]) - inside[part, None]
-        coefficients[part] = coefficients_of(net, loads, conditions[part], vehicle.reference_quantities())
+        coefficients[part] = coefficients_of(net, loads[:5], conditions[part], reference)
+        rolling[part] = net @ loads[5] / scale[part]
         strain[part] = (net - built.internal_pressure * ambient[part, None]) @ own.T
     return FlownPath(
         time=time,
         conditions=conditions,
         strain=strain + built.apparent_strain,
         coefficients=coefficients,
+        rolling=rolling,
     )
 
 

@@ -14,6 +14,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from builder.vehicle.calibration_options import Calibration
+from builder.vehicle.condition_entries import Conditions
 from builder.vehicle.faults import Faults
 from builder.vehicle.flight_conditions import condition_grid
 from builder.vehicle.geometry import BodyOfRevolution, chain_pieces
@@ -25,7 +26,6 @@ from builder.vehicle.sectioned_body import SectionedBody
 from builder.vehicle.sectioned_body import read_sections as read_sections_of_body
 from builder.vehicle.sections import (
     Aerodynamics,
-    Conditions,
     Gauges,
     MaterialEntry,
     Reference,
@@ -132,6 +132,7 @@ class Vehicle(Section):
                 )
             if entry.mesh is None:
                 faults.append("structure.mesh: entry is missing, shape.surface needs a mesh of the structure")
+        faults += self._parameter_faults()
         if kind != "surface" and entry.mesh is not None:
             faults.append(f"structure.mesh: expected with shape.surface alone, got it with {kind}")
         if kind != "surface" and entry.solid_tip_length_m is None:
@@ -140,6 +141,25 @@ class Vehicle(Section):
             faults.append(
                 "structure.solid_tip_length_m: expected none with shape.surface, whose mesh holds the tip"
             )
+        return faults
+
+    def _parameter_faults(self) -> list[str]:
+        """Return further parameters of the flow that its engine does not know."""
+        engine, kind, faults = self.aerodynamics.engine, self.shape_kind, []
+        for name, one in self.conditions.parameters.items():
+            where = f"conditions.parameters.{name}"
+            if engine == "euler":
+                faults.append(
+                    f"{where}: expected engine 'newtonian' or 'table', got 'euler', which has no parameters"
+                )
+            elif kind == "profile":
+                faults.append(f"{where}: expected [shape] with sections or surface, got a profile")
+            elif engine == "newtonian" and not one.surfaces:
+                faults.append(
+                    f"{where}.surfaces: entry is missing, the newtonian engine needs a surface at each end"
+                )
+            elif one.surfaces and (engine, kind) != ("newtonian", "surface"):
+                faults.append(f"{where}.surfaces: expected with shape.surface and engine 'newtonian' alone")
         return faults
 
     @property
@@ -203,6 +223,7 @@ class Vehicle(Section):
             entry.angle_of_attack_deg,
             entry.sideslip_angle_deg,
             [1e3 * altitude for altitude in entry.altitudes_km],
+            [one.values for one in entry.parameters.values()],
         )
 
     def internal_pressure(self, condition: FlightCondition) -> float:

@@ -118,13 +118,17 @@ def condition_grid(
     angles_of_attack_deg: Iterable[float],
     sideslip_angles_deg: Iterable[float],
     altitude: float | Iterable[float],
+    parameters: Sequence[Sequence[float]] = (),
 ) -> list[FlightCondition]:
-    """Return all combinations, sideslip running fastest, altitude slowest. Angles in degrees, altitude in m."""
+    """Return all combinations, the last quantity running fastest, altitude [m] slowest; angles in degrees.
+
+    ``parameters`` holds the values of each further parameter of the flow.
+    """
     altitudes = (altitude,) if isinstance(altitude, int | float) else altitude
     return [
-        FlightCondition(mach, radians(alpha), radians(beta), height)
-        for height, mach, alpha, beta in product(
-            altitudes, mach_numbers, angles_of_attack_deg, sideslip_angles_deg
+        FlightCondition(mach, radians(alpha), radians(beta), height, tuple(further))
+        for height, mach, alpha, beta, *further in product(
+            altitudes, mach_numbers, angles_of_attack_deg, sideslip_angles_deg, *parameters
         )
     ]
 

@@ -6,6 +6,7 @@ Perkins, Jorgensen and Sommer, NACA Report 1386 (1958), bodies of least drag and
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import asin, atan2, hypot, pi, radians
@@ -21,7 +22,7 @@ SAMPLES = 801
 """Points at which the least radius of a spline is found."""
 
 
-class _Curve(Segment):
+class _Curve(Segment, ABC):
     """A piece that is given by its radius and slope."""
 
     @property
@@ -37,8 +38,9 @@ class _Curve(Segment):
         """Return the angle of the meridian to the axis [rad] at stations ``x`` [m]."""
         return np.asarray(np.arctan(self._slope(x)))
 
+    @abstractmethod
     def _slope(self, x: FloatArray) -> FloatArray:
-        raise NotImplementedError
+        """Return the slope dr/dx [1] of the meridian at stations ``x`` [m]."""
 
     def _share(self, x: FloatArray) -> FloatArray:
         """Return the share of the piece's length ahead of stations ``x`` [m]."""

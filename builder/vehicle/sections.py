@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -132,37 +132,6 @@ class Gauges(Section):
         if self.layout not in self.layouts:
             raise ValueError(f"layout '{self.layout}' is not among the layouts {sorted(self.layouts)}")
         return self
-
-
-class Conditions(Section):
-    """Flight conditions of the snapshots: all combinations. ``altitude_km`` is one number or a list."""
-
-    mach_number: list[MachNumber] = Field(min_length=1)
-    angle_of_attack_deg: list[StreamAngle] = Field(min_length=1)
-    sideslip_angle_deg: list[StreamAngle] = Field(min_length=1)
-    altitude_km: Altitude | Annotated[list[Altitude], Field(min_length=1)]
-
-    @field_validator("altitude_km", mode="before")
-    @classmethod
-    def _number_or_list(cls, value: Any) -> Any:
-        """Refuse here, in one line, what is no altitude: a union has a fault for each of its parts."""
-        given = value if isinstance(value, list) else [value]
-        if not given:
-            raise ValueError("expected at least 1 value, got []")
-        for one in given:
-            if isinstance(one, bool) or not isinstance(one, int | float) or not ALTITUDE_KM.holds(one):
-                raise ValueError(f"expected {ALTITUDE_KM}, or a list of such numbers, got {one!r}")
-        return value
-
-    @field_validator("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
-    @classmethod
-    def _each_value_once(cls, values: list[float] | float) -> list[float] | float:
-        return once_each(values) if isinstance(values, list) else values
-
-    @property
-    def altitudes_km(self) -> list[float]:
-        """Altitudes [km], in the order of the file."""
-        return self.altitude_km if isinstance(self.altitude_km, list) else [self.altitude_km]
 
 
 class Aerodynamics(Section):

@@ -42,7 +42,8 @@ def _tip_faults(vehicle: Vehicle, body: BodyOfRevolution) -> Iterator[str]:
 def _flow_faults(vehicle: Vehicle) -> Iterator[str]:
     """Yield faults of the numbers of conditions, and of their pressures on the surface nodes."""
     entry, truth = vehicle.conditions, vehicle.truth
-    lists = entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, entry.altitudes_km
+    lists = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, entry.altitudes_km]
+    lists += [one.values for one in entry.parameters.values()]
     for where, sizes, name, resolution in (
         ("conditions", [len(values) for values in lists], "map", vehicle.resolution.map),
         ("truth", [len(truth.mach_number), len(truth.total_incidence_deg)], "truth", vehicle.resolution.truth),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from os import PathLike
@@ -28,8 +29,8 @@ class Trajectory:
     Attributes
     ----------
     time : (n,) increasing from 0 [s].
-    conditions : (n, 4) columns in the order and units of :class:`FlightCondition`.
-    slopes : (n, 4) their derivatives at ``time`` [per s].
+    conditions : (n, 4 + k) columns in the order and units of :class:`FlightCondition`, k further parameters last.
+    slopes : (n, 4 + k) their derivatives at ``time`` [per s].
     """
 
     time: FloatArray
@@ -54,7 +55,7 @@ class Trajectory:
             + rise * s * (3.0 - 2.0 * s)
             - width * self.slopes[i + 1] * s * (1.0 - s)
         )
-        return FlightCondition(*value.tolist())
+        return FlightCondition.of_row(value.tolist())
 
 
 def shape_preserving_slopes(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -94,8 +95,8 @@ def _end_slope(
     return np.where(turns & (np.abs(slope) > 3.0 * np.abs(near_secant)), 3.0 * near_secant, slope)
 
 
-def load_trajectory(path: str | PathLike[str]) -> Trajectory:
-    """Read a trajectory from a CSV file whose first line is :data:`HEADER`.
+def load_trajectory(path: str | PathLike[str], parameters: Sequence[str] = ()) -> Trajectory:
+    """Read a trajectory from a CSV file: its first line is :data:`HEADER` and the names of ``parameters``.
 
     Raises
     ------
@@ -111,9 +112,10 @@ def load_trajectory(path: str | PathLike[str]) -> Trajectory:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read as CSV text") from error
     found = tuple(cell.strip() for cell in rows[0]) if rows else ()
-    if found != HEADER:
-        raise InputError(f"{path}: row 1: expected the header '{','.join(HEADER)}', got '{','.join(found)}'")
-    numbers = [_parse_row(path, number, row) for number, row in enumerate(rows[1:], start=2) if any(row)]
+    header = (*HEADER, *parameters)
+    if found != header:
+        raise InputError(f"{path}: row 1: expected the header '{','.join(header)}', got '{','.join(found)}'")
+    numbers = [_parse_row(path, header, number, row) for number, row in enumerate(rows[1:], start=2) if any(row)]
     if len(numbers) < 2:
         raise InputError(f"{path}: expected at least 2 rows of values, got {len(numbers)}")
     table = np.array(numbers)
@@ -124,7 +126,7 @@ def load_trajectory(path: str | PathLike[str]) -> Trajectory:
             f"{path}: row {_row_number(rows, int(i) + 1)}, column time_s: {table[i + 1, 0]:g} found after "
             f"{table[i, 0]:g}, time must increase"
         )
-    table = table * _TO_SI
+    table[:, : len(HEADER)] *= _TO_SI
     return Trajectory(table[:, 0], table[:, 1:], shape_preserving_slopes(table[:, 0], table[:, 1:]))
 
 
@@ -133,12 +135,13 @@ def _row_number(rows: list[list[str]], index: int) -> int:
     return [number for number, row in enumerate(rows[1:], start=2) if any(row)][index]
 
 
-def _parse_row(path: Path, number: int, row: list[str]) -> list[float]:
+def _parse_row(path: Path, header: tuple[str, ...], number: int, row: list[str]) -> list[float]:
     """Return the numbers of one row."""
-    if len(row) != len(HEADER):
-        raise InputError(f"{path}: row {number}: expected {len(HEADER)} values, got {len(row)}")
+    if len(row) != len(header):
+        raise InputError(f"{path}: row {number}: expected {len(header)} values, got {len(row)}")
     values = []
-    for column, cell, (low, high) in zip(HEADER, row, _RANGES, strict=True):
+    ranges = (*_RANGES, *((-1e9, 1e9),) * (len(header) - len(HEADER)))
+    for column, cell, (low, high) in zip(header, row, ranges, strict=True):
         try:
             value = float(cell)
         except ValueError:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
@@ -35,6 +36,7 @@ _DIRECTIONS = {
 }
 _ROTATION_TOLERANCE = 1e-6
 _CASE_KEYS = ("file", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+_PARAMETER = "parameters."
 _TEXT_KEYS = ("file", "quantity", "unit", "length_unit", "array", "location", "axes")
 
 
@@ -46,6 +48,7 @@ class CaseEntry(Section):
     angle_of_attack_deg: float = Field(gt=-90.0, lt=90.0)
     sideslip_angle_deg: float = Field(gt=-90.0, lt=90.0)
     altitude_km: float = Field(ge=0.0, le=71.0)
+    parameters: dict[str, float] = Field(default_factory=dict)
 
     @property
     def condition(self) -> FlightCondition:
@@ -54,6 +57,7 @@ class CaseEntry(Section):
             radians(self.angle_of_attack_deg),
             radians(self.sideslip_angle_deg),
             1e3 * self.altitude_km,
+            tuple(self.parameters.values()),
         )
 
 
@@ -165,8 +169,11 @@ class Manifest:
     cases: tuple[CfdCase, ...]
 
 
-def load_manifest(path: Path) -> Manifest:
+def load_manifest(path: Path, parameters: Sequence[str] = ()) -> Manifest:
     """Read a manifest (.toml or .csv) and look at the files it names, relative to it.
+
+    ``parameters`` are the names of the further parameters of the flow that each case has a value of; a CSV file
+    has them as columns ``parameters.NAME``.
 
     Raises
     ------
@@ -187,6 +194,7 @@ def load_manifest(path: Path) -> Manifest:
     except ValidationError as error:
         raise InputError(f"{path}: {_first_fault(error, lines)}") from error
     labels = [f"case {i + 1}" if lines is None else f"line {lines[i]}" for i in range(len(entries.case))]
+    entries = _with_ordered_parameters(path, entries, labels, tuple(parameters))
     _check_cases(path, entries, labels)
     cases = [
         CfdCase(path.parent / entry.file, entry.condition, _content(path, label, path.parent / entry.file))
@@ -201,10 +209,25 @@ def file_content(file: Path) -> int:
         return int.from_bytes(hashlib.file_digest(stream, "sha256").digest()[:6])
 
 
-def condition_key(condition: FlightCondition) -> tuple[float, float, float, float]:
-    """Return M, angle of attack, sideslip [rad], altitude [m], rounded so that equal conditions are equal."""
+def condition_key(condition: FlightCondition) -> tuple[float, ...]:
+    """Return M, angles of attack and sideslip [rad], altitude [m], further parameters, all rounded."""
     m, a, b, h = condition.as_tuple()
-    return round(m, 9), round(a, 9) + 0.0, round(b, 9) + 0.0, round(h, 6)
+    further = (round(value, 9) + 0.0 for value in condition.parameters)
+    return (round(m, 9), round(a, 9) + 0.0, round(b, 9) + 0.0, round(h, 6), *further)
+
+
+def _with_ordered_parameters(
+    path: Path, entries: ManifestEntries, labels: list[str], parameters: tuple[str, ...]
+) -> ManifestEntries:
+    """Return ``entries`` with each case's parameters in the order of the vehicle file; refuse others than its."""
+    cases = []
+    for entry, label in zip(entries.case, labels, strict=True):
+        if set(entry.parameters) != set(parameters):
+            wanted, got = (", ".join(names) or "none" for names in (parameters, entry.parameters))
+            raise InputError(f"{path}: {label}: expected the parameters of the vehicle file, {wanted}, got {got}")
+        ordered = {name: entry.parameters[name] for name in parameters}
+        cases.append(entry.model_copy(update={"parameters": ordered}))
+    return entries.model_copy(update={"case": cases})
 
 
 def _content(path: Path, label: str, file: Path) -> int:
@@ -224,8 +247,9 @@ def _check_cases(path: Path, entries: ManifestEntries, labels: list[str]) -> Non
             raise InputError(f"{path}: {label}: {entry.condition} is already that of {conditions[key]}")
         conditions[key] = label
         # One file may serve several altitudes, since only p/p_inf is taken from it, but nothing else.
-        first, flow = files.setdefault(entry.file, (label, key[:3]))
-        if flow != key[:3]:
+        flow_of = (*key[:3], *key[4:])
+        first, flow = files.setdefault(entry.file, (label, flow_of))
+        if flow != flow_of:
             raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, another condition")
         if entries.mirrored and entry.sideslip_angle_deg != 0.0:
             raise InputError(
@@ -259,9 +283,13 @@ def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
         entries = {
             name: _plain(name, word.strip()) for name, word in zip(header, row, strict=True) if word.strip()
         }
-        cases.append({name: entries[name] for name in _CASE_KEYS if name in entries})
+        case = {name: entries[name] for name in _CASE_KEYS if name in entries}
+        further = {name: value for name, value in entries.items() if name.startswith(_PARAMETER)}
+        if further:
+            case["parameters"] = {name.removeprefix(_PARAMETER): value for name, value in further.items()}
+        cases.append(case)
         lines.append(line)
-        shared = {name: value for name, value in entries.items() if name not in _CASE_KEYS}
+        shared = {name: value for name, value in entries.items() if name not in (*_CASE_KEYS, *further)}
         if len(cases) == 1:
             common = shared
         for name in common.keys() | shared.keys():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -118,15 +118,15 @@ class TableEngine:
         return [self.manifest.cases[i].condition for i in np.argsort(distance, kind="stable")[:_NEAREST_LISTED]]
 
 
-def table_engine(manifest: Path, surface: SurfaceMesh) -> TableEngine:
-    """Return the engine of a manifest file for a vehicle's surface.
+def table_engine(manifest: Path, surface: SurfaceMesh, parameters: Sequence[str] = ()) -> TableEngine:
+    """Return the engine of a manifest file for a vehicle's surface; ``parameters`` are further ones of its cases.
 
     Raises
     ------
     InputError
         The manifest is wrong or a file that it names is missing.
     """
-    return TableEngine(load_manifest(manifest), surface)
+    return TableEngine(load_manifest(manifest, parameters), surface)
 
 
 def _on_surface(file: Path, field: SurfaceField, ratio: FloatArray, surface: SurfaceMesh) -> FloatArray:

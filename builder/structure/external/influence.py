@@ -13,13 +13,12 @@ from builder.structure.external.influence_checks import check_equilibrium
 from builder.structure.external.influence_file import Influence, read_influence
 from builder.structure.external.thinned_nodes import thinned
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.solid.surface_load import facet_pressure_load
 from builder.structure.solid.surface_triangles import facet_triangles, split_facets
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.profile_record import profile_record
-from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.version import __version__
 
@@ -48,7 +47,6 @@ def structure_of_influence(
     kept = columns_found(path, influence.column, layouts, vehicle.gauges.layout)
     index = [influence.column.index(name) for names in kept.values() for name in names]
     strain = influence.strain_per_force[index]
-    gauges = [layouts[name] for name in kept]
     whole = _outward(influence)
     surface, column = split_facets(influence.node, influence.facet) if influence.split else (whole, None)
     if vehicle.structure.support == "clamped_aft":
@@ -67,12 +65,7 @@ def structure_of_influence(
             "profile": profile_record(vehicle.body()),
         },
         statistics={"loaded_nodes": len(influence.node)},
-        gauge_names=tuple(name for one in gauges for name in one.name),
-        layout=tuple(name for name in kept for _ in layouts[name].name),
-        gauge_position=np.concatenate([one.position for one in gauges]),
-        gauge_direction=np.concatenate([_unit(one.direction) for one in gauges]),
-        gauge_length=np.concatenate([one.length for one in gauges]),
-        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        **gauge_fields({name: layouts[name] for name in kept}),
         point=surface.point,
         triangle=surface.triangle,
         normal=surface.node_normal,
@@ -100,8 +93,3 @@ def _outward(influence: Influence) -> SurfaceMesh:
     if np.einsum("mi,mi->", surface.vector_area, middle) < 0.0:
         raise InputError(f"{influence.path}: facet: expected nodes anticlockwise seen from outside, got clockwise")
     return surface
-
-
-def _unit(direction: FloatArray) -> FloatArray:
-    unit: FloatArray = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return unit

@@ -15,7 +15,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.load_cases import LoadCases, load_cases
 from builder.structure.external.strain_table import StrainTable, read_strain_table
-from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.profile_record import profile_record
@@ -61,7 +61,6 @@ def structure_of_strains(
     kept = columns_found(path, table.column, layouts, vehicle.gauges.layout)
     strain = _strain_of_cases(table, cases)[:, [table.column.index(name) for one in kept.values() for name in one]]
     operator = smallest_operator(cases.pressure, strain, _names(table, cases))
-    gauges = [layouts[name] for name in kept]
     return Structure(
         vehicle=vehicle.name,
         model=MODEL,
@@ -71,12 +70,7 @@ def structure_of_strains(
             "profile": profile_record(vehicle.body()),
         },
         statistics={"load_cases": len(cases.names)},
-        gauge_names=tuple(name for one in gauges for name in one.name),
-        layout=tuple(name for name in kept for _ in layouts[name].name),
-        gauge_position=np.concatenate([one.position for one in gauges]),
-        gauge_direction=np.concatenate([_unit(one.direction) for one in gauges]),
-        gauge_length=np.concatenate([one.length for one in gauges]),
-        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        **gauge_fields({name: layouts[name] for name in kept}),
         point=cases.surface.point,
         triangle=cases.surface.triangle,
         normal=cases.surface.node_normal,
@@ -153,8 +147,3 @@ def _refuse_odd(left: FloatArray, deviation: FloatArray, strain: FloatArray, nam
             f"{names[worst]}: expected strain within {100.0 * ODD:g} % of what the other cases say, got "
             f"{100.0 * relative:.3g} % off: another load, sign or unit?"
         )
-
-
-def _unit(direction: FloatArray) -> FloatArray:
-    unit: FloatArray = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return unit

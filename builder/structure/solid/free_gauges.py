@@ -8,7 +8,7 @@ from math import cos, radians, sin
 import numpy as np
 
 from builder.structure.solid.closest_point import CurvedFacets, FootPoint, foot_point
-from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges, joined_gauges
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.surface_triangles import triangulated_surface
 from builder.vehicle.file import Vehicle
@@ -102,7 +102,7 @@ def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
         parts = [
             _row(row, surfaces[row.surface], f"{where}.rows.{i}") for i, row in enumerate(entry.rows, start=1)
         ]
-        return _joined(parts, where)
+        return joined_gauges(parts, where)
     assert entry.file is not None
     surface = GaugeSurface(mesh, SURFACE[entry.surface or "inner"])
     table = read_gauge_table(vehicle.beside(entry.file))
@@ -144,20 +144,6 @@ def _row(row: GaugeRow, surface: GaugeSurface, where: str) -> Gauges:
         direction=np.array(direction),
         length=np.full(n, 1e-3 * row.length_mm),
         surface=(surface.name,) * n,
-    )
-
-
-def _joined(parts: list[Gauges], where: str) -> Gauges:
-    name = tuple(one for part in parts for one in part.name)
-    for one in name:
-        if name.count(one) > 1:
-            raise InputError(f"{where}: expected each gauge name once, got '{one}' twice")
-    return Gauges(
-        name=name,
-        position=np.concatenate([part.position for part in parts]),
-        direction=np.concatenate([part.direction for part in parts]),
-        length=np.concatenate([part.length for part in parts]),
-        surface=tuple(one for part in parts for one in part.surface),
     )
 
 

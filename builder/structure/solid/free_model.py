@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,10 @@ from scipy.sparse import csr_array, vstack
 
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
+from builder.structure.solid.examination import examination
 from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauge_rows import gauge_rows
-from builder.structure.solid.locking import LockingWarning, WallElements, check_locking
+from builder.structure.solid.gauge_rows import gauge_fields, gauge_rows
+from builder.structure.solid.locking import WallElements, check_locking
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_report import facet_size_round_axis, mesh_report
 from builder.structure.solid.reference_loads import NO_REFERENCE, largest_amplitude, reference_pressures
@@ -58,8 +59,6 @@ def solve_free_structure(
         with reporter.stage("Mesh error") as progress:
             check = on_other_mesh(case, case.other, progress)
         error = _mesh_error(surface.point, solved.strain_operator, check, case.length)
-    gauges = case.layouts.values()
-    direction = np.concatenate([one.direction for one in gauges])
     return Structure(
         vehicle=case.vehicle,
         model=case.model,
@@ -82,12 +81,7 @@ def solve_free_structure(
             "degrees_of_freedom": case.mesh.n_dof,
             **solved.statistics,
         },
-        gauge_names=tuple(name for one in gauges for name in one.name),
-        layout=tuple(name for name, one in case.layouts.items() for _ in one.name),
-        gauge_position=np.concatenate([one.position for one in gauges]),
-        gauge_direction=direction / np.linalg.norm(direction, axis=1, keepdims=True),
-        gauge_length=np.concatenate([one.length for one in gauges]),
-        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        **gauge_fields(case.layouts),
         point=surface.point,
         triangle=surface.triangle,
         normal=surface.node_normal,
@@ -104,22 +98,16 @@ def _examined(case: FreeCase, reporter: Reporter) -> dict[str, Any]:
         check_mesh(mesh, case.length)
         density = None if case.density is None else dict.fromkeys(mesh.region_names, case.density)
         report = mesh_report(mesh, density)
-    with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LockingWarning)
+
+    def locking() -> Mapping[int, float]:
         radius = case.gauge_radius
         size = facet_size_round_axis(mesh, INTERNAL, radius)
         layers = max(1, round(case.thickness / size))
         quadrature = mesh.quadrature if isinstance(mesh, SweptMesh) else "full"
         elements = WallElements(element_type=mesh.element_type, size=size, layers=layers, quadrature=quadrature)
-        ratios = check_locking(elements, radius, case.thickness, case.material, case.allow_locking)
-    for one in caught:
-        reporter.note(f"warning: {one.message}")
-    return {
-        "mesh_report": [
-            [what, value if isinstance(value, int) else float(value), unit] for what, value, unit in report
-        ],
-        "locking": {str(harmonic): float(ratio) for harmonic, ratio in ratios.items()},
-    }
+        return check_locking(elements, radius, case.thickness, case.material, case.allow_locking)
+
+    return examination(report, locking, reporter)
 
 
 def _solved(case: FreeCase, mesh: SolidMesh, near_surface: bool, progress: Progress) -> StrainSolution:

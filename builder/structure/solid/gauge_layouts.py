@@ -8,13 +8,12 @@ import numpy as np
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.gauge_placement import gauge_layout
-from builder.structure.solid.gauge_rows import Gauges, gauges_at
+from builder.structure.solid.gauge_rows import Gauges, gauges_at, joined_gauges
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import BodyOfRevolution
 from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow
-from strainfmu.errors import InputError
 
 SURFACE = {"inner": INTERNAL, "outer": EXTERNAL}
 
@@ -40,17 +39,7 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
         surface = SURFACE[entry.surface or "inner"]
         return gauges_at(found.position, found.direction, found.names, 1e-3 * (entry.length_mm or 0.0), surface)
     parts = [_row(vehicle, layout, row, mesh) for row in entry.rows]
-    name = tuple(one for part in parts for one in part.name)
-    for one in name:
-        if name.count(one) > 1:
-            raise InputError(f"gauges.layouts.{layout}: gauge name '{one}' occurs twice")
-    return Gauges(
-        name=name,
-        position=np.concatenate([part.position for part in parts]),
-        direction=np.concatenate([part.direction for part in parts]),
-        length=np.concatenate([part.length for part in parts]),
-        surface=tuple(one for part in parts for one in part.surface),
-    )
+    return joined_gauges(parts, f"gauges.layouts.{layout}")
 
 
 def _row(vehicle: Vehicle, layout: str, row: GaugeRow, mesh: MeridianMesh) -> Gauges:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -63,6 +64,44 @@ class Gauges:
                 raise InputError(f"{self.name[i]}: a coordinate or direction is not finite")
             if not 0.0 <= self.length[i] < np.inf:
                 raise InputError(f"{self.name[i]}: gauge length {self.length[i]:g} m must be at least 0")
+
+
+def joined_gauges(parts: list[Gauges], where: str) -> Gauges:
+    """Return the gauges of ``parts`` as one layout; ``where`` is its entry in the vehicle file.
+
+    Raises
+    ------
+    InputError
+        Two gauges have one name.
+    """
+    name = tuple(one for part in parts for one in part.name)
+    for one in name:
+        if name.count(one) > 1:
+            raise InputError(f"{where}: expected each gauge name once, got '{one}' twice")
+    return Gauges(
+        name=name,
+        position=np.concatenate([part.position for part in parts]),
+        direction=np.concatenate([part.direction for part in parts]),
+        length=np.concatenate([part.length for part in parts]),
+        surface=tuple(one for part in parts for one in part.surface),
+    )
+
+
+def gauge_fields(layouts: Mapping[str, Gauges]) -> dict[str, Any]:
+    """Return the entries of a structure that describe its gauges, of all ``layouts`` one after the other.
+
+    See :class:`builder.structure.structure_file.Structure`; directions are made unit vectors.
+    """
+    gauges = layouts.values()
+    direction = np.concatenate([one.direction for one in gauges])
+    return {
+        "gauge_names": tuple(name for one in gauges for name in one.name),
+        "layout": tuple(name for name, one in layouts.items() for _ in one.name),
+        "gauge_position": np.concatenate([one.position for one in gauges]),
+        "gauge_direction": direction / np.linalg.norm(direction, axis=1, keepdims=True),
+        "gauge_length": np.concatenate([one.length for one in gauges]),
+        "gauge_surface": tuple(name for one in gauges for name in one.surface),
+    }
 
 
 def gauges_at(

@@ -6,7 +6,6 @@ touch (checks, report, locking) is taken from a file made before on the same mes
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,10 +18,11 @@ from builder.aero.surface_mesh import SurfaceMesh
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.examination import examination
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.solid.free_model import solve_free_structure
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.locking import LockingWarning, check_locking
+from builder.structure.solid.gauge_rows import Gauges, gauge_fields, gauge_rows
+from builder.structure.solid.locking import check_locking
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_choice import (
     MeshChoice,
@@ -181,18 +181,12 @@ def solve_solid_structure(case: AnyCase, reporter: Reporter, before: Structure |
         )
     with reporter.stage("Mesh error") as progress:
         error, check = _mesh_error(case, surface.point, solved.strain_operator, progress)
-    gauges = case.layouts.values()
     return Structure(
         vehicle=case.vehicle,
         model=case.mesh.model,
         settings={**_settings(case), **found, "mesh_error_against": check[0], "made_from": made_from},
         statistics={"elements": len(whole.element), "degrees_of_freedom": whole.n_dof, **solved.statistics},
-        gauge_names=tuple(name for one in gauges for name in one.name),
-        layout=tuple(name for name, one in case.layouts.items() for _ in one.name),
-        gauge_position=np.concatenate([one.position for one in gauges]),
-        gauge_direction=np.concatenate([_unit(one.direction) for one in gauges]),
-        gauge_length=np.concatenate([one.length for one in gauges]),
-        gauge_surface=tuple(name for one in gauges for name in one.surface),
+        **gauge_fields(case.layouts),
         point=surface.point,
         triangle=surface.triangle,
         normal=surface.node_normal,
@@ -245,19 +239,13 @@ def _examined(
             refuse_misfits(case.mesh.file, mesh_misfits(whole, case.body, case.wall), NEEDS_BOTH)
         density = None if case.density is None else dict.fromkeys(whole.region_names, case.density)
         report = mesh_report(whole, density, exact_wall(case.body, case.wall))
-    with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LockingWarning)
+
+    def locking() -> Mapping[int, float]:
         elements = wall_elements(case.body, case.wall, mesh, case.mesh)
         radius, wall = case.body.base_radius, case.wall
-        ratios = check_locking(elements, radius, wall.thickness, wall.material, case.allow_locking)
-    for one in caught:
-        reporter.note(f"warning: {one.message}")
-    return {
-        "mesh_report": [
-            [what, value if isinstance(value, int) else float(value), unit] for what, value, unit in report
-        ],
-        "locking": {str(harmonic): float(ratio) for harmonic, ratio in ratios.items()},
-    }
+        return check_locking(elements, radius, wall.thickness, wall.material, case.allow_locking)
+
+    return examination(report, locking, reporter)
 
 
 def _rows_of_layouts(mesh: SweptSector | SolidMesh, layouts: Mapping[str, Gauges]) -> csr_array:
@@ -348,8 +336,3 @@ def support_entries(support: Support | None) -> dict[str, Any]:
     if support is None:
         return {"kind": "free flight"}
     return {"kind": type(support).__name__.lower(), **asdict(support)}
-
-
-def _unit(direction: FloatArray) -> FloatArray:
-    unit: FloatArray = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return unit

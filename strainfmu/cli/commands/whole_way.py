@@ -164,7 +164,7 @@ def _show_result(console: Console, result: DemoResult) -> None:
     table = Table(title=escape(f"{result.vehicle}: the FMU's estimate against truth, independent finer model"))
     for heading in ("coefficient [1]", "rms error", "of its range", "mean sigma", "truth within 3 sigma"):
         table.add_column(escape(heading), justify="left" if heading.startswith("coefficient") else "right")
-    for i, name in enumerate(COEFFICIENT_NAMES):
+    for i, name in enumerate(score.names):
         table.add_row(
             name,
             f"{score.rms_error[i]:.2e}",

@@ -88,7 +88,7 @@ def _manoeuvre(vehicle: Vehicle) -> Trajectory:
     from strainfmu.cosim.trajectory import load_trajectory
 
     path = vehicle.beside(vehicle.truth.manoeuvre)
-    trajectory = load_trajectory(path)
+    trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
     if vehicle.is_of_revolution:
         check_envelope(*truth_knots(vehicle), trajectory, path)
     return trajectory

@@ -1,0 +1,89 @@
+"""The shipped examples beside the first vehicle, from file to flown FMU, scored on independent discretisations."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finned_body import DEFLECTIONS_DEG, OTHER_SURFACE, write_surface
+from fmpy.validation import validate_fmu
+
+from builder.pipeline.demo import run_demo, vehicle_as_built
+from builder.reporting import Silent
+from builder.structure.mesh_check import MeshCheck
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.free_case import FreeCase
+from builder.structure.structure_file import load_structure
+from builder.truth.free_flight_path import flown_path, flows_along
+from builder.vehicle.file import VEHICLES, load_vehicle
+from builder.vehicle.map_needs import used_layouts
+from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.step import Estimator
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def finned_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("finned")
+    run_demo(VEHICLES / "finned_body.toml", folder, Silent())
+    return folder
+
+
+def coverage(folder: Path) -> dict[str, float]:
+    found: dict[str, float] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["coverage"]
+    return found
+
+
+@pytest.mark.parametrize("name", ["elliptic_cone", "blunt_cone", "launcher"])
+def test_loads_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
+    run_demo(VEHICLES / f"{name}.toml", tmp_path, Silent())
+    assert min(coverage(tmp_path).values()) >= 0.99
+    assert load_inverse_map(tmp_path / "map.h5").provenance["mesh_error"]["rms_sigma"] <= 1.0
+    assert validate_fmu(str(tmp_path / "estimator.fmu")) == []
+
+
+def test_loads_of_the_finned_body_lie_within_three_sigma(finned_demo: Path) -> None:
+    found = coverage(finned_demo)
+    assert min(found.values()) >= 0.98
+    assert found["M_R"] >= 0.99
+    mesh = load_inverse_map(finned_demo / "map.h5").provenance["mesh_error"]
+    assert mesh["sigmas_trusted"]
+    assert validate_fmu(str(finned_demo / "estimator.fmu")) == []
+
+
+def test_rolling_moment_of_turned_fins_on_another_surface(finned_demo: Path, tmp_path: Path) -> None:
+    """Flow, its surface and its rolling moment from triangles of another size; the structure of another mesh."""
+    for path in VEHICLES.glob("finned_body*"):
+        shutil.copy(path, tmp_path)
+    write_surface(tmp_path / "finned_body.stl", *OTHER_SURFACE)
+    for value in DEFLECTIONS_DEG:
+        path = tmp_path / f"finned_body_roll_{value:+g}deg.stl"
+        write_surface(path, *OTHER_SURFACE, deflection=np.deg2rad(value))
+    vehicle = load_vehicle(tmp_path / "finned_body.toml")
+    case = structure_case(vehicle, used_layouts(vehicle))
+    check = load_structure(finned_demo / "structure.h5").check
+    assert isinstance(case, FreeCase)
+    assert isinstance(check, MeshCheck)
+    path = load_trajectory(tmp_path / "finned_body_manoeuvre.csv", ("fin_roll_deg",))
+    flows = flows_along(vehicle, path, Silent())
+    time = np.linspace(0.0, path.stop_time, 200)
+    inverse_map = load_inverse_map(finned_demo / "map.h5")
+    random, inside, error = np.random.default_rng(5), [], []
+    for seed in range(10):
+        built = vehicle_as_built(vehicle, seed)
+        flown = flown_path(vehicle, case, check, flows=flows, time=time, path=path, built=built)
+        noise = random.standard_normal(flown.strain.shape) * inverse_map.noise_std
+        pressure = np.array([one.dynamic_pressure for one in flown.conditions])
+        stated = pressure * (1.0 + float(built.dynamic_pressure))
+        found = Estimator(inverse_map).estimate(flown.strain + noise, stated)
+        error.append(found.M_R - flown.rolling)
+        inside.append(np.abs(error[-1]) <= 3.0 * found.sigma.M_R)
+    share, rms = np.mean(inside), np.sqrt(np.mean(np.square(error))) / np.ptp(flown.rolling)
+    print(f"rolling moment: within 3 sigma {100 * share:.2f} %, rms error {100 * rms:.2f} % of the range")
+    assert share >= 0.99
+    assert rms <= 0.06
