@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GAUGE_COLOUR = "#c02020"
-SHOWN_SHARE = 0.95
-"""Of the triangles, that the colours tell apart; the highest pressures have one colour."""
+SHOWN_SHARE = 0.98
+"""Of the area, whose pressures the colours tell apart; higher ones, as at the edges of fins, have one colour."""
 
 
 def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str) -> Figure:
@@ -28,6 +28,11 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
     position = inverse_map.gauge_position
     from matplotlib.collections import PolyCollection
 
+    triangle, area = snapshots.triangle, snapshots.surface.area
+    mean = ratio[triangle].mean(axis=1)
+    rising = np.argsort(mean)
+    below = np.searchsorted(np.cumsum(area[rising]), SHOWN_SHARE * area.sum())
+    highest = float(mean[rising[min(int(below), len(mean) - 1)]])
     figure = blank_figure(8.0, 7.0)
     axes = figure.subplots(3, 1)
     oblique = _turned(np.deg2rad(30.0), np.deg2rad(25.0))
@@ -37,13 +42,11 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
         (axes[2], oblique, "obliquely"),
     ):
         seen = snapshots.point @ view.T
-        triangle = snapshots.triangle
         order = np.argsort(seen[triangle, 2].mean(axis=1))
-        mean = ratio[triangle].mean(axis=1)
         patches = PolyCollection(
             list(seen[triangle[order], :2]), array=mean[order], cmap=COLOUR_MAP, edgecolors="face"
         )
-        patches.set_clim(float(mean.min()), float(np.quantile(mean, SHOWN_SHARE)))
+        patches.set_clim(float(mean.min()), highest)
         patches.set_linewidth(0.2)
         ax.add_collection(patches)
         spots = position @ view.T
