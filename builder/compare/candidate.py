@@ -17,6 +17,7 @@ from strainfmu.estimator.load_estimate import LoadEstimates
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 
@@ -113,6 +114,7 @@ class ManifoldCandidate:
             mach_number=read.mach_number if known else np.nan,
             static_pressure=read.static_pressure if known else np.nan,
         )
+        assert isinstance(found, FlightEstimates)
         columns = [AIR_DATA_NAMES.index(name) for name in AIR_DATA]
         return Answer(
             coefficients=found.coefficients,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
 from strainfmu.estimator.at_temperature import SensorSets, scattered
 from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
 from strainfmu.estimator.further_loads import is_moment
@@ -169,11 +169,10 @@ class Estimator:
             flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
             return self._one(d, valid, flow, temperature)
         n = self.inverse_map.n_gauges
-        if d.shape[1] != n:
-            raise InputError(f"strain: expected (k, {n}) values, got {d.shape}")
-        mask = None if valid is None else np.broadcast_to(self._checked_mask(valid, len(d)), d.shape)
+        d = strain_of_samples(d, n)
+        mask = None if valid is None else np.broadcast_to(checked_mask(valid, n, len(d)), d.shape)
         values = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-        flows = _Flow(*(_per_sample(name, value, len(d)) for name, value in zip(_FLOW, values, strict=True)))
+        flows = _Flow(*(per_sample(name, value, len(d)) for name, value in zip(_FLOW, values, strict=True)))
         return self._at_temperature(d, mask, flows, temperature)
 
     def step(
@@ -198,11 +197,9 @@ class Estimator:
         flow: tuple[ArrayLike, ...],
         temperature: ArrayLike | None,
     ) -> LoadEstimate:
-        d = np.asarray(strain, dtype=float)
-        if d.shape != (self.inverse_map.n_gauges,):
-            raise InputError(f"strain: expected {self.inverse_map.n_gauges} values, got {d.shape}")
-        mask = None if valid is None else self._checked_mask(valid)[None, :]
-        values = (_per_sample(name, value, 1) for name, value in zip(_FLOW, flow, strict=True))
+        d = strain_of_one(strain, self.inverse_map.n_gauges)
+        mask = None if valid is None else checked_mask(valid, self.inverse_map.n_gauges)[None, :]
+        values = (per_sample(name, value, 1) for name, value in zip(_FLOW, flow, strict=True))
         return self._at_temperature(d[None, :], mask, _Flow(*values), temperature)[0]
 
     def _at_temperature(
@@ -390,17 +387,8 @@ class Estimator:
         InputError
             ``valid`` has the wrong length or is not of bool.
         """
-        used = self._checked_mask(valid)
+        used = checked_mask(valid, self.inverse_map.n_gauges)
         return self._complete if used.all() else self._masked_map(used)
-
-    def _checked_mask(self, valid: ArrayLike, samples: int | None = None) -> BoolArray:
-        """Return ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d)."""
-        mask, n = np.asarray(valid), self.inverse_map.n_gauges
-        shapes = [(n,)] if samples is None else [(n,), (samples, n)]
-        if mask.shape not in shapes or mask.dtype != np.bool_:
-            expected = " or ".join(str(shape) for shape in shapes)
-            raise InputError(f"valid: expected {expected} values of bool, got {mask.shape} of {mask.dtype}")
-        return mask
 
     def _masked_map(self, used: BoolArray) -> MaskedMap | None:
         """Return the matrices for the gauges in use, from the cache if they are there."""
@@ -434,22 +422,3 @@ def _moved(found: LoadsFromStrain, transfer: FloatArray | None) -> LoadsFromStra
         load_covariance=transfer @ found.load_covariance @ transfer.T,
         load_per_pressure=found.load_per_pressure @ transfer.T,
     )
-
-
-def _per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
-    """Return ``value``, one number or one of each sample, as (samples,).
-
-    Raises
-    ------
-    InputError
-        It holds something else than numbers, or another number of them.
-    """
-    try:
-        values = np.asarray(value, dtype=float) if value is not None else None
-    except (TypeError, ValueError):
-        values = None
-    if values is None or values.shape not in ((), (samples,)):
-        expected = "a number" if samples == 1 else f"a number or {samples} numbers"
-        got = repr(value) if values is None else f"shape {values.shape}"
-        raise InputError(f"{name}: expected {expected}, got {got}")
-    return np.full(samples, values) if values.ndim == 0 else values

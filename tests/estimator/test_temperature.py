@@ -120,7 +120,7 @@ def test_tracker_takes_thermal_strain_off() -> None:
         one = tracker.step(reading[row], temperature=temperature[row], **flow)
         assert np.all(np.abs(one.loads - found.loads[row]) < 0.1 * found.loads_std[row])
     np.testing.assert_allclose(
-        found.loads[:1], estimator.estimate(reading[0], temperature=temperature[0], **flow).loads, rtol=1e-9
+        found.loads[0], estimator.estimate(reading[0], temperature=temperature[0], **flow).loads, rtol=1e-9
     )
 
 

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
 from strainfmu.estimator.at_temperature import SensorSets, scattered
 from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates, set_unknown
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData, air_data
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates, joined
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import flight_health
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
 from strainfmu.estimator.manifold.navigation import (
@@ -132,12 +134,12 @@ class ManifoldEstimator:
         static_pressure: ArrayLike = np.nan,
         static_pressure_std: ArrayLike = np.nan,
         temperature: ArrayLike | None = None,
-    ) -> FlightEstimates:
-        """Estimate the loads of k samples, each on its own.
+    ) -> FlightEstimate | FlightEstimates:
+        """Estimate the loads of one sample, or of k samples at once, each on its own.
 
         Parameters
         ----------
-        strain : (k, n_d) or (n_d,) readings [m/m].
+        strain : (n_d,) or (k, n_d) readings [m/m], order of ``inverse_map.gauge_names``.
         dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa] of navigation, one for all
             samples or (k,); NaN where not known. Any of them, and all, may be unknown.
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
@@ -166,6 +168,30 @@ class ManifoldEstimator:
                 "altitude": altitude,
             },
         )
+        found = self._at_temperature(inputs, temperature)
+        return found if np.ndim(strain) == 2 else found[0]
+
+    def step(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: float = np.nan,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: float = np.nan,
+        **of_flow: Any,
+    ) -> FlightEstimate:
+        """Estimate the loads of one sample on its own; arguments, those by name too, and errors as
+        :meth:`estimate`.
+
+        :class:`~strainfmu.estimator.manifold.tracker.FlightTracker` steps from the state of the last sample, at a
+        fraction of the cost.
+        """
+        d = strain_of_one(strain, self.inverse_map.n_gauges)
+        found = self.estimate(d, dynamic_pressure, valid, dynamic_pressure_std, **of_flow)
+        assert isinstance(found, FlightEstimate)
+        return found
+
+    def _at_temperature(self, inputs: EstimatorInputs, temperature: ArrayLike | None) -> FlightEstimates:
+        """Return the estimates of ``inputs`` with what is known of the temperature, if anything."""
         if temperature is None:
             return self._searched(inputs)
         parts = [
@@ -201,19 +227,12 @@ class ManifoldEstimator:
         self, strain: ArrayLike, valid: ArrayLike | None, flow: Mapping[str, ArrayLike]
     ) -> EstimatorInputs:
         """Return the inputs of :meth:`estimate` as arrays over the samples; errors as there."""
-        d = np.atleast_2d(np.asarray(strain, dtype=float))
         n = self.inverse_map.n_gauges
-        if d.ndim != 2 or d.shape[1] != n:
-            raise InputError(f"strain: expected (k, {n}) values, got {np.shape(strain)}")
+        d = strain_of_samples(strain, n)
         used = np.abs(d) <= self.settings.sensor_range  # false for NaN
         if valid is not None:
-            mask = np.asarray(valid)
-            if mask.shape not in ((n,), d.shape) or mask.dtype != np.bool_:
-                raise InputError(
-                    f"valid: expected ({n},) or {d.shape} values of bool, got {mask.shape} of {mask.dtype}"
-                )
-            used &= mask
-        of = {name: _of_samples(name, value, len(d)) for name, value in flow.items()}
+            used &= checked_mask(valid, n, len(d) if np.ndim(strain) == 2 else None)
+        of = {name: per_sample(name, value, len(d)) for name, value in flow.items()}
         pressure = of["static_pressure"]
         pressure = np.where(np.isnan(pressure), static_pressure_at(of["altitude"]), pressure)
         value = np.column_stack([of["mach_number"], pressure, of["dynamic_pressure"]])
@@ -367,10 +386,3 @@ def without_navigation(samples: Samples, residual: FloatArray, dropped: BoolArra
     precision = samples.measured.precision.copy()
     precision[:, :3] = doubted_precision(precision[:, :3], residual, dropped)
     return replace(samples, measured=replace(samples.measured, precision=precision))
-
-
-def _of_samples(name: str, value: ArrayLike, k: int) -> FloatArray:
-    found = np.asarray(value, dtype=float)
-    if found.shape not in ((), (k,)):
-        raise InputError(f"{name}: expected a number or {k} numbers, got shape {found.shape}")
-    return np.broadcast_to(found, (k,))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.arguments import strain_of_one
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
@@ -60,7 +61,7 @@ class FlightTracker:
     ) -> FlightEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`ManifoldEstimator.estimate`."""
         inputs = self.estimator.checked_inputs(
-            strain,
+            strain_of_one(strain, self.estimator.inverse_map.n_gauges),
             valid,
             {
                 "mach_number": mach_number,

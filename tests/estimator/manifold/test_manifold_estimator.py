@@ -16,6 +16,7 @@ from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_i
 from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
 from strainfmu.flight_condition import FlightCondition
 
@@ -78,11 +79,28 @@ def test_air_data_are_those_of_the_condition() -> None:
             strict=True,
         )
     )
-    air = found[0].air_data
+    air = found.air_data
     for i, name in enumerate(AIR_DATA_NAMES):
         assert abs(air.value[i] - true[name]) < 3.5 * air.std[i], name
-    assert found[0].health is HealthState.OK
+    assert found.health is HealthState.OK
     assert np.all(air.is_identified)
+
+
+def test_one_sample_is_a_row_of_several() -> None:
+    """One estimate for strain of one axis, as of the linear estimator; steps on their own are the same."""
+    estimator, flow = ManifoldEstimator(whole_map()), navigation(CONDITION)
+    strain = np.array([strain_at(CONDITION, seed) for seed in range(3)])
+    several = estimator.estimate(strain, **flow)
+    assert isinstance(several, FlightEstimates)
+    assert len(several) == 3
+    for row in range(3):
+        one, step = estimator.estimate(strain[row], **flow), estimator.step(strain[row], **flow)
+        assert isinstance(one, FlightEstimate)
+        assert one.health is several[row].health
+        np.testing.assert_allclose(one.loads, several[row].loads, rtol=1e-9)
+        np.testing.assert_allclose(one.air_data.value, several.air_data.value[row], rtol=1e-9)
+        assert np.array_equal(one.loads, step.loads)
+    assert isinstance(estimator.estimate(strain[:1], **flow), FlightEstimates)
 
 
 def test_loading_a_map_with_tables_gives_the_nonlinear_estimator(tmp_path: Path) -> None:
@@ -101,16 +119,16 @@ def test_strain_off_the_tables_gets_the_loads_of_the_linear_map() -> None:
     strain = strain_at(CONDITION) + 2e-5 * np.cos(np.arange(N_D))
     found = estimator.estimate(strain, **navigation(CONDITION))
     linear = estimator.linear.estimate(strain, CONDITION.dynamic_pressure)
-    assert found.is_linear[0]
-    assert found.health[0] in (HealthState.INCONSISTENT, HealthState.OUTSIDE)
-    assert np.array_equal(found.loads[0], linear.loads)
+    assert found.is_linear
+    assert found.health in (HealthState.INCONSISTENT, HealthState.OUTSIDE)
+    assert np.array_equal(found.loads, linear.loads)
     blind = estimator.estimate(strain)
-    assert not blind.is_linear[0]  # the linear map knows nothing without q_inf
-    assert blind.health[0] in (HealthState.INCONSISTENT, HealthState.OUTSIDE)
+    assert not blind.is_linear  # the linear map knows nothing without q_inf
+    assert blind.health in (HealthState.INCONSISTENT, HealthState.OUTSIDE)
 
 
 def test_without_gauges_nothing_is_known() -> None:
-    found = ManifoldEstimator(whole_map()).estimate(np.full(N_D, np.nan), **navigation(CONDITION))[0]
+    found = ManifoldEstimator(whole_map()).estimate(np.full(N_D, np.nan), **navigation(CONDITION))
     assert found.health is HealthState.INVALID
     assert np.all(np.isnan(found.loads))
     assert np.all(np.isnan(found.air_data.value))
@@ -119,31 +137,35 @@ def test_without_gauges_nothing_is_known() -> None:
 def test_a_flight_beyond_the_tables_is_outside() -> None:
     beyond = replace(CONDITION, angle_of_attack=np.radians(12.5))
     found = ManifoldEstimator(whole_map()).estimate(strain_at(beyond), **navigation(beyond))
-    assert found.health[0] == HealthState.OUTSIDE
+    assert found.health is HealthState.OUTSIDE
     fast = replace(CONDITION, mach_number=8.4)
-    assert (
-        ManifoldEstimator(whole_map()).estimate(strain_at(fast), **navigation(fast)).health[0]
-        == HealthState.OUTSIDE
-    )
+    found = ManifoldEstimator(whole_map()).estimate(strain_at(fast), **navigation(fast))
+    assert found.health is HealthState.OUTSIDE
 
 
 def test_a_lost_gauge_degrades_and_a_wrong_one_is_suspect() -> None:
     estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
     valid = np.ones(N_D, dtype=bool)
     valid[4] = False
-    assert estimator.estimate(strain, valid=valid, **navigation(CONDITION)).health[0] == HealthState.DEGRADED
+    assert estimator.estimate(strain, valid=valid, **navigation(CONDITION)).health is HealthState.DEGRADED
     wrong = strain.copy()
     wrong[7] += 2.2e-6
-    found = estimator.estimate(wrong, **navigation(CONDITION))[0]
+    found = estimator.estimate(wrong, **navigation(CONDITION))
     assert found.suspects == (7,)
     assert found.health in (HealthState.SUSPECT, HealthState.INCONSISTENT)
 
 
 def test_bad_arguments_are_named() -> None:
     estimator = ManifoldEstimator(whole_map())
-    with pytest.raises(InputError, match=rf"strain: expected \(k, {N_D}\) values, got \(3,\)"):
+    with pytest.raises(InputError, match=rf"strain: expected {N_D} values, got \(3,\)"):
         estimator.estimate(np.zeros(3))
-    with pytest.raises(InputError, match="mach_number: expected a number or 1 numbers"):
+    with pytest.raises(InputError, match=rf"strain: expected \(k, {N_D}\) values, got \(2, 3\)"):
+        estimator.estimate(np.zeros((2, 3)))
+    with pytest.raises(InputError, match=rf"strain: expected {N_D} values, got \(2, {N_D}\)"):
+        FlightTracker(estimator).step(np.zeros((2, N_D)))
+    with pytest.raises(InputError, match="dynamic_pressure: expected a number, got None"):
+        estimator.estimate(np.zeros(N_D), None)
+    with pytest.raises(InputError, match="mach_number: expected a number, got shape"):
         estimator.estimate(np.zeros(N_D), mach_number=[1.0, 2.0])
     with pytest.raises(InputError, match="estimator 'linear' found, expected 'manifold'"):
         ManifoldEstimator(replace(whole_map(), manifold=None))
@@ -156,7 +178,7 @@ def test_steps_follow_the_search_and_keep_lock() -> None:
         condition = replace(CONDITION, angle_of_attack=np.radians(5.0 * np.sin(0.1 * step)))
         strain = strain_at(condition, step)
         found = tracker.step(strain, **navigation(condition))
-        alone = estimator.estimate(strain, **navigation(condition))[0]
+        alone = estimator.estimate(strain, **navigation(condition))
         assert np.all(np.abs(found.loads - alone.loads) < 0.2 * alone.loads_std)
 
 
@@ -175,9 +197,9 @@ def test_after_strain_off_the_tables_the_loads_come_back_late() -> None:
 def test_navigation_that_may_be_correct_is_dropped_without_an_alarm() -> None:
     estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
     flow, states = navigation(CONDITION), {}
-    of_all = estimator.estimate(strain, **flow)[0]
+    of_all = estimator.estimate(strain, **flow)
     for sigmas in (0.0, 4.5, 12.0):
-        found = estimator.estimate(strain, **flow | {"mach_number": CONDITION.mach_number + 0.05 * sigmas})[0]
+        found = estimator.estimate(strain, **flow | {"mach_number": CONDITION.mach_number + 0.05 * sigmas})
         states[sigmas] = (bool(found.navigation_used[0]), found.health)
         assert np.all(np.abs(found.coefficients - of_all.coefficients) < found.coefficients_std)
     assert states == {
@@ -195,7 +217,7 @@ def test_a_shape_of_pressure_off_the_tables_is_seen_where_chi_square_is_not() ->
     estimator, strain = ManifoldEstimator(whole), strain_at(CONDITION)
     largest = 0.0
     for size in np.linspace(0.0, 40.0, 41):
-        found = estimator.estimate(strain + size * shapes[:, -1], **navigation(CONDITION))[0]
+        found = estimator.estimate(strain + size * shapes[:, -1], **navigation(CONDITION))
         if not found.fits:
             break
         largest = float(np.max(np.abs(found.shape_residual)))
@@ -212,9 +234,9 @@ def test_a_shape_of_one_gauge_is_its_leave_one_out_residual() -> None:
     unit = replace(whole.manifold, discrepancy_shapes=1e-6 * np.eye(N_D)[:, [3, 8]])
     estimator, strain = ManifoldEstimator(replace(whole, manifold=unit)), strain_at(CONDITION)
     found = estimator.estimate(strain, **navigation(CONDITION))
-    np.testing.assert_allclose(found.shape_residual[0], found.standardised_residual[0, [3, 8]], rtol=1e-9)
+    np.testing.assert_allclose(found.shape_residual, found.standardised_residual[[3, 8]], rtol=1e-9)
     found = estimator.estimate(strain, valid=np.arange(N_D) != 3, **navigation(CONDITION))
-    assert found.shape_residual[0, 0] == 0.0
+    assert found.shape_residual[0] == 0.0
 
 
 @pytest.mark.parametrize("name", ["mach_number_std", "static_pressure_std", "dynamic_pressure_std"])
@@ -233,7 +255,7 @@ def test_doubt_about_navigation_covers_an_error_of_the_quantity_that_is_kept() -
     u, w = (CONDITION.total_incidence * f(CONDITION.leeward_roll_angle) for f in (np.cos, np.sin))
     true = exact_response(CONDITION.mach_number, u, w, CONDITION.ambient_pressure)[N_D:] / scale
     for seed in range(20):
-        found = estimator.estimate(strain_at(CONDITION, seed), **flow)[0]
+        found = estimator.estimate(strain_at(CONDITION, seed), **flow)
         wrong = np.any(np.abs(found.coefficients - true) > 3.0 * found.coefficients_std)
         dropped += not np.all(found.navigation_used)
         silent += bool(wrong) and found.health is HealthState.OK

@@ -1,0 +1,74 @@
+"""Arguments of the estimators, of one sample or of several, checked and as arrays over the samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+
+
+def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
+    """Return ``strain`` (n_d,) of one sample [m/m].
+
+    Raises
+    ------
+    InputError
+        It has another shape.
+    """
+    d = np.asarray(strain, dtype=float)
+    if d.shape != (n_gauges,):
+        raise InputError(f"strain: expected {n_gauges} values, got {d.shape}")
+    return d
+
+
+def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
+    """Return ``strain`` of k samples (k, n_d), or of one (n_d,), as (k, n_d) [m/m].
+
+    Raises
+    ------
+    InputError
+        It has another shape.
+    """
+    d = np.asarray(strain, dtype=float)
+    if d.ndim != 2:
+        return strain_of_one(d, n_gauges)[None, :]
+    if d.shape[1] != n_gauges:
+        raise InputError(f"strain: expected (k, {n_gauges}) values, got {d.shape}")
+    return d
+
+
+def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) -> BoolArray:
+    """Return ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d).
+
+    Raises
+    ------
+    InputError
+        It has another shape, or is not of bool.
+    """
+    mask = np.asarray(valid)
+    shapes = [(n_gauges,)] if samples is None else [(n_gauges,), (samples, n_gauges)]
+    if mask.shape not in shapes or mask.dtype != np.bool_:
+        expected = " or ".join(str(shape) for shape in shapes)
+        raise InputError(f"valid: expected {expected} values of bool, got {mask.shape} of {mask.dtype}")
+    return mask
+
+
+def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
+    """Return ``value``, one number or one of each sample, as (samples,).
+
+    Raises
+    ------
+    InputError
+        It holds something else than numbers, or another number of them.
+    """
+    try:
+        values = np.asarray(value, dtype=float) if value is not None else None
+    except (TypeError, ValueError):
+        values = None
+    if values is None or values.shape not in ((), (samples,)):
+        expected = "a number" if samples == 1 else f"a number or {samples} numbers"
+        got = repr(value) if values is None else f"shape {values.shape}"
+        raise InputError(f"{name}: expected {expected}, got {got}")
+    return np.full(samples, values) if values.ndim == 0 else values
