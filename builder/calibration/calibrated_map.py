@@ -17,7 +17,7 @@ from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.estimate import Estimate
 from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, on_structure
+from builder.inverse.build import build_inverse_map, inverse_problem, on_structure
 from builder.inverse.ensemble import Ensemble, ensemble_of, rolled_modes
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.pod import proper_orthogonal_decomposition
@@ -111,9 +111,10 @@ def calibrated_map(
     snapshots = on_structure(snapshots, mapped)
     if terms is None:
         terms = remaining_terms(structure, remaining, ensemble_of(known, snapshots))
-    found = build_inverse_map(known, snapshots, mapped, terms)
+    problem = inverse_problem(known, snapshots, mapped, terms)
+    found = build_inverse_map(known, snapshots, mapped, terms, problem)
     if vehicle.map.estimator == "manifold":
-        found = with_manifold(found, known, snapshots, mapped, terms)
+        found = with_manifold(found, known, snapshots, mapped, terms, problem)
     return found
 
 

@@ -103,15 +103,19 @@ def noise_terms(
 
 
 def build_inverse_map(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, nuisance: Sequence[NoiseTerm] = ()
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    nuisance: Sequence[NoiseTerm] = (),
+    problem: Problem | None = None,
 ) -> InverseMap:
     """Build the map of the case in the vehicle file, for the layout in use.
 
-    Parameters and errors are those of :func:`inverse_problem`. The gauges may also fail to identify the requested
-    modes.
+    Parameters and errors are those of :func:`inverse_problem`, whose result ``problem`` is where it is known. The
+    gauges may also fail to identify the requested modes.
     """
     snapshots = on_structure(snapshots, structure)
-    problem = inverse_problem(vehicle, snapshots, structure, nuisance)
+    problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     solution = solve(problem)
     found = on_observable_states(inverse_map_of(vehicle, snapshots, structure, problem, solution))
     return with_score_limit(found, problem, solution)

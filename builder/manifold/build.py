@@ -38,17 +38,18 @@ def with_manifold(
     snapshots: Snapshots,
     structure: AnyStructure,
     nuisance: Sequence[NoiseTerm] = (),
+    problem: Problem | None = None,
 ) -> InverseMap:
     """Return ``inverse_map`` with the tables of the nonlinear estimator, made from the same inputs.
 
-    ``nuisance`` holds the further noise terms of the map.
+    ``nuisance`` holds the further noise terms of the map, ``problem`` what it was solved from where it is known.
 
     Raises
     ------
     InputError
         The body is no body of revolution, or the flows do not suffice for tables.
     """
-    problem = inverse_problem(vehicle, snapshots, structure, nuisance)
+    problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}
     return replace(inverse_map, manifold=manifold, provenance=provenance)
@@ -71,7 +72,8 @@ def manifold_map(
     grid = structure.surface
     if not isinstance(grid, SurfaceGrid) or problem.ensemble.grid is None:
         raise InputError(
-            "map.estimator: 'manifold' needs a body of revolution with rings of nodes, got a free surface"
+            "map.estimator: 'manifold' needs a body of revolution with rings of nodes, got a free surface; "
+            "estimator 'linear' takes it"
         )
     snapshots = on_structure(snapshots, structure)
     flows = flow_amplitudes(snapshots)

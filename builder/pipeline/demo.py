@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.figures.estimators import estimator_errors
 from builder.pipeline.as_built_demo import CALIBRATED, AsBuiltRun
+from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.free_demo import fly_free_shape
@@ -49,8 +50,6 @@ from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
 from strainfmu.fmu.native_package import shipped_libraries
-
-Estimators = Literal["linear", "manifold"]
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
@@ -111,6 +110,8 @@ def run_demo(
         A file could not be written or an FMU failed.
     """
     vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
+    if vehicle.sensors is not None:
+        raise InputError("sensors: expected none for a demo, whose plant and FMU have strain gauges alone")
     pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     vehicle = pipeline.vehicle
     check_before_long_work(vehicle, conditions)
@@ -182,27 +183,6 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     )
 
 
-def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
-    """Return ``vehicle`` with another estimator in its section [map]; None leaves it.
-
-    Raises
-    ------
-    InputError
-        The section does not fit the nonlinear estimator.
-    """
-    entry = vehicle.map
-    if vehicle.sensors is not None:
-        raise InputError("sensors: expected none for a demo, whose plant and FMU have strain gauges alone")
-    if estimator == "manifold" and (entry.form, entry.symmetry) != ("dynamic_pressure", "full"):
-        raise InputError(
-            f"--estimator manifold: needs map.form 'dynamic_pressure' and map.symmetry 'full', "
-            f"got '{entry.form}' and '{entry.symmetry}'"
-        )
-    if estimator is None:
-        return vehicle
-    return vehicle.model_copy(update={"map": entry.model_copy(update={"estimator": estimator})})
-
-
 def _flight_model(pipeline: Pipeline, built: AsBuilt) -> None:
     vehicle = pipeline.vehicle
     make_independent_flows(pipeline)
@@ -222,8 +202,13 @@ def _flight_model(pipeline: Pipeline, built: AsBuilt) -> None:
 
 
 def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:
-    """Return the names of the errors that the sigmas of ``inverse_map`` hold."""
-    terms = tuple(term["name"] for term in inverse_map.provenance.get("noise_terms", []))
+    """Return the names of the errors that the sigmas of ``inverse_map`` hold, of the estimator it is for."""
+    held = inverse_map.provenance
+    names = [term["name"] for term in held.get("noise_terms", [])]
+    if inverse_map.manifold is not None:
+        of_tables = [term["name"] for term in held.get("table_error_terms", [])]
+        names = [name for name in names if name not in ("truncated modes", *of_tables)] + of_tables
+    terms = tuple(names)
     return (*terms, "dynamic pressure") if inverse_map.dynamic_pressure_error > 0.0 else terms
 
 
@@ -352,7 +337,7 @@ def _estimators(pipeline: Pipeline, recording: Recording) -> dict[str, Any]:
 
     def make(path: Path) -> None:
         with pipeline.reporter.stage("Linear and nonlinear estimator on the same strains"):
-            flown = flown_estimators(inverse_map, recording)
+            flown = flown_estimators(inverse_map, recording, estimator="estimator")
         entries = {name: estimator_entry(one) for name, one in flown.items()}
         write_bytes_atomically(path, json.dumps(_without_nan(entries), indent=1, allow_nan=False).encode())
         save(_errors_figure(recording, flown, pipeline.vehicle.name), path.with_suffix(".png"))

@@ -14,7 +14,7 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.load_estimate import LoadEstimates
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.step import Estimator
 from strainfmu.interface.fmi_variables import strain_names
 
@@ -51,16 +51,21 @@ class FlownEstimates:
 
 
 def flown_estimators(
-    inverse_map: InverseMap, recording: Recording, plant: str = "plant", zeros: FloatArray | None = None
+    inverse_map: InverseMap,
+    recording: Recording,
+    plant: str = "plant",
+    zeros: FloatArray | None = None,
+    estimator: str | None = None,
 ) -> dict[str, FlownEstimates]:
     """Return the estimates of both estimators of ``inverse_map``, by name, on the strains of ``recording``.
 
-    ``zeros`` (n_d,) are taken off what the gauges read [m/m]. The nonlinear one steps from state to state, with
-    Mach number, altitude and dynamic pressure of the plant.
+    ``zeros`` (n_d,) are taken off what the gauges read [m/m]. The nonlinear one knows Mach number, altitude and
+    dynamic pressure of the plant. Its estimates are those of the instance ``estimator``, an FMU of the map that
+    flew; with None each sample is estimated on its own.
     """
     strain = np.stack([recording[f"{plant}.{name}"] for name in strain_names(inverse_map.n_gauges)], axis=1)
     strain = strain if zeros is None else strain - zeros
-    truth = np.stack([recording[f"{plant}.{name}"] for name in COEFFICIENT_NAMES], axis=1)
+    truth = _columns(recording, plant, COEFFICIENT_NAMES)
     q, mach, altitude = (recording[f"{plant}.{name}"] for name in ("dynamic_pressure", "mach_number", "altitude"))
     linear = Estimator(inverse_map).estimate(strain, q)
     assert isinstance(linear, LoadEstimates)
@@ -74,22 +79,35 @@ def flown_estimators(
     }
     if inverse_map.manifold is None:
         return found
-    tracker = FlightTracker(ManifoldEstimator(inverse_map))
-    steps = [
-        tracker.step(row, float(q[i]), mach_number=float(mach[i]), altitude=float(altitude[i]))
-        for i, row in enumerate(strain)
-    ]
+    true_air_data = _columns(recording, plant, COMPARED_AIR_DATA)
+    if estimator is not None:
+        found["manifold"] = FlownEstimates(
+            coefficients=_columns(recording, estimator, COEFFICIENT_NAMES),
+            coefficients_std=_columns(recording, f"{estimator}.sigma", COEFFICIENT_NAMES),
+            true_coefficients=truth,
+            health=recording[f"{estimator}.health.state"].astype(np.int64),
+            air_data=_columns(recording, f"{estimator}.air_data", COMPARED_AIR_DATA),
+            air_data_std=_columns(recording, f"{estimator}.sigma.air_data", COMPARED_AIR_DATA),
+            true_air_data=true_air_data,
+        )
+        return found
+    one = ManifoldEstimator(inverse_map).estimate(strain, q, mach_number=mach, altitude=altitude)
+    assert isinstance(one, FlightEstimates)
     columns = [AIR_DATA_NAMES.index(name) for name in COMPARED_AIR_DATA]
     found["manifold"] = FlownEstimates(
-        coefficients=np.array([one.coefficients for one in steps]),
-        coefficients_std=np.array([one.coefficients_std for one in steps]),
+        coefficients=one.coefficients,
+        coefficients_std=one.coefficients_std,
         true_coefficients=truth,
-        health=np.array([int(one.health) for one in steps], dtype=np.int64),
-        air_data=np.array([one.air_data.value[columns] for one in steps]),
-        air_data_std=np.array([one.air_data.std[columns] for one in steps]),
-        true_air_data=np.stack([recording[f"{plant}.{name}"] for name in COMPARED_AIR_DATA], axis=1),
+        health=np.asarray(one.health),
+        air_data=one.air_data.value[:, columns],
+        air_data_std=one.air_data.std[:, columns],
+        true_air_data=true_air_data,
     )
     return found
+
+
+def _columns(recording: Recording, prefix: str, names: tuple[str, ...]) -> FloatArray:
+    return np.stack([recording[f"{prefix}.{name}"] for name in names], axis=1)
 
 
 def estimator_entry(flown: FlownEstimates) -> dict[str, Any]:

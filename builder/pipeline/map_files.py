@@ -15,6 +15,7 @@ from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import AnyStructure
+from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import (
     alarm_levels_wanted,
@@ -49,10 +50,17 @@ from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 FLOWS = "independent_flows.h5"
 
 
-def run_build(vehicle_path: Path, folder: Path, reporter: Reporter, given: FilesGiven | None = None) -> Path:
+def run_build(
+    vehicle_path: Path,
+    folder: Path,
+    reporter: Reporter,
+    given: FilesGiven | None = None,
+    estimator: Estimators | None = None,
+) -> Path:
     """Make the files up to the inverse map and the report beside it; return the map's path.
 
     Snapshots and structure that are in the folder, or given, and were made by a command of their own are used.
+    ``estimator`` replaces that of the section [map].
 
     Raises
     ------
@@ -62,7 +70,8 @@ def run_build(vehicle_path: Path, folder: Path, reporter: Reporter, given: Files
     StrainfmuError
         A file could not be written.
     """
-    pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
+    vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
+    pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     check_before_long_work(pipeline.vehicle, conditions)
     make_map(pipeline)
     _report(pipeline)

@@ -22,7 +22,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.build import AnyStructure, build_inverse_map, check_noise
+from builder.inverse.build import AnyStructure, build_inverse_map, check_noise, inverse_problem
 from builder.inverse.mesh_error import mesh_error_notes
 from builder.manifold.build import with_manifold
 from builder.reporting import Reporter, Silent
@@ -233,9 +233,10 @@ def map_from(
         reporter.note(
             f"warning: the map is made without {len(failed)} of {count} conditions, which were not solved"
         )
-    inverse_map = build_inverse_map(vehicle, snapshots, structure)
+    problem = inverse_problem(vehicle, snapshots, structure)
+    inverse_map = build_inverse_map(vehicle, snapshots, structure, problem=problem)
     if vehicle.map.estimator == "manifold":
-        inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure)
+        inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
     if held["symmetry"] != vehicle.map.symmetry:

@@ -13,6 +13,7 @@ from typing import Any
 from builder.campaign.journal import Journal
 from builder.figures.canvas import save
 from builder.figures.stress import stress_figure
+from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.map_files import make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
@@ -69,10 +70,12 @@ def run_stress(
     effort: Effort | None = None,
     map_path: Path | None = None,
     given: FilesGiven | None = None,
+    estimator: Estimators | None = None,
 ) -> StressResult:
     """Try every kind of error on a map; write ``stress.json``, ``stress.csv`` and ``stress.png`` to ``folder``.
 
-    The map is that of ``build``, made in ``folder``; or the one at ``map_path``. Errors are those of the
+    The map is that of ``build``, made in ``folder``, for ``estimator`` in place of that of the section [map]
+    unless it is None; or the one at ``map_path``. Errors are those of the
     independent model, whose structure is the Fourier model whatever the map is built on.
 
     Raises
@@ -85,7 +88,8 @@ def run_stress(
     """
     effort = effort or Effort()
     if map_path is None:
-        pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
+        vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
+        pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
         refuse_beyond_fourier(pipeline.vehicle, [pipeline.vehicle.gauges.layout])
         check_before_long_work(pipeline.vehicle, conditions)
         make_map(pipeline)

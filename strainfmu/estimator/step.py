@@ -62,8 +62,9 @@ class Estimator:
     Example
     -------
     >>> import strainfmu
-    >>> estimator = strainfmu.load("demo/map.h5")
-    >>> strain = estimator.inverse_map.mean_strain  # in place of a measurement
+    >>> inverse_map = strainfmu.load_inverse_map("demo/map.h5")
+    >>> estimator = strainfmu.Estimator(inverse_map)  # strainfmu.load takes tables where there are some
+    >>> strain = inverse_map.mean_strain  # in place of a measurement
     >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
     >>> print(f"{result.C_A:.3f} +- {3 * result.sigma.C_A:.3f}, {result.health.name}")
     0.021 +- 0.020, OK

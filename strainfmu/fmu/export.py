@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal
 
 from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map
+from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
@@ -72,16 +74,21 @@ class ExportOptions:
     fmi_version : "2" for FMI 2.0, "3" for FMI 3.0 (native only).
     platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
     model_name : name of the model that tools show.
+    estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
+        that which the map was built for.
     """
 
     kind: str = "native"
     fmi_version: str = "2"
     platforms: Sequence[str] | None = None
     model_name: str = "StrainLoadEstimator"
+    estimator: Literal["linear"] | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"kind: '{self.kind}' found, must be one of {', '.join(KINDS)}")
+        if self.estimator not in (None, "linear"):
+            raise InputError(f"estimator: '{self.estimator}' found, must be linear or left out")
         if self.fmi_version not in FMI_VERSIONS:
             raise InputError(f"fmi: '{self.fmi_version}' found, must be one of {', '.join(FMI_VERSIONS)}")
         if self.kind == "python" and self.fmi_version != "2":
@@ -92,8 +99,10 @@ class ExportOptions:
 
 def export_estimator(
     map_path: str | PathLike[str], fmu_path: str | PathLike[str], options: ExportOptions | None = None
-) -> None:
+) -> Literal["linear", "manifold"]:
     """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
+
+    Returns which estimator it holds.
 
     Raises
     ------
@@ -112,9 +121,15 @@ def export_estimator(
     check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
     refuse_sensors(inverse_map.sensors, f"{map_path}: FMU")
+    if options.estimator == "linear" and inverse_map.manifold is not None:
+        with TemporaryDirectory() as folder:
+            linear = Path(folder) / "map.h5"
+            save_inverse_map(replace(inverse_map, manifold=None), linear)
+            return export_estimator(linear, fmu_path, options)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     make = _native_estimator if options.kind == "native" else _python_estimator
     write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))
+    return "linear" if inverse_map.manifold is None else "manifold"
 
 
 def _native_estimator(

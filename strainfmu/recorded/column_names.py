@@ -30,8 +30,11 @@ SIGNALS = frozenset(
 )
 """What a recorded system simulation holds besides: known, and not read."""
 
-_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.")
+_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.", "identified.", "navigation_used.")
 """Beginnings of the names of an estimator's other outputs."""
+
+_AIR_DATA = "air_data."
+"""The same of those with names of the flow; without an instance ahead it may be an instance itself."""
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
@@ -144,8 +147,10 @@ def _pattern(entry: str) -> re.Pattern[str]:
 
 def is_read(name: str, wanted: Wanted) -> bool:
     """Return whether a column of this name is one of time, gauges and flow."""
-    if name in wanted.gauge_names or name.lower() in TIME_NAMES or last_part(name) in wanted.flow:
+    if name in wanted.gauge_names or name.lower() in TIME_NAMES:
         return True
+    if last_part(name) in wanted.flow:
+        return not _is_output(name)
     if sensor_of(name, wanted.sensors) is not None:
         return True
     number = strain_number(name)
@@ -154,8 +159,13 @@ def is_read(name: str, wanted: Wanted) -> bool:
 
 def _is_signal(name: str) -> bool:
     """Return whether this is an output of an estimator, a plant or an autopilot; an instance may stand ahead."""
-    own = (name, name.partition(".")[2])
-    return any(one in SIGNALS or one.startswith(_SIGNAL_GROUPS) for one in own)
+    return _is_output(name) or any(one in SIGNALS for one in (name, name.partition(".")[2]))
+
+
+def _is_output(name: str) -> bool:
+    """Return whether this is an output of an estimator: what it makes of the flow is not what flew."""
+    of_instance = name.partition(".")[2]
+    return name.startswith(_SIGNAL_GROUPS) or of_instance.startswith((*_SIGNAL_GROUPS, _AIR_DATA))
 
 
 def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:

@@ -7,18 +7,21 @@ import os
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from flight_fmu import whole_map
 from fmpy import simulate_fmu
 from fmu_host import OPTIONS
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 
+from strainfmu.cli.main import main
 from strainfmu.cosim.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.python_package import with_own_package
@@ -37,6 +40,29 @@ def test_equal_exports_are_equal_to_the_byte(
         simulate_fmu(str(tmp_path / f"{name}_python.fmu"), stop_time=0.01)
     for kind in (*OPTIONS, "plant"):
         assert (tmp_path / f"a_{kind}.fmu").read_bytes() == (tmp_path / f"b_{kind}.fmu").read_bytes()
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("kind", OPTIONS)
+def test_the_linear_estimator_of_a_map_with_tables(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Byte for byte that of the map without tables, with model exchange; the nonlinear one says how to get it."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    save_inverse_map(whole_map(), tmp_path / "both.h5")
+    save_inverse_map(replace(whole_map(), manifold=None), tmp_path / "linear.h5")
+    options = replace(OPTIONS[kind], estimator="linear")
+    assert export_estimator(tmp_path / "both.h5", tmp_path / "a.fmu", options) == "linear"
+    export_estimator(tmp_path / "linear.h5", tmp_path / "b.fmu", OPTIONS[kind])
+    assert (tmp_path / "a.fmu").read_bytes() == (tmp_path / "b.fmu").read_bytes()
+    command = ["export", str(tmp_path / "both.h5"), "--kind", options.kind, "--fmi", options.fmi_version]
+    said = []
+    for more in ([], ["--estimator", "linear"]):
+        with pytest.raises(SystemExit):
+            main([*command, *more, "-o", str(tmp_path / "c.fmu")])
+        said.append(capsys.readouterr().out)
+    assert ("--estimator linear has model exchange" in said[0]) == (options.kind == "native")
+    assert "model exchange" not in said[1]
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

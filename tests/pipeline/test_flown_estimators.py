@@ -10,7 +10,7 @@ from scaled_maps import scaled_map
 
 from builder.figures.canvas import save
 from builder.figures.estimators import estimator_errors
-from builder.pipeline.demo import with_estimator
+from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.cosim.recording import Recording
@@ -67,8 +67,9 @@ def test_a_map_without_tables_has_the_linear_one_alone() -> None:
 
 def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
     vehicle = load_vehicle(IC3X)
-    assert with_estimator(vehicle, "manifold").map.estimator == "manifold"
+    assert with_estimator(vehicle, "linear").map.estimator == "linear"
+    assert with_estimator(with_estimator(vehicle, "linear"), "manifold").map.estimator == "manifold"
     assert with_estimator(vehicle, None) is vehicle
     listed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": "listed"})})
-    with pytest.raises(InputError, match="--estimator manifold: needs map"):
+    with pytest.raises(InputError, match=r"--estimator manifold: needs map.symmetry 'full', got 'listed'"):
         with_estimator(listed, "manifold")

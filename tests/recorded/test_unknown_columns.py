@@ -8,11 +8,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from flight_fmu import whole_map
 from recorded_case import NAMES, samples, write_flight
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.cosim.instance import read_description
 from strainfmu.errors import InputError
+from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.recorded.column_names import Wanted
 from strainfmu.recorded.strain_files import open_strains
 
@@ -85,6 +87,19 @@ def test_signals_of_a_simulation_are_known(synthetic: SyntheticFiles, tmp_path: 
     with open_strains(data, Wanted(gauge_names=tuple(NAMES))) as opened:
         read = {f"plant.{name}" for name in opened.plan.stated}
         assert {*opened.plan.unused} | read == {*names}
+
+
+def test_air_data_of_an_estimator_are_not_what_flew(tmp_path: Path) -> None:
+    """Outputs of the nonlinear estimator have names of the flow; an instance ``air_data`` is read."""
+    names = [f"estimator.{one.name}" for one in estimator_interface(whole_map()) if one.causality == "output"]
+    assert {"estimator.air_data.mach_number", "estimator.sigma.air_data.dynamic_pressure"} < {*names}
+    flown = {"plant.mach_number": 6.0, "air_data.altitude": 2e4}
+    data = write_flight(tmp_path / "d.csv", **dict.fromkeys(names, 1.0), **flown)
+    with open_strains(data, Wanted(gauge_names=tuple(NAMES))) as opened:
+        assert {*opened.plan.unused} == {*names}
+        assert opened.plan.stated == ("mach_number", "altitude")
+        ((block, _),) = opened.blocks
+        assert np.all(block.flow["mach_number"] == 6.0)
 
 
 def test_a_known_column_is_left_out_by_its_name_alone(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -22,6 +22,10 @@ STRUCTURE_OPTION = typer.Option(
 REBUILD_OPTION = typer.Option(
     "--rebuild", help="Make the folder's files by the vehicle file, in place of those made with other options."
 )
+Estimator = Literal["linear", "manifold"]
+ESTIMATOR_OPTION = typer.Option(
+    "--estimator", help="Instead of the vehicle file's: linear, or manifold, the nonlinear one."
+)
 
 
 def build(
@@ -30,6 +34,7 @@ def build(
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
+    estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
     """Build the inverse map of a vehicle: snapshots.h5, map.h5, and report.html on what the gauges can measure.
 
@@ -44,13 +49,15 @@ def build(
         strainfmu build my_vehicle.toml -o results
 
         strainfmu build my_vehicle.toml -o results --snapshots flows/fine.h5 --structure meshed/structure.h5
+
+        strainfmu build my_vehicle.toml -o results --estimator manifold
     """
     from builder.pipeline.map_files import run_build
     from builder.pipeline.pipeline import FilesGiven
 
     console = Console()
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    path = run_build(vehicle, output, ConsoleReporter(console), given)
+    path = run_build(vehicle, output, ConsoleReporter(console), given, estimator)
     for written in (path, path.with_name("report.html")):
         if written.is_file():
             console.print(f"{written}: written", highlight=False, markup=False, soft_wrap=True)
@@ -66,21 +73,33 @@ def export(
     platforms: Annotated[
         str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
     ] = "all",
+    estimator: Annotated[
+        Literal["linear"] | None,
+        typer.Option(help="linear: the linear estimator of a map that holds the nonlinear one too."),
+    ] = None,
 ) -> None:
-    """Package an inverse map as a co-simulation FMU. Two exports of one map are equal to the byte.
+    """Package an inverse map as an FMU. Two exports of one map are equal to the byte.
+
+    Native FMUs of the linear estimator are for co-simulation and model exchange, all others for co-simulation.
 
     Examples:
 
         strainfmu export results/map.h5 -o estimator.fmu
 
         strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
+
+        strainfmu export results/map.h5 -o estimator.fmu --estimator linear
     """
     from strainfmu.fmu.export import ExportOptions, export_estimator
 
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
-    options = ExportOptions(kind=kind, fmi_version=fmi.removesuffix(".0"), platforms=chosen)
-    export_estimator(inverse_map, output, options)
+    version = fmi.removesuffix(".0")
+    options = ExportOptions(kind=kind, fmi_version=version, platforms=chosen, estimator=estimator)
+    found = export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+    if kind == "native" and found == "manifold":
+        note = "note: for co-simulation alone; --estimator linear has model exchange and derivatives"
+        Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
         from strainfmu.fmu.documentation import PYTHON_FOLDERS
 

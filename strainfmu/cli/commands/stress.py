@@ -12,7 +12,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
+from strainfmu.cli.commands.maps import (
+    ESTIMATOR_OPTION,
+    REBUILD_OPTION,
+    SNAPSHOTS_OPTION,
+    STRUCTURE_OPTION,
+    Estimator,
+)
 from strainfmu.cli.commands.number_ranges import within
 
 if TYPE_CHECKING:
@@ -45,6 +51,7 @@ def stress(
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
+    estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
     """Try some fifty kinds of error on a map: how many samples health flags, how many are wrong without a word.
 
@@ -69,8 +76,10 @@ def stress(
     from strainfmu.errors import InputError
 
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    if inverse_map is not None and (given.as_text() or rebuild):
-        named = next(iter(given.as_text()), "--rebuild")
+    of_build = {**given.as_text(), **({"--rebuild": ""} if rebuild else {})}
+    of_build |= {} if estimator is None else {"--estimator": estimator}
+    if inverse_map is not None and of_build:
+        named = next(iter(of_build))
         raise InputError(f"--map: expected without {named}, which is for building a map, got both")
     console, start = Console(), perf_counter()
     result = run_stress(
@@ -80,6 +89,7 @@ def stress(
         effort=Effort(conditions=conditions, draws=draws, seed=seed),
         map_path=inverse_map,
         given=given,
+        estimator=estimator,
     )
     _show(console, result)
     written = ", ".join(str(path) for path in result.files)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import degrees
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -13,15 +13,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
+from strainfmu.cli.commands.maps import (
+    ESTIMATOR_OPTION,
+    REBUILD_OPTION,
+    SNAPSHOTS_OPTION,
+    STRUCTURE_OPTION,
+    Estimator,
+)
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.pipeline.demo import DemoResult
-
-Estimator = Literal["linear", "manifold"]
 
 VehicleArgument = Annotated[
     Path | None,
@@ -58,10 +62,7 @@ def demo(
             help="Draw the vehicle by its tolerances, test it on the ground, calibrate the map, and fly.",
         ),
     ] = None,
-    estimator: Annotated[
-        Estimator | None,
-        typer.Option(help="Instead of the vehicle file's: linear, or manifold, the nonlinear one."),
-    ] = None,
+    estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
     """From a vehicle file to an FMU flying in a system simulation.
 
@@ -79,7 +80,7 @@ def demo(
 
         strainfmu demo --as-built 7 -o tested
 
-        strainfmu demo --estimator manifold -o nonlinear
+        strainfmu demo --estimator linear -o linear
 
         strainfmu demo --can
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -37,10 +38,12 @@ class AirData:
 
     Attributes
     ----------
+    names : of the quantities.
     value, std : (k, 7) in :data:`AIR_DATA_UNITS`.
     is_identified : (k, 7) whether strain and navigation say more of it than the ranges of the map do.
     """
 
+    names: ClassVar[tuple[str, ...]] = AIR_DATA_NAMES
     value: FloatArray
     std: FloatArray
     is_identified: BoolArray
