@@ -9,9 +9,12 @@ from time import perf_counter
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.system import System
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.step_cost import step_costs
 
@@ -21,8 +24,14 @@ COMMUNICATION_STEP_SIZE = 1e-3
 SERIES = 10_000
 """Samples of the series that is estimated in one call."""
 
+FLIGHTS = 256
+"""The same of the nonlinear estimator."""
+
 FEWEST_CALLS, LONGEST_REPEAT = 50, 0.05
 """Calls that a mean is taken of at least; time [s] after which no more are added."""
+
+FEWEST_REPEATS, LONGEST = 3, 2.0
+"""Means that a median is taken of at least; time [s] after which no more are added."""
 
 LOST = 3
 """Gauges that fail, the first ones, where the cost of a step without some is timed."""
@@ -64,9 +73,27 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
         )
         / SERIES,
         f"Estimator.step, {LOST} gauges lost": time_per_call(lambda: estimator.step(broken, pressure)),
+        **_flight_costs(inverse_map, series, pressure),
         f"estimator FMU in the demo's simulation: set {n + 1}, step, get {len(out)}": cost["estimator"],
         f"plant FMU: step, get {n + 1}": cost["plant"],
         **step_costs(map_path, time_per_call),
+    }
+
+
+def _flight_costs(inverse_map: InverseMap, series: FloatArray, pressure: float) -> dict[str, float]:
+    """Return the time per step [s] of the nonlinear estimator; none of a map without tables."""
+    if inverse_map.manifold is None:
+        return {}
+    estimator = ManifoldEstimator(inverse_map)
+    tracker, some = FlightTracker(estimator), series[:FLIGHTS]
+    return {
+        "FlightTracker.step, from the state of the last one": time_per_call(
+            lambda: tracker.step(series[0], pressure), repeats=5
+        ),
+        f"ManifoldEstimator.estimate, {FLIGHTS} samples in one call, per sample": time_per_call(
+            lambda: estimator.estimate(some, pressure), repeats=3, calls=1
+        )
+        / FLIGHTS,
     }
 
 
@@ -76,8 +103,8 @@ def time_per_call(call: Callable[[], object], repeats: int = 30, calls: int = 50
     while counted < calls and (counted < FEWEST_CALLS or perf_counter() - start < LONGEST_REPEAT):
         call()
         counted += 1
-    means = []
-    for _ in range(repeats):
+    means, first = [], perf_counter()
+    while len(means) < repeats and (len(means) < FEWEST_REPEATS or perf_counter() - first < LONGEST):
         start = perf_counter()
         for _ in range(counted):
             call()

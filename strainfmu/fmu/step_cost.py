@@ -66,21 +66,24 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             instance.freeInstance()
             if options == ExportOptions():
                 costs |= host_costs(fmu, unzipped, inverse_map)
+        linear = replace(inverse_map, manifold=None)
+        if inverse_map.manifold is not None:
+            costs |= _other_costs(linear, Path(folder), "linear")
         if inverse_map.form == "dynamic_pressure":
-            costs |= _absolute_costs(inverse_map, Path(folder))
+            # Weights that do not follow q_inf.
+            nothing: dict[str, Any] = dict.fromkeys(SCALED_FIELDS)
+            costs |= _other_costs(replace(linear, form="absolute", **nothing), Path(folder), "form absolute")
     return costs
 
 
-def _absolute_costs(inverse_map: InverseMap, folder: Path) -> dict[str, float]:
-    """Return the times in a C host of the same map in form "absolute", whose weights do not follow q_inf."""
-    nothing: dict[str, Any] = dict.fromkeys(SCALED_FIELDS)
-    plain = replace(inverse_map, form="absolute", **nothing)
-    source, fmu = folder / "absolute.h5", folder / "absolute.fmu"
-    save_inverse_map(plain, source)
+def _other_costs(inverse_map: InverseMap, folder: Path, name: str) -> dict[str, float]:
+    """Return the times in a C host of another map than the one in question, called ``name``."""
+    source, fmu = folder / f"{name}.h5", folder / f"{name}.fmu"
+    save_inverse_map(inverse_map, source)
     export_estimator(source, fmu, ExportOptions())
     import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
-    found = host_costs(fmu, fmu.with_suffix(""), plain)
-    return {f"{name}, form absolute": cost for name, cost in found.items() if "step" in name or "fit" in name}
+    found = host_costs(fmu, fmu.with_suffix(""), inverse_map)
+    return {f"{row}, {name}": cost for row, cost in found.items() if "step" in row or "fit" in row}
 
 
 def _instance(fmu: Path, unzipped: Path) -> Any:
