@@ -103,7 +103,8 @@ def time_per_call(call: Callable[[], object], repeats: int = 30, calls: int = 50
     while counted < calls and (counted < FEWEST_CALLS or perf_counter() - start < LONGEST_REPEAT):
         call()
         counted += 1
-    means, first = [], perf_counter()
+    means: list[float] = []
+    first = perf_counter()
     while len(means) < repeats and (len(means) < FEWEST_REPEATS or perf_counter() - first < LONGEST):
         start = perf_counter()
         for _ in range(counted):

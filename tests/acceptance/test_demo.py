@@ -156,6 +156,7 @@ def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogi
         # At every roll angle the mean load is axial: the others come from what is added.
         strain = 0.7 * inverse_map.mean_strain + 1e-6 * random.normal(size=inverse_map.n_gauges)
         start = {f"strain[{i + 1}]": float(value) for i, value in enumerate(strain)}
+        start["dynamic_pressure"] = inverse_map.nominal_dynamic_pressure
         result = simulate_fmu(
             str(folder / "estimator.fmu"), stop_time=0.1, step_size=0.1, output_interval=0.1, start_values=start
         )

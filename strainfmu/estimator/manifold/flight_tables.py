@@ -116,7 +116,7 @@ def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _
     found = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
     cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
     # Samples of one cell have their 16 coefficients of each harmonic in common.
-    for i, j in np.unique(cells, axis=0).tolist():
+    for i, j in set(map(tuple, cells.tolist())):
         rows = np.flatnonzero((cells[:, 0] == i) & (cells[:, 1] == j))
         local = tables.by_harmonic[i : i + 4, j : j + 4].reshape(-1, n)
         weight = [
@@ -143,9 +143,15 @@ def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) ->
     d_sine = -u * w / cube, (incidence * incidence - w * w) / cube
     value, by_u, by_w = (np.zeros((len(u), n_m, 2), dtype=incidence.dtype) for _ in range(3))
     value[:, 0, 0] = 1.0
-    for m in range(1, n_m):
-        c, s = value[:, m - 1, 0], value[:, m - 1, 1]
-        for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
-            by[:, m, 0], by[:, m, 1] = m * (c * dc - s * ds), m * (s * dc + c * ds)
-        value[:, m, 0], value[:, m, 1] = c * cosine - s * sine, s * cosine + c * sine
+    if np.iscomplexobj(incidence):
+        for m in range(1, n_m):
+            c, s = value[:, m - 1, 0], value[:, m - 1, 1]
+            value[:, m, 0], value[:, m, 1] = c * cosine - s * sine, s * cosine + c * sine
+    else:
+        powers = np.cumprod(np.broadcast_to((cosine + 1j * sine)[:, None], (len(u), n_m - 1)), axis=1)
+        value[:, 1:, 0], value[:, 1:, 1] = powers.real, powers.imag
+    order, c, s = np.arange(1, n_m), value[:, :-1, 0], value[:, :-1, 1]
+    for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
+        dc, ds = dc[:, None], ds[:, None]
+        by[:, 1:, 0], by[:, 1:, 1] = order * (c * dc - s * ds), order * (s * dc + c * ds)
     return _Harmonics(value, by_u, by_w)

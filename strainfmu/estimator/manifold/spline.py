@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,9 @@ def local_basis(knots: FloatArray, x: FloatArray) -> LocalBasis:
     """
     inside = np.where(x.real < knots[0], knots[0], np.where(x.real > knots[-1], knots[-1], x))
     cell = np.clip(np.searchsorted(knots, inside.real, side="right") - 1, 0, len(knots) - 2)
-    value, derivative = _local(padded_knots(knots), cell + DEGREE, inside)
+    t, c = (inside - knots[cell])[:, None], _polynomials(np.asarray(knots, dtype=np.float64).tobytes())[cell]
+    value = c[:, :, 0] + t * (c[:, :, 1] + t * (c[:, :, 2] + t * c[:, :, 3]))
+    derivative = c[:, :, 1] + t * (2.0 * c[:, :, 2] + t * (3.0 * c[:, :, 3]))
     return LocalBasis(cell, value + (x - inside)[:, None] * derivative, derivative)
 
 
@@ -54,20 +57,22 @@ def basis(knots: FloatArray, x: FloatArray) -> Basis:
     return found
 
 
-def _local(padded: FloatArray, span: IntArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the four basis functions (k, 4) that are not zero at ``x``, and their derivatives."""
-    values = [np.ones_like(x)]
-    lower = values
+@lru_cache(maxsize=64)
+def _polynomials(knots: bytes) -> FloatArray:
+    """Return (n - 1, 4, 4) the four basis functions in each cell of the knots, as coefficients of the powers of x
+    less the cell's first knot."""
+    inner = np.frombuffer(knots, dtype=np.float64)
+    padded, first = padded_knots(inner), inner[:-1]
+    span = np.arange(len(first)) + DEGREE
+    values = [np.zeros((len(first), DEGREE + 1))]
+    values[0][:, 0] = 1.0
     for degree in range(1, DEGREE + 1):
-        lower, values = values, [np.zeros_like(x) for _ in range(degree + 1)]
+        lower, values = values, [np.zeros_like(values[0]) for _ in range(degree + 1)]
         for j, one in enumerate(lower):
             left, right = padded[span - degree + 1 + j], padded[span + 1 + j]
-            part = one / (right - left)
-            values[j] = values[j] + (right - x) * part
-            values[j + 1] = values[j + 1] + (x - left) * part
-    slope = [np.zeros_like(x) for _ in range(DEGREE + 1)]
-    for j, one in enumerate(lower):
-        part = DEGREE * one / (padded[span + 1 + j] - padded[span - DEGREE + 1 + j])
-        slope[j] = slope[j] - part
-        slope[j + 1] = slope[j + 1] + part
-    return np.stack(values, axis=1), np.stack(slope, axis=1)
+            part = one / (right - left)[:, None]
+            higher = np.zeros_like(part)
+            higher[:, 1:] = part[:, :-1]
+            values[j] += (right - first)[:, None] * part - higher
+            values[j + 1] += (first - left)[:, None] * part + higher
+    return np.stack(values, axis=1)
