@@ -115,6 +115,7 @@ def export_estimator(
     Example
     -------
     >>> export_estimator(Path("demo/map.h5"), Path("arrays.fmu"), ExportOptions(fmi_version="3"))
+    'manifold'
     """
     options = options or ExportOptions()
     map_path, fmu_path = Path(map_path), Path(fmu_path)
