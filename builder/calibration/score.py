@@ -167,7 +167,7 @@ class Score:
         truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
         if kind == "manifold":
             flight = ManifoldEstimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
-            return errors_of(flight.coefficients - truth, flight.coefficients_std, flight.health)
+            return errors_of(flight.coefficients - truth, flight.coefficients_std, np.asarray(flight.health))
         known = Estimator(inverse_map).estimate(read, q, mach_number=mach, altitude=altitude)
         return errors_of(known.coefficients - truth, known.coefficients_std, np.asarray(known.health))
 
