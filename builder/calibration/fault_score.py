@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import prior_std
+from builder.calibration.as_built_parameters import GAUGE_KINDS, prior_std
 from builder.calibration.as_built_structure import as_built_structure
-from builder.calibration.estimate import usable
+from builder.calibration.estimate import Estimate, usable
 from builder.calibration.faults import calibrate_with_faults, gauge_faults
 from builder.calibration.load_test import LoadErrors
 from builder.calibration.readings_model import ReadingsModel
@@ -27,11 +27,47 @@ Spoil = Callable[[FloatArray, np.random.Generator], dict[str, str]]
 """Changes readings (n_cases, n_d) in place and returns what should be named: where and kind."""
 
 
-def drawn_readings(model: ReadingsModel, random: np.random.Generator) -> FloatArray:
-    """Return the readings (n_cases, n_d) of a vehicle, loads and pads drawn from their tolerances."""
+def drawn_readings(
+    model: ReadingsModel, random: np.random.Generator, further: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the readings (n_cases, n_d) of a vehicle, loads and pads drawn from their tolerances, and its vector.
+
+    ``further`` (n,) is added to the vector.
+    """
     vector = model.std * random.standard_normal(len(model.std))
+    if further is not None:
+        vector = vector + further
     noise = model.test.reading_stds
-    return model.readings(vector) + noise * random.standard_normal(noise.shape)
+    return model.readings(vector) + noise * random.standard_normal(noise.shape), vector
+
+
+class Calibrations:
+    """Calibrations of spoiled tests: right if chi-square and errors over their sigmas are those of sound ones."""
+
+    def __init__(self) -> None:
+        self.chi: list[float] = []
+        self.pull: list[FloatArray] = []
+
+    def add(self, found: Estimate, vector: FloatArray) -> None:
+        """Take one whose vehicle was ``vector`` (n,); gauges that were left out do not count."""
+        n_built, n_d = found.model.n_built, found.model.structure.n_gauges
+        judged = found.std[:n_built] > 0.0
+        for g in np.flatnonzero(~found.used.any(axis=0)):
+            judged[g : len(GAUGE_KINDS) * n_d : n_d] = False
+        self.chi.append(found.per_reading)
+        self.pull.append(((found.vector - vector)[:n_built] / found.std[:n_built])[judged])
+
+    def entries(self) -> dict[str, Any]:
+        """Return means; none where no calibration was made."""
+        if not self.chi:
+            return {}
+        pull = np.concatenate(self.pull)
+        return {
+            "calibrations": len(self.chi),
+            "chi_square_per_reading": float(np.mean(self.chi)),
+            "error_over_sigma_rms": float(np.sqrt(np.mean(pull**2))),
+            "within_3_sigma_percent": float(100.0 * np.mean(np.abs(pull) <= 3.0)),
+        }
 
 
 def spoils(model: ReadingsModel) -> dict[str, Spoil]:
@@ -64,43 +100,47 @@ def spoils(model: ReadingsModel) -> dict[str, Spoil]:
     return {"none": lambda reading, random: {}, "swapped": swapped, "sign": sign, "unit": unit, "dead": dead}
 
 
-def gauge_statistics(model: ReadingsModel, draws: int) -> list[dict[str, Any]]:
-    """Return, for each fault of a gauge, in how many of ``draws`` it is found, and named as what it is."""
-    rows = []
+def gauge_statistics(model: ReadingsModel, draws: int, calibrations: int) -> Iterator[dict[str, Any]]:
+    """Return, for each fault of a gauge, in how many of ``draws`` it is found, and named as what it is.
+
+    In the first ``calibrations`` the vehicle is calibrated without it.
+    """
     for kind, spoil in spoils(model).items():
-        tally = {"found": 0, "named": 0, "others blamed": 0}
+        tally, made = {"found": 0, "named": 0, "others blamed": 0}, Calibrations()
         for number in range(draws):
             random = np.random.default_rng([number, 5])
-            reading = drawn_readings(model, random)
+            reading, vector = drawn_readings(model, random)
             wanted = spoil(reading, random)
             spoiled = model.with_readings(reading)
-            found = {one.where: one.kind for one in gauge_faults(spoiled, usable(spoiled))}
+            if number < calibrations:
+                estimate, faults = calibrate_with_faults(spoiled)
+                made.add(estimate, vector)
+            else:
+                faults = tuple(gauge_faults(spoiled, usable(spoiled)))
+            found = {one.where: one.kind for one in faults}
             tally["found"] += set(wanted) <= set(found)
             tally["named"] += found == wanted
             tally["others blamed"] += not set(found) <= set(wanted)
-        rows.append({"fault": kind, "draws": draws, **tally})
-    return rows
+        yield {"fault": kind, "draws": draws, **tally, **made.entries()}
 
 
 def load_statistics(model: ReadingsModel, draws: int, error: float = 0.1) -> dict[str, Any]:
-    """Return in how many of ``draws`` a load off by ``error`` is found, it alone, and what chi-square is without
-    it."""
-    tally, chi = {"found": 0, "named": 0}, []
+    """Return in how many of ``draws`` a load off by ``error`` is found, it alone, and what the calibration is
+    without it."""
+    tally, made = {"found": 0, "named": 0, "others blamed": 0}, Calibrations()
     first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
     for number in range(draws):
         random = np.random.default_rng([number, 6])
-        vector = model.std * random.standard_normal(len(model.std))
         loads = [k for k, (_, one) in enumerate(model.loads) if one.std > 0.0]
         wrong = int(random.choice(loads))
-        vector[first + wrong] += error
-        noise = model.test.reading_stds
-        reading = model.readings(vector) + noise * random.standard_normal(noise.shape)
+        reading, vector = drawn_readings(model, random, error * np.eye(len(model.std))[first + wrong])
         found, faults = calibrate_with_faults(model.with_readings(reading))
-        case = model.test.cases[model.loads[wrong][0]].name
-        tally["found"] += case in [one.where for one in faults]
-        tally["named"] += [one.where for one in faults] == [case]
-        chi.append(found.per_reading)
-    return {"fault": f"load {error:+.0%}", "draws": draws, **tally, "chi_square_per_reading": float(np.mean(chi))}
+        made.add(found, vector)
+        case, blamed = model.test.cases[model.loads[wrong][0]].name, [one.where for one in faults]
+        tally["found"] += case in blamed
+        tally["named"] += blamed == [case]
+        tally["others blamed"] += not set(blamed) <= {case}
+    return {"fault": f"load {error:+.0%}", "draws": draws, **tally, **made.entries()}
 
 
 def main() -> None:
@@ -109,6 +149,7 @@ def main() -> None:
     parser.add_argument("vehicle", type=Path)
     parser.add_argument("--draws", type=int, default=40)
     parser.add_argument("--load-draws", type=int, default=40)
+    parser.add_argument("--calibrations", type=int, default=40, help="of each fault of a gauge")
     parser.add_argument("--cases", type=int, default=12)
     options = parser.parse_args()
     vehicle = load_vehicle(options.vehicle)
@@ -117,7 +158,7 @@ def main() -> None:
     errors = LoadErrors(common=0.0)
     prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
     model = ReadingsModel(structure, blank_test(vehicle, structure, options.cases, errors), prior)
-    for row in gauge_statistics(model, options.draws):
+    for row in gauge_statistics(model, options.draws, options.calibrations):
         print(json.dumps(row), flush=True)
     print(json.dumps(load_statistics(model, options.load_draws)), flush=True)
 
