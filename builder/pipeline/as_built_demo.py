@@ -29,7 +29,7 @@ from builder.calibration.wall_regions import wall_regions
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.as_built import as_built_figure
 from builder.figures.canvas import save
-from builder.pipeline.calibrate import CalibrationParts, calibration_by, write_report
+from builder.pipeline.calibrate import CalibrationParts, calibration_by, with_alarm_levels_of, write_report
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import FLOWS
 from builder.pipeline.pipeline import Pipeline
@@ -148,7 +148,8 @@ class AsBuiltRun:
         def exact(path: Path) -> None:
             none = np.zeros((len(self.built.vector),) * 2)
             known = Remaining(parameters=self.built, covariance=none)
-            save_inverse_map(calibrated_map(pipeline.vehicle, self._snapshots(), self.structure, known), path)
+            made = calibrated_map(pipeline.vehicle, self._snapshots(), self.structure, known)
+            save_inverse_map(with_alarm_levels_of(made, load_inverse_map(pipeline.path(MAP))), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
         holds = "the map as calibrated, with its report (.html); zeros.toml holds the zeros that are taken off"

@@ -148,7 +148,21 @@ def _map(parts: CalibrationParts, found: Estimate) -> InverseMap:
     if named is not None and named != vehicle.gauges.layout:
         others[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
     made = calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(found), others)
-    return replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
+    return with_alarm_levels_of(made, drawn)
+
+
+def with_alarm_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
+    """Return ``made`` with the factors on alarm levels of the map as drawn, those of its tables included."""
+    found = replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
+    if made.manifold is None or drawn.manifold is None:
+        return found
+    tables = replace(
+        made.manifold,
+        chi_square_scale=drawn.manifold.chi_square_scale,
+        outlier_scale=drawn.manifold.outlier_scale,
+        shape_limit=drawn.manifold.shape_limit,
+    )
+    return replace(found, manifold=tables)
 
 
 def _facts(found: Estimate, faults: tuple[Fault, ...], test_path: Path) -> dict[str, Any]:
