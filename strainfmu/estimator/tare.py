@@ -70,10 +70,17 @@ class KnownStrain:
     ----------
     value : (n_d,) [m/m].
     relative_std : standard deviation of its error, relative [1].
+    own_std : (n_d,) that of each gauge [m/m]; None for the relative one.
     """
 
     value: FloatArray
     relative_std: float = 0.02
+    own_std: FloatArray | None = None
+
+    @property
+    def std(self) -> FloatArray:
+        """(n_d,) standard deviation of its error [m/m]."""
+        return self.relative_std * np.abs(self.value) if self.own_std is None else self.own_std
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,7 +136,7 @@ def tare(
     memory, own = _memory(filled, scatter, reads)
     rise, rise_std = _rise(means)
     drift = np.where(_is_rise(rise, rise_std), rise, 0.0)
-    of_drift, of_known = drift**2 / 12.0, (of_loads.relative_std * of_loads.value) ** 2
+    of_drift, of_known = drift**2 / 12.0, of_loads.std**2
     std = np.sqrt((own * scatter) ** 2 / n + of_drift + of_known)
     value = filled.mean(axis=0) - of_loads.value
     zeros = GaugeZeros(

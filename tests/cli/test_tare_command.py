@@ -18,6 +18,7 @@ pytestmark = pytest.mark.fast
 
 Run = Callable[..., tuple[int, str, str]]
 
+OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive" / "ogive.toml"
 ZERO = 2e-4 * np.random.default_rng(1).normal(size=N_GAUGES)
 
 
@@ -80,3 +81,21 @@ def test_wrong_options_get_one_line(
     assert code == 2
     assert message in error
     assert len(error.strip().splitlines()) == 1
+
+
+def test_strain_of_loads_on_the_ground_is_written_for_the_bus(
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    ground, known = standing(tmp_path / "g.csv"), tmp_path / "known.toml"
+    plain = ("tare", synthetic.map_1, ground, "--window", "0:2", "-o")
+    of_air = ("--vehicle", OGIVE, "--ambient-pressure", "1e6", "--known-output", known)
+    assert run(*plain, tmp_path / "a.toml")[0] == 0
+    code, _, error = run(*plain, tmp_path / "b.toml", *of_air)
+    assert (code, error) == (0, "")
+    found = load_zeros(known, NAMES)
+    assert np.all(found.value < 0.0), "air squeezes the wall"
+    np.testing.assert_allclose(found.std, 0.02 * np.abs(found.value))
+    without, with_air = (load_zeros(tmp_path / name, NAMES).value for name in ("a.toml", "b.toml"))
+    np.testing.assert_allclose(without - with_air, found.value, rtol=1e-6)
+    code, _, error = run(*plain, tmp_path / "c.toml", "--known-output", known)
+    assert (code, error) == (2, "strainfmu: --known-output: expected with --vehicle alone\n")

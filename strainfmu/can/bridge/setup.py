@@ -31,6 +31,11 @@ UNPROTECTED_TEXT = (
 )
 """Word at the start of a bridge whose input is not protected end to end."""
 
+UNLOADED_TEXT = (
+    "tare: strains of own weight and of ambient air count as zeros; state them by --tare-known where they matter"
+)
+"""Word at the start of a bridge that takes tares without knowing of loads on the ground."""
+
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
 
@@ -55,6 +60,7 @@ class BridgeOptions:
     zeros : file of what the gauges read without strain (zeros.toml), None for what the FMU was exported with.
     tare : map of the same gauges, with which tares are taken on command; None: they are not.
     tare_cycles : window of a tare [cycles].
+    tare_known : file of the strains of the loads that act meanwhile, in the form of zeros; None for none.
     tare_output : where its zeros are written, None for zeros.toml.
     """
 
@@ -84,6 +90,7 @@ class BridgeOptions:
     zeros: Path | None = None
     tare: Path | None = None
     tare_cycles: int = 500
+    tare_known: Path | None = None
     tare_output: Path | None = None
 
 
@@ -169,6 +176,8 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
         lines = [str(found) for found in configured(bus)]
         if not core.layout.is_protected:
             lines.append(UNPROTECTED_TEXT)
+        if options.tare is not None and options.tare_known is None:
+            lines.append(UNLOADED_TEXT)
         yield ReadyBridge(
             start_lines=tuple(lines),
             bridge=bridge,
@@ -242,7 +251,14 @@ def _taring(
     held = load_inverse_map(options.tare)
     if tuple(held.gauge_names) != tuple(gauge_names):
         raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
-    return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles))
+    known = None
+    if options.tare_known is not None:
+        from strainfmu.cosim.zeros_file import load_zeros
+        from strainfmu.estimator.tare import KnownStrain
+
+        stated = load_zeros(options.tare_known, gauge_names)
+        known = KnownStrain(value=stated.value, own_std=stated.std)
+    return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
 
 
 def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:

@@ -16,7 +16,7 @@ from strainfmu.errors import InputError
 
 SIDECAR_VERSION = 1
 
-_FILES = ("dbc", "mapping", "key_file", "freshness_file", "zeros", "tare", "tare_output")
+_FILES = ("dbc", "mapping", "key_file", "freshness_file", "zeros", "tare", "tare_known", "tare_output")
 """Options that are files."""
 
 

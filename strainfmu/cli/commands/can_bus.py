@@ -184,6 +184,10 @@ def bridge(
     tare_cycles: Annotated[
         int, typer.Option(callback=within(64, 100_000), help="With --tare: cycles of a tare.")
     ] = 500,
+    tare_known: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="With --tare: strain of own weight and air, of 'tare --known-output'."),
+    ] = None,
     tare_output: Annotated[
         Path | None, typer.Option(metavar="TOML", help="With --tare: zeros to write. Default: zeros.toml.")
     ] = None,
@@ -234,10 +238,12 @@ def bridge(
         zeros=zeros,
         tare=tare,
         tare_cycles=tare_cycles,
+        tare_known=tare_known,
         tare_output=tare_output,
     )
-    if tare is None and tare_output is not None:
-        raise InputError("--tare-output: expected with --tare alone")
+    for name, path in (("--tare-output", tare_output), ("--tare-known", tare_known)):
+        if tare is None and path is not None:
+            raise InputError(f"{name}: expected with --tare alone")
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
     with observed_bridge(

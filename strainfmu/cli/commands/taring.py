@@ -44,6 +44,12 @@ def tare(
     ] = None,
     weight_nose_deg: Annotated[float, number(-90.0, 90.0, "deg", "Elevation of the nose.")] = 0.0,
     ambient_pressure: Annotated[float, number(0.0, 1e6, "Pa", "Of the air inside and outside.")] = 0.0,
+    known_output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML", help="With --vehicle: write the strain of its loads, for 'bridge --tare-known'."
+        ),
+    ] = None,
     accept: Annotated[
         bool, typer.Option("--accept", help="Write the zeros although something speaks against them.")
     ] = False,
@@ -64,12 +70,15 @@ def tare(
     from strainfmu.cosim.zeros_file import write_zeros
     from strainfmu.estimator.inverse_map import load_inverse_map
     from strainfmu.estimator.tare import TareLimits
+    from strainfmu.estimator.zeros import GaugeZeros
     from strainfmu.recorded.tare_window import tare_file
 
     chosen = _window(window)
     known_loads = weight_up_roll_deg is not None or ambient_pressure > 0.0
     if known_loads != (vehicle is not None):
         raise InputError("--vehicle: expected with --weight-up-roll-deg or --ambient-pressure, and they with it")
+    if known_output is not None and vehicle is None:
+        raise InputError("--known-output: expected with --vehicle alone")
     held = load_inverse_map(inverse_map)
     limits = TareLimits(
         dynamic_pressure=max_dynamic_pressure, zero=1e-6 * largest_zero, drift=1e-6 * largest_drift
@@ -80,6 +89,8 @@ def tare(
         known, stated = _known_strain(
             held, vehicle, up_roll=weight_up_roll_deg, nose=weight_nose_deg, ambient=ambient_pressure
         )
+    if known is not None and known_output is not None:
+        write_zeros(known_output, held.gauge_names, GaugeZeros(value=known.value, std=known.std), stated)
     found = tare_file(held, recording, chosen, limits, known, channels=channels)
     console = Console()
     for note in found.notes:

@@ -21,9 +21,10 @@ from strainfmu.can.wire.crc import crc_in, crc_of
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import PROFILES, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
-from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.cosim.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.zeros import GaugeZeros
 
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
 ZERO = 1e-6 * np.array([180.0, -95.0, 240.0, -160.0, 20.0, 310.0])
@@ -138,6 +139,20 @@ def test_refused_while_loads_are_not_known(
     assert why in said
     assert others == []
     assert not run.zeros.exists()
+
+
+def test_strain_of_known_loads_is_taken_off(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    weight = 1e-6 * np.array([20.0, -20.0, 5.0, 0.0, -7.0, 11.0])
+    path = tmp_path / "known.toml"
+    write_zeros(path, NAMES, GaugeZeros(value=weight, std=0.02 * np.abs(weight)), {})
+    samples = at_rest(130)
+    for sample in samples:
+        sample.strain[:] += weight
+    run = Run(synthetic, tmp_path, samples, "tare-known", tare_known=path)
+    zeros = load_zeros(run.zeros, NAMES)
+    assert np.all(np.abs(zeros.value - ZERO) < 3e-7)
+    np.testing.assert_array_less(0.02 * np.abs(weight), zeros.std)
+    assert zeros.std[0] == pytest.approx(np.hypot(0.4e-6, zeros.std[3]), rel=0.05)
 
 
 def test_without_a_command_or_the_option_nothing_happens(synthetic: SyntheticFiles, tmp_path: Path) -> None:
