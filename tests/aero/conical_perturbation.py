@@ -1,9 +1,9 @@
 """Cones that differ a little from a circular one: conical flow linearised about Taylor and Maccoll's.
 
-The shock is fitted. The surface is theta = theta_c + e cos(n phi) in spherical angles about the axis. With n = 1 it
-is a circular cone at the incidence e (Stone, J. Math. Phys. 27, 1948), with n = 2 a slightly elliptic one (Ferri,
-Ness and Kaplita, J. Aero. Sci. 20, 1953). Entropy is that behind the shock on every ray; the layer at the wall where
-it changes has no thickness.
+The shock is fitted. The surface is theta = theta_c + e cos(n phi) in spherical angles about the axis. With n = 1
+it is a circular cone at the incidence e (Stone, J. Math. Phys. 27, 1948), with n = 2 a slightly elliptic one
+(Ferri, Ness and Kaplita, J. Aero. Sci. 20, 1953). Entropy is that behind the shock on every ray; the layer at the
+wall where it changes has no thickness.
 """
 
 from __future__ import annotations
