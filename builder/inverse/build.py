@@ -36,7 +36,7 @@ from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.validity import condition_ranges
+from strainfmu.estimator.validity import condition_ranges, parameter_ranges
 from strainfmu.version import __version__
 
 AnyStructure = StructuralModel | MappedStructure
@@ -323,7 +323,7 @@ def on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
 def _provenance(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
 ) -> dict[str, Any]:
-    conditions, ensemble = snapshots.conditions(), problem.ensemble
+    conditions, ensemble, names = snapshots.conditions(), problem.ensemble, snapshots.parameter_names
     return {
         "strainfmu_version": __version__,
         "layout": vehicle.gauges.layout,
@@ -338,20 +338,13 @@ def _provenance(
         ],
         "internal_pressure_Pa": vehicle.structure.internal_pressure_Pa,
         **condition_ranges(conditions),
-        **_parameter_ranges(snapshots),
+        **({"parameters": parameter_ranges(names, conditions)} if names else {}),
         "total_incidence_deg": _incidence_range(ensemble),
         "moment_station_m": vehicle.reference_quantities().moment_station,
         "resolution": vehicle.resolution.map.model_dump(),
         "structural_model": structure.description,
         **({} if problem.mesh is None else {"mesh_error": problem.mesh.record(_gauge_names(vehicle, structure))}),
     }
-
-
-def _parameter_ranges(snapshots: Snapshots) -> dict[str, Any]:
-    """Return the least and greatest value of each further parameter of the flow, under ``parameters``."""
-    names, values = snapshots.parameter_names, snapshots.condition[:, 4:]
-    ranges = [[float(one.min()), float(one.max())] for one in values.T]
-    return {"parameters": dict(zip(names, ranges, strict=True))} if names else {}
 
 
 def _gauge_names(vehicle: Vehicle, structure: AnyStructure) -> tuple[str, ...]:

@@ -69,6 +69,17 @@ def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
     ]
 
 
+def parameter_ranges(names: Sequence[str], conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
+    """Return minimum and maximum of each further parameter of the flow over ``conditions``, by its name."""
+    values = zip(*(one.parameters for one in conditions), strict=True)
+    return {name: [min(found), max(found)] for name, found in zip(names, values, strict=True)}
+
+
+def valid_parameters(ranges: dict[str, list[float]]) -> list[ValidRange]:
+    """Return what :func:`parameter_ranges` found, for a reader; units are in the names."""
+    return [ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in ranges.items()]
+
+
 def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     """Return the flight conditions and strains that ``inverse_map`` holds for.
 
@@ -91,5 +102,6 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     strain = 1e6 * float(np.max(inverse_map.strain_range))
     return [
         *valid_conditions(ranges),
+        *valid_parameters(inverse_map.provenance.get("parameters", {})),
         ValidRange(quantity="|strain| of the gauge that strains most", minimum=0.0, maximum=strain, unit="um/m"),
     ]

@@ -14,6 +14,7 @@ from finned_body import (
     finned_mesh,
     surface_triangles,
 )
+from random_map import random_map
 
 from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.stl import write_stl
@@ -34,6 +35,7 @@ from builder.structure.solid.mesh_import import read_mesh
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.errors import FlowReachError, InputError
+from strainfmu.estimator.validity import parameter_ranges, valid_ranges
 from strainfmu.flight_condition import FlightCondition
 from tests.aero.triangulated_shapes import box
 
@@ -146,6 +148,9 @@ def test_snapshots_hold_the_parameters(tmp_path: Path, finned: Vehicle, engine: 
     snapshots = load_snapshots(tmp_path / "s.h5")
     assert snapshots.parameter_names == ("fin_roll_deg",)
     assert tuple(snapshots.conditions()) == conditions
+    ranges = parameter_ranges(snapshots.parameter_names, snapshots.conditions())
+    stated = replace(random_map(), provenance={"parameters": ranges})
+    assert "fin_roll_deg: -4 to 4" in [f"{one.quantity}: {one.text}" for one in valid_ranges(stated)]
     assert [one.parameters for one in conditions] == [(-4.0,), (-2.0,), (0.0,), (4.0,)]
     with pytest.raises(InputError, match="condition: shape"):
         replace(snapshots, condition=snapshots.condition[:, :4])

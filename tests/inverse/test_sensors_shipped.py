@@ -41,7 +41,9 @@ def test_what_ports_and_inertial_unit_buy_at_the_shipped_resolution() -> None:
     rows = {
         "strain": None,
         "+ 4 ports": Sensors(ports=PORTS, **NUISANCES),
-        "+ inertial unit, base pressure and friction known": Sensors(imu=IMU),
+        "+ inertial unit, base pressure and friction known": Sensors(
+            imu=IMU, base_pressure_percent=0.0, friction_C_A_std=0.0
+        ),
         "+ inertial unit": Sensors(imu=IMU, **NUISANCES),
         "+ ports and inertial unit": Sensors(ports=PORTS, imu=IMU, **NUISANCES),
         "+ load cells": Sensors(load_cells=CELLS, **NUISANCES),

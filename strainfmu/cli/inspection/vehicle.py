@@ -13,7 +13,12 @@ from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.errors import FaultsError, InputError
-from strainfmu.estimator.validity import condition_ranges, valid_conditions
+from strainfmu.estimator.validity import (
+    condition_ranges,
+    parameter_ranges,
+    valid_conditions,
+    valid_parameters,
+)
 
 if TYPE_CHECKING:
     from builder.aero.engine import Engine
@@ -125,7 +130,8 @@ def _table(
         table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
     flows = len({engine.flow_key(condition) for condition in conditions})
     table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
-    for one in valid_conditions(condition_ranges(conditions)):
+    parameters = parameter_ranges(tuple(vehicle.conditions.parameters), conditions)
+    for one in (*valid_conditions(condition_ranges(conditions)), *valid_parameters(parameters)):
         table.add_row(f"valid over {one.quantity}", one.text)
     return table
 
