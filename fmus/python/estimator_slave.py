@@ -34,6 +34,7 @@ from strainfmu.interface.estimator_variables import (
     output_values,
 )
 from strainfmu.interface.fmi_variables import Variable, value_references
+from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
@@ -68,6 +69,7 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros = [references[name] for name in zero_names(inverse_map.n_gauges)]
         self._zeros_outdated = False
         self._thermal = inverse_map.thermal
+        self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._outputs = [references[v.name] for v in interface if v.causality == "output"]
         self._inputs = [references[v.name] for v in interface if v.causality != "output"]
@@ -179,7 +181,7 @@ class EstimatorSlave(Fmi2Slave):
             return
         if self._zeros_outdated:
             self._apply_zeros()
-        self._values[self._outputs] = output_values(self._estimate())
+        self._values[self._outputs] = output_values(self._estimate(), self._has_further)
         self._outdated = False
 
     def _estimate(self) -> LoadEstimate:

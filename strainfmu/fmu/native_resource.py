@@ -5,7 +5,8 @@ that follows the first 32 bytes, a zero; numbers of gauges n and of states, degr
 is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
 :func:`_scaled`. Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
-(:mod:`strainfmu.fmu.flight_resource`), temperature modes (:mod:`strainfmu.fmu.thermal_resource`). A bound that the
+(:mod:`strainfmu.fmu.flight_resource`), temperature modes (:mod:`strainfmu.fmu.thermal_resource`), loads beside
+the five (:mod:`strainfmu.fmu.further_resource`). A bound that the
 map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
@@ -46,8 +47,10 @@ from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, 
 from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
 from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.flight_resource import flight_section
+from strainfmu.fmu.further_resource import further_section
 from strainfmu.fmu.thermal_resource import thermal_section
-from strainfmu.interface.estimator_variables import NOT_KNOWN
+from strainfmu.interface.further_variables import has_further_outputs
+from strainfmu.interface.input_names import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 3
@@ -107,6 +110,10 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
         sections.append(flight_section(inverse_map, inverse_map.manifold))
     if inverse_map.thermal is not None:
         sections.append(thermal_section(inverse_map, inverse_map.thermal))
+    if has_further_outputs(inverse_map) and inverse_map.further is not None:
+        _, load, unseen = _spread(inverse_map)
+        parts = decompose(inverse_map)
+        sections.append(further_section(inverse_map.further, parts, load[:, 5:], np.diag(unseen)[5:]))
     return sections
 
 
@@ -190,28 +197,34 @@ def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, 
         inverse_map.load_of_mean - fixed_load,
         MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0]),
         inverse_map.scaled_parts[0],
-        *_spread(inverse_map),
+        *_of_five(*_spread(inverse_map)),
         *(() if errors is None else (errors.of_gauge, errors.mean_product, errors.common)),
     )
 
 
 def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n_d, n_d) strain and (n_d, 5) loads, column by column, of what has a prior; (5, 5) of other loads.
+    """Return (n_d, n_d) strain and (n_d, n_l) loads, column by column, of what has a prior; (n_l, n_l) of others.
 
     They stand for errors that scale, and in Case 2 for the states: covariances of strain and loads are the same.
+    Loads are the five, then the further ones.
     """
     _, strain, load = inverse_map.scaled_parts
+    of_states, further = inverse_map.load_per_state, inverse_map.further
+    if further is not None and further.error_load is not None:
+        load, of_states = np.vstack([load, further.error_load]), np.vstack([of_states, further.load_per_state])
     if inverse_map.case == 2:
-        strain, load = (
-            np.hstack([inverse_map.state_operator, strain]),
-            np.hstack([inverse_map.load_per_state, load]),
-        )
+        strain, load = np.hstack([inverse_map.state_operator, strain]), np.hstack([of_states, load])
     n = len(strain)
-    whole = np.zeros((max(strain.shape[1], n), n + 5))
+    whole = np.zeros((max(strain.shape[1], n), n + len(load)))
     whole[: strain.shape[1]] = np.hstack([strain.T, load.T])
     triangle, _ = householder(whole, n)
     rest = triangle[n:, n:]
     return triangle[:n, :n].T, triangle[:n, n:], product(rest.T.copy(), rest)
+
+
+def _of_five(strain: FloatArray, load: FloatArray, unseen: FloatArray) -> tuple[FloatArray, ...]:
+    """Return what :func:`_spread` does, of the five loads alone."""
+    return strain, load[:, :5], unseen[:5, :5]
 
 
 def _rows(array: FloatArray | None) -> int:

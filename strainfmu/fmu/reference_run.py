@@ -23,6 +23,7 @@ from strainfmu.fmu.reference_strains import reference_strains, reference_truth
 from strainfmu.fmu.run_figure import Line, Panel, run_figure
 from strainfmu.interface.estimator_variables import estimator_interface, output_values
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
+from strainfmu.interface.further_variables import has_further_outputs
 
 STEP_SIZE = 0.05
 N_ROWS = 21
@@ -62,7 +63,9 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
     rows, _ = reference_strains(inverse_map, N_ROWS)
     strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows.tolist()])
-    values = np.array([output_values(one) for one in _estimates(inverse_map, strain)])
+    values = np.array(
+        [output_values(one, has_further_outputs(inverse_map)) for one in _estimates(inverse_map, strain)]
+    )
     held = np.concatenate([values[:1], values[:-1]])
     outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
     signals = dict(zip(outputs, held.T, strict=True))

@@ -17,6 +17,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
+from strainfmu.interface.further_variables import FURTHER_ARRAYS, further_outputs, with_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
@@ -83,13 +84,18 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     )
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
     whole = with_zero_parameters(whole, inverse_map.gauge_names)
-    return with_temperature_inputs(whole, inverse_map.thermal)
+    return with_further_outputs(with_temperature_inputs(whole, inverse_map.thermal), inverse_map)
 
 
-def output_values(estimate: LoadEstimate) -> list[float]:
-    """Return the outputs of ``estimate`` in the order of their value references."""
-    further = flight_outputs(estimate) if isinstance(estimate, FlightEstimate) else []
-    return [*_linear_outputs(estimate), *further]
+def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[float]:
+    """Return the outputs of ``estimate`` in the order of their value references.
+
+    ``with_further`` for maps that have loads beside the five as outputs
+    (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
+    """
+    if isinstance(estimate, FlightEstimate):
+        return [*_linear_outputs(estimate), *flight_outputs(estimate)]
+    return [*_linear_outputs(estimate), *(further_outputs(estimate) if with_further else ())]
 
 
 def _linear_outputs(estimate: LoadEstimate) -> list[float]:
@@ -124,6 +130,7 @@ ARRAYS = {
     "valid": "Whether each gauge may be used; same order as strain",
     **ZERO_ARRAYS,
     **TEMPERATURE_ARRAYS,
+    **FURTHER_ARRAYS,
 }
 
 

@@ -175,6 +175,10 @@ int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace 
     const size_t n = noise->original.n_gauges;
     int some = noise->own != NULL;
     *map = noise->original;
+    if (noise->further != NULL) {
+        noise->further->load = noise->further->map.load;
+        noise->further->unseen = noise->further->map.unseen;
+    }
     for (size_t k = 0; k < n * n; k++) {
         some |= noise->added[k] != 0.0;
     }
@@ -198,6 +202,10 @@ int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace 
         map->form.load = noise->load;
         map->form.unseen = noise->unseen;
         map->form.min_precision = noise->form_min_precision;
+        if (noise->further != NULL) {
+            noise->further->load = noise->further->own_load;
+            noise->further->unseen = noise->further->own_unseen;
+        }
     }
     set_load_covariance(noise, map, masked, work);
     map->load_covariance = noise->load_covariance;

@@ -6,6 +6,7 @@
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H
 
+#include "further_loads.h"
 #include "masked_map.h"
 
 /* What takes the place of the arrays of the file. */
@@ -17,6 +18,7 @@ typedef struct {
     double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
     double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
     double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
+    Further *further; /* further loads, which follow too; NULL for none */
     double *large;   /* scratch: see added_noise.c */
     double *head;
     double *square[3]; /* (n_gauges, n_gauges) each */

@@ -174,11 +174,87 @@ static void add_products(const Estimator *e, const LevelWork *work, double value
     }
 }
 
-static void compute(Estimator *e, double ratio, Level *level) {
+static LevelWork level_work(const Estimator *e) {
     const size_t n = e->map.n_gauges;
     double *memory = e->scaled.work[1];
-    LevelWork work = {memory, memory + n, memory + 2 * n, e->scaled.work[0],
-                      memory + 7 * n, memory + 13 * n, memory + 15 * n};
+    return (LevelWork){memory, memory + n, memory + 2 * n, e->scaled.work[0], memory + 7 * n, memory + 13 * n,
+                       memory + 15 * n};
+}
+
+/* Gain of the further loads for gauge i of all, whatever the lost ones read. */
+static void further_plain_gain(const Estimator *e, double ratio, const LevelWork *work, size_t gauge, double *gain) {
+    const size_t n = e->map.n_gauges, m = e->further.map.n_loads;
+    const ScaledForm *form = &e->map.form;
+    const double *column = form->whitening + gauge * n;
+    memset(gain, 0, m * sizeof *gain);
+    for (size_t a = 0; a < n; a++) {
+        const double weight = a < form->n_free ? 1.0 : ratio * (ratio * form->singular[a]) * work->unresolved[a];
+        for (size_t j = 0; j < m; j++) {
+            gain[j] += weight * e->further.load[a * m + j] * column[a];
+        }
+    }
+}
+
+/* That of the gauges in use, behind that of the lost ones. */
+static void set_further_gain(Estimator *e, double ratio, const LevelWork *work) {
+    const size_t n = e->map.n_gauges, n_lost = e->scaled.step.n_lost, m = e->further.map.n_loads;
+    double *gain = e->further.gain;
+    for (size_t k = 0; k < n; k++) {
+        const size_t gauge = k < n_lost ? e->scaled.step.lost[k] : e->masked->used[k - n_lost];
+        further_plain_gain(e, ratio, work, gauge, gain + k * m);
+    }
+    for (size_t k = n_lost; n_lost > 0 && k < n; k++) {
+        double *prediction = work->vector;
+        memcpy(prediction, work->matrix + k * n, n_lost * sizeof *prediction);
+        solve_triangle(n, n_lost, work->matrix, prediction);
+        for (size_t i = 0; i < n_lost; i++) {
+            for (size_t j = 0; j < m; j++) {
+                gain[k * m + j] -= gain[i * m + j] * prediction[i];
+            }
+        }
+    }
+}
+
+void further_level(Estimator *e, double ratio, double *products) {
+    const size_t n = e->map.n_gauges, n_lost = e->scaled.step.n_lost, m = e->further.map.n_loads;
+    const ScaledForm *form = &e->map.form;
+    LevelWork work = level_work(e);
+    set_weights(e, ratio, &work);
+    set_gain(e, ratio, &work);
+    set_further_gain(e, ratio, &work);
+    memset(products, 0, N_PAIRS * m * sizeof *products);
+    for (size_t k = n_lost; k < n; k++) {
+        const double *gain = e->further.gain + k * m;
+        for (size_t pair = 0; pair < N_PAIRS; pair++) {
+            const double of_gauge = form->of_gauge[pair * n + e->masked->used[k - n_lost]];
+            for (size_t j = 0; j < m; j++) {
+                products[pair * m + j] += of_gauge * (gain[j] * gain[j]);
+            }
+        }
+    }
+    for (size_t term = 0; term < form->n_terms; term++) {
+        double *loads = e->further.scratch; /* (6, m) */
+        memset(loads, 0, 6 * m * sizeof *loads);
+        for (size_t a = 0; a < 6; a++) {
+            const double *error = form->common + (6 * term + a) * n;
+            for (size_t k = n_lost; k < n; k++) {
+                for (size_t j = 0; j < m; j++) {
+                    loads[a * m + j] += error[e->masked->used[k - n_lost]] * e->further.gain[k * m + j];
+                }
+            }
+        }
+        for (size_t a = 0, pair = 0; a < 6; a++) {
+            for (size_t b = a; b < 6; b++, pair++) {
+                for (size_t j = 0; j < m; j++) {
+                    products[pair * m + j] += (a == b ? 1.0 : 2.0) * (loads[a * m + j] * loads[b * m + j]);
+                }
+            }
+        }
+    }
+}
+
+static void compute(Estimator *e, double ratio, Level *level) {
+    LevelWork work = level_work(e);
     double values[N_PAIRS][N_VALUES] = {{0.0}};
     set_weights(e, ratio, &work);
     set_gain(e, ratio, &work);
@@ -188,6 +264,7 @@ static void compute(Estimator *e, double ratio, Level *level) {
     }
     dense_panels(N_VALUES, N_PAIRS, &values[0][0], 1, N_VALUES, level->products);
     level->ratio = ratio;
+    level->has_further = 0;
 }
 
 const Level *error_level(Estimator *e, double ratio, const Level *other) {

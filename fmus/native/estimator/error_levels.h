@@ -13,4 +13,7 @@ void enclosing_levels(double ratio, double *below, double *above);
 /* The products for the gauges in use at a level, from those that are kept if they are there; `other` stays. */
 const Level *error_level(Estimator *e, double ratio, const Level *other);
 
+/* (21, n_loads) the same products for the further loads of the map. */
+void further_level(Estimator *e, double ratio, double *products);
+
 #endif

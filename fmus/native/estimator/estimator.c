@@ -56,6 +56,7 @@ static int allocate(Estimator *e) {
     }
     workspace_arrays(map, &e->work, &doubles, &indices);
     added_noise_arrays(map, &e->noise, &doubles);
+    e->noise.further = e->further.present ? &e->further : NULL;
     e->input = doubles;
     e->residual = e->input + n_inputs;
     e->z = e->residual + n;
@@ -86,6 +87,19 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         estimator_free(e);
         return NULL;
     }
+    const size_t n_levels = CACHED_MASKS * CACHED_LEVELS;
+    const Section *section = e->map.section;
+    const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
+    if ((needs_form && !e->map.scaled)
+        || (section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
+        estimator_free(e);
+        return NULL;
+    }
+    if (!further_create(section + FURTHER_SECTION, e->map.n_gauges, e->map.n_states, n_levels, &e->further, text)) {
+        estimator_free(e);
+        return NULL;
+    }
     if (!allocate(e)) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
         estimator_free(e);
@@ -106,6 +120,7 @@ void estimator_free(Estimator *e) {
     if (e != NULL) {
         flight_free(&e->flight);
         thermal_free(&e->thermal);
+        further_free(&e->further);
         free(e->memory);
         free(e->bytes);
         free(e);
@@ -365,6 +380,7 @@ const double *estimator_outputs(Estimator *e) {
             update(e);
         }
         e->outdated = 0;
+        e->further.outdated = 1;
     }
     return e->output;
 }

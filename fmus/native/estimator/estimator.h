@@ -9,6 +9,7 @@
 #include "added_noise.h"
 #include "envelope.h"
 #include "flight.h"
+#include "further_loads.h"
 #include "masked_map.h"
 #include "scaled_state.h"
 #include "thermal.h"
@@ -77,6 +78,7 @@ typedef struct Estimator {
     size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
+    Further further;      /* of a map with loads beside the five */
     Thermal thermal;      /* of a map with temperature modes */
     AddedNoise noise;     /* errors of the zeros, */
     double *noise_std;    /* (n_gauges + 1) the deviations that map holds for, */

@@ -103,6 +103,12 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
             value[k] = e->input[input];
         } else if (is_real_output(variable)) {
             value[k] = estimator_outputs(e)[variable];
+        } else if (further_real(e, variable) != NULL) {
+            estimator_outputs(e);
+            if (e->further.outdated) {
+                further_update(e);
+            }
+            value[k] = *further_real(e, variable);
         } else if (flight_real(e, variable) != SIZE_MAX) {
             estimator_outputs(e);
             value[k] = e->flight.real[flight_real(e, variable)];

@@ -3,6 +3,7 @@
 #define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables; time follows them */
 #define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 #define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
+#define OF_BODY 4u           /* M_R, its deviation, rolling moment, its deviation */
 
 /* Number of the first of the zeros. */
 static size_t first_zero(const Estimator *e) {
@@ -14,8 +15,42 @@ static unsigned zero_reference(const Estimator *e) {
     return LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0);
 }
 
+static int has_sensors(const Estimator *e) {
+    return e->thermal.present && e->thermal.map.n_sensors > 0;
+}
+
+/* Value reference of FMI 3.0 of the first of the further loads. */
+static unsigned further_reference(const Estimator *e) {
+    return zero_reference(e) + ZERO_REFERENCES + (unsigned)has_sensors(e);
+}
+
+static size_t n_sections(const Estimator *e) {
+    return (e->further.map.n_loads - 1) / SECTION_LOADS;
+}
+
 unsigned time_reference(const Estimator *e) {
-    return zero_reference(e) + ZERO_REFERENCES + (e->thermal.present && e->thermal.map.n_sensors > 0);
+    const unsigned sections = e->further.present && n_sections(e) > 0 ? 2 * SECTION_LOADS : 0;
+    return further_reference(e) + (e->further.present ? OF_BODY + sections : 0);
+}
+
+/* Number of the first of the further loads. */
+static size_t first_further(const Estimator *e) {
+    return first_zero(e) + estimator_inputs(e) - (e->map.n_gauges + N_ALL_SCALARS);
+}
+
+const double *further_real(const Estimator *e, size_t variable) {
+    static const unsigned char BODY[OF_BODY] = {FURTHER_COEFFICIENTS, FURTHER_COEFFICIENTS_STD, FURTHER_LOADS,
+                                                FURTHER_LOADS_STD};
+    const size_t number = variable - first_further(e), count = e->further.map.n_loads - 1, section = number - OF_BODY;
+    if (!e->further.present) {
+        return NULL;
+    }
+    if (number < OF_BODY) {
+        return e->further.value[BODY[number]];
+    }
+    return section < count       ? e->further.value[FURTHER_LOADS] + 1 + section
+         : section < 2 * count ? e->further.value[FURTHER_LOADS_STD] + 1 + (section - count)
+                                 : NULL;
 }
 
 /* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
@@ -53,7 +88,8 @@ size_t input_of(const Estimator *e, size_t variable) {
 
 Type model_type_of(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX) {
+    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX
+        || further_real(e, variable) != NULL) {
         return REAL;
     }
     if (variable < N_OUTPUTS) {
@@ -82,6 +118,11 @@ Selection model_array(const Model *model, unsigned reference) {
     } else if (reference < zero_reference(estimator_of(model))) {
         found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
         found.count = 1;
+    } else if (reference >= further_reference(estimator_of(model)) && reference < model->time_reference) {
+        const size_t which = reference - further_reference(estimator_of(model));
+        const size_t each = n_sections(estimator_of(model)), section = which - OF_BODY;
+        found.first = first_further(estimator_of(model)) + (which < OF_BODY ? which : OF_BODY + section * each);
+        found.count = which < OF_BODY ? 1 : each;
     } else if (reference < model->time_reference) {
         const size_t which = reference - zero_reference(estimator_of(model)), after = which < ZERO_REFERENCES ? 0 : 1;
         found.first = first_zero(estimator_of(model)) + (after ? number_of_zeros(n) : which * n);

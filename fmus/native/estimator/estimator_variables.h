@@ -1,6 +1,6 @@
 /* Variables of the estimator by number: outputs, strains, valid flags, then the scalar inputs and settings; of maps with
    tables over the flight state then further inputs, real outputs and Boolean outputs; then the zeros and their deviations;
-   then temperatures, of maps with modes of it. */
+   then temperatures, of maps with modes of it; then the loads beside the five, of maps with such. */
 
 #ifndef ESTIMATOR_VARIABLES_H
 #define ESTIMATOR_VARIABLES_H
@@ -20,6 +20,9 @@ size_t flight_real(const Estimator *e, size_t variable);
 size_t flight_flag(const Estimator *e, size_t variable);
 
 int is_real_output(size_t variable);
+
+/* Where a variable of the further loads is kept; NULL for any other. */
+const double *further_real(const Estimator *e, size_t variable);
 
 /* Value reference of FMI 3.0 of the time, behind all arrays. */
 unsigned time_reference(const Estimator *e);

@@ -73,19 +73,40 @@ static void turn_rows(size_t count, size_t n, double *rows) {
     }
 }
 
+/* Rows of loads, five or the further ones, that follow the directions. */
+typedef struct {
+    size_t count;
+    const double *per_state, *spread; /* (n_states, count), (n_gauges, count) */
+    double *of_free, *of_spread;      /* (count, n_gauges) scratch */
+    double *load;                     /* (n_gauges, count) of the directions */
+} LoadRows;
+
 /* Loads of the free directions, and of the columns of the spread less what the free states take of them (5, n). */
-static void split_loads(AddedNoise *noise, const double *whole, double *of_free, double *of_spread) {
-    const Map *file = &noise->original;
-    const size_t n = file->n_gauges, n_free = file->form.n_free;
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double *row = of_free + i * n;
+static void split_loads(const Map *file, const double *whole, const LoadRows *rows) {
+    const size_t n = file->n_gauges, n_free = file->form.n_free, count = rows->count;
+    for (size_t i = 0; i < count; i++) {
+        double *row = rows->of_free + i * n;
         for (size_t c = 0; c < n_free; c++) {
-            row[c] = file->load_per_state[N_LOADS * c + i];
+            row[c] = rows->per_state[count * c + i];
         }
         solve_transposed(n, n_free, whole, row);
         for (size_t c = 0; c < n; c++) {
-            of_spread[i * n + c] =
-                file->form.spread_load[N_LOADS * c + i] - dot(n_free, row, whole + (n_free + c) * n);
+            rows->of_spread[i * n + c] = rows->spread[count * c + i] - dot(n_free, row, whole + (n_free + c) * n);
+        }
+        for (size_t c = 0; c < n_free; c++) {
+            rows->load[count * c + i] = row[c];
+        }
+    }
+}
+
+/* Loads of direction a, a turned row, taken out of those of the spread. */
+static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit, const double *row) {
+    for (size_t i = 0; i < rows->count; i++) {
+        double *loads = rows->of_spread + i * n;
+        const double along = unit * dot(n, loads, row);
+        rows->load[rows->count * a + i] = along;
+        for (size_t j = 0; j < n; j++) {
+            loads[j] -= along * unit * row[j];
         }
     }
 }
@@ -100,7 +121,8 @@ static size_t next_row(size_t count, double *square) {
 }
 
 /* Directions, falling by size, of the turned rows; their loads, and the load that no strain shows. */
-static void set_directions(AddedNoise *noise, const double *rows, double *of_spread, double *square) {
+static void set_directions(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *further,
+                           double *square) {
     const Map *file = &noise->original;
     const size_t n = file->n_gauges, n_free = file->form.n_free, count = n - n_free;
     for (size_t k = 0; k < count; k++) {
@@ -115,19 +137,17 @@ static void set_directions(AddedNoise *noise, const double *rows, double *of_spr
         for (size_t j = 0; j < n; j++) {
             noise->whitening[j * n + a] = row[n + j];
         }
-        for (size_t i = 0; i < N_LOADS; i++) {
-            double *loads = of_spread + i * n;
-            const double along = unit * dot(n, loads, row);
-            noise->load[N_LOADS * a + i] = along;
-            for (size_t j = 0; j < n; j++) {
-                loads[j] -= along * unit * row[j];
-            }
-        }
+        take_direction(five, n, a, unit, row);
+        take_direction(further, n, a, unit, row);
+    }
+    for (size_t i = 0; i < further->count; i++) {
+        const double *left = further->of_spread + i * n;
+        noise->further->own_unseen[i] = noise->further->map.spread_unseen[i] + dot(n, left, left);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
             noise->unseen[i * N_LOADS + j] =
-                file->form.spread_unseen[i * N_LOADS + j] + dot(n, of_spread + i * n, of_spread + j * n);
+                file->form.spread_unseen[i * N_LOADS + j] + dot(n, five->of_spread + i * n, five->of_spread + j * n);
         }
     }
 }
@@ -148,14 +168,19 @@ int set_pressure_directions(AddedNoise *noise) {
         return 0;
     }
     eliminate_free(noise, inverse, whole);
-    split_loads(noise, whole, of_free, of_spread);
+    const LoadRows five = {N_LOADS, file->load_per_state, file->form.spread_load, of_free, of_spread, noise->load};
+    LoadRows further = {0};
+    split_loads(file, whole, &five);
+    if (noise->further != NULL) {
+        const FurtherMap *map = &noise->further->map;
+        further = (LoadRows){map->n_loads, map->load_per_state, map->spread_load, noise->further->rows,
+                             noise->further->rows + map->n_loads * n, noise->further->own_load};
+        split_loads(file, whole, &further);
+    }
     for (size_t a = 0; a < n_free; a++) {
         noise->singular[a] = 0.0;
         for (size_t j = 0; j < n; j++) {
             noise->whitening[j * n + a] = whole[(n_free + n + j) * n + a];
-        }
-        for (size_t i = 0; i < N_LOADS; i++) {
-            noise->load[N_LOADS * a + i] = of_free[i * n + a];
         }
     }
     for (size_t k = 0; k < n - n_free; k++) {
@@ -164,6 +189,6 @@ int set_pressure_directions(AddedNoise *noise) {
         }
     }
     turn_rows(n - n_free, n, rows);
-    set_directions(noise, rows, of_spread, noise->head);
+    set_directions(noise, rows, &five, &further, noise->head);
     return 1;
 }

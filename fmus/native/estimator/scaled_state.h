@@ -22,6 +22,7 @@ typedef struct {
     double *inverse;  /* (n_gauges) 1 / P_ii times |V_i|^2 by gauge in use, */
     double *slope;    /* its derivative by the square of the ratio, */
     double *checked;  /* 0 where no other gauge checks this one at this ratio or a larger one, else 1, */
+    int has_further;  /* whether further_loads.h has its products, */
     double *margin;   /* and the largest sqrt(P_ii) of all gauges at this ratio or a larger one, over |V_i| */
 } Level;
 

@@ -1,0 +1,55 @@
+/* Linear outputs of a map in form "dynamic_pressure" beside the five loads: rolling moment, and loads of sections.
+
+   The C counterpart of what strainfmu/estimator has of further loads (further_loads.py has their order);
+   strainfmu/fmu/further_resource.py writes the section of resources/map.bin. They are computed when they are read. */
+
+#ifndef FURTHER_LOADS_H
+#define FURTHER_LOADS_H
+
+#include "sections.h"
+
+/* Loads of the directions; the arrays point into the bytes of the file. */
+typedef struct {
+    size_t n_loads;
+    const double *is_moment;      /* (n_loads) 0 or 1 */
+    const double *load;           /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them */
+    const double *unseen;         /* (n_loads) diagonal of R */
+    const double *fixed;          /* (n_loads) */
+    const double *of_mean;        /* (n_loads) less the fixed ones */
+    const double *load_per_state; /* (n_states, n_loads); this and the next two for added_noise.h */
+    const double *spread_load;    /* (n_gauges, n_loads) */
+    const double *spread_unseen;  /* (n_loads) */
+} FurtherMap;
+
+/* Loads of a section; n_loads is one, for the whole body, and these of every section. */
+#define SECTION_LOADS 6
+
+/* Each array of (n_loads). */
+enum { FURTHER_LOADS, FURTHER_LOADS_STD, FURTHER_COEFFICIENTS, FURTHER_COEFFICIENTS_STD, N_FURTHER };
+
+typedef struct {
+    int present;         /* whether the map has such loads; if not, nothing else is set */
+    FurtherMap map;      /* as the file has it */
+    void *memory;
+    const double *load, *unseen; /* for the gauges' errors of now: the file's, or the next two */
+    double *own_load;    /* (n_gauges, n_loads) */
+    double *own_unseen;  /* (n_loads) */
+    double *products;    /* (masks, levels, 21, n_loads) of errors in proportion to strain */
+    double *gain;        /* (n_gauges, n_loads) scratch of these */
+    double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
+    double *scratch;     /* (21, n_loads) and (n_gauges) */
+    double *value[N_FURTHER]; /* (n_loads) [N, N m, 1, 1] */
+    int outdated;
+} Further;
+
+struct Estimator;
+
+/* Read the section, if there is one, and allocate. 1; 0 after a message. */
+int further_create(const Section *section, size_t n_gauges, size_t n_states, size_t n_levels, Further *further,
+                   char text[MODEL_TEXT_SIZE]);
+void further_free(Further *further);
+
+/* The outputs for the present inputs. */
+void further_update(struct Estimator *e);
+
+#endif

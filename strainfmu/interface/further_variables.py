@@ -1,0 +1,86 @@
+"""Outputs of an FMU for the loads beside the five: rolling moment and the loads of sections along the body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from strainfmu.estimator.further_loads import SECTION_LOADS
+from strainfmu.interface.fmi_variables import Variable
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.load_estimate import LoadEstimate
+
+FURTHER_ARRAYS = {
+    **{f"section.{name}": f"{text}, of every section" for name, (text, _) in SECTION_LOADS.items()},
+    **{f"sigma.section.{name}": f"Standard deviations of section.{name}" for name in SECTION_LOADS},
+}
+
+_STD = "Standard deviation of "
+
+
+def has_further_outputs(inverse_map: InverseMap) -> bool:
+    """Return whether FMUs of the map state such loads: in form "dynamic_pressure", by the linear estimator."""
+    return (
+        inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and inverse_map.manifold is None
+    )
+
+
+def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the further loads behind it; they depend on what the pitching moment does."""
+    if inverse_map.further is None or not has_further_outputs(inverse_map):
+        return tuple(interface)
+    known = {variable.name: variable for variable in interface}
+    of_coefficient = replace(known["M_P"], array=None, nominal=None)
+    of_load = replace(known["moment.pitch"], array=None, nominal=None)
+    values = [
+        replace(
+            of_coefficient, name="M_R", description="Rolling moment coefficient, positive with starboard down"
+        ),
+        replace(of_load, name="moment.roll", description="Rolling moment, positive with starboard going down"),
+    ]
+    body = [two for one in values for two in (one, _deviation(one))]
+    body = [_without(one, "moment_station") for one in body]
+    sections = [
+        replace(
+            _without(of_load, "moment_station"),
+            name=f"section.{name}[{i}]",
+            description=f"{text}, of the part ahead of x = {station:g} m",
+            unit=unit,
+            display_unit=f"k{unit}",
+            array=f"section.{name}",
+        )
+        for name, (text, unit) in SECTION_LOADS.items()
+        for i, station in enumerate(inverse_map.further.section_station.tolist(), start=1)
+    ]
+    return (*interface, *body, *sections, *(_deviation(one) for one in sections))
+
+
+def further_outputs(estimate: LoadEstimate) -> list[float]:
+    """Return the outputs that :func:`with_further_outputs` adds, in its order."""
+    body = (
+        estimate.further_coefficients[0],
+        estimate.further_coefficients_std[0],
+        estimate.further_loads[0],
+        estimate.further_loads_std[0],
+    )
+    sections = np.concatenate([estimate.further_loads[1:], estimate.further_loads_std[1:]])
+    return [*map(float, body), *sections.tolist()]
+
+
+def _deviation(value: Variable) -> Variable:
+    return replace(
+        value,
+        name=f"sigma.{value.name}",
+        description=f"{_STD}{value.name}",
+        minimum=0.0,
+        array=None if value.array is None else f"sigma.{value.array}",
+    )
+
+
+def _without(value: Variable, parameter: str) -> Variable:
+    return replace(value, initially_depends_on=tuple(n for n in value.initially_depends_on if n != parameter))
