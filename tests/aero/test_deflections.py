@@ -31,6 +31,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
+from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_import import read_mesh
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
@@ -197,3 +198,10 @@ def test_manifests_have_parameters(tmp_path: Path) -> None:
     table.write_text(TABLE.replace(",3\n", ",-2\n"), encoding="utf-8")
     with pytest.raises(InputError, match=r"line 3: .*parameters -2 is already that of line 2"):
         load_manifest(table, ("flap_deg",))
+
+
+@pytest.mark.fast
+def test_mesh_in_another_unit_is_named(finned: Vehicle) -> None:
+    entry = finned.structure.model_copy(update={"mesh_length_unit": "mm"})
+    with pytest.raises(InputError, match=r"finned_body.vtu: mesh: 0.00119602 m long in x, the vehicle 1.2 m"):
+        structure_case(finned.model_copy(update={"structure": entry}), ["body"])

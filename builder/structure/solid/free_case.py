@@ -147,7 +147,8 @@ def _meshes(vehicle: Vehicle, resolution: str) -> tuple[SolidMesh, SolidMesh | N
     length = TETRAHEDRON_LENGTH[resolution] * float(
         np.sqrt(0.5 * vehicle.reference_quantities().length * 1e-3 * entry.wall_thickness_mm)
     )
-    read = [_mesh_of_file(path, _digest(path), unit, length) for path in paths]
+    assert vehicle.shape is not None
+    read = [_mesh_of_file(path, _digest(path), unit, length, vehicle.shape.length_m) for path in paths]
     source = {"files": {path.name: _digest(path) for path in paths}, "unit": unit}
     made = paths[0].suffix.lower() in CAD_FORMATS
     if made:
@@ -171,7 +172,9 @@ def _digest(path: Path) -> str:
 
 
 @lru_cache(maxsize=4)
-def _mesh_of_file(path: Path, digest: str, unit: float, element_length: float) -> SolidMesh:
+def _mesh_of_file(
+    path: Path, digest: str, unit: float, element_length: float, body_length: float | None
+) -> SolidMesh:
     """Read or make a mesh; ``digest`` tells versions of the file apart."""
     if path.suffix.lower() in CAD_FORMATS:
         from builder.structure.solid.gmsh_files import step_mesh
@@ -179,4 +182,4 @@ def _mesh_of_file(path: Path, digest: str, unit: float, element_length: float) -
         return step_mesh(path, element_length)
     from builder.structure.solid.mesh_import import read_mesh
 
-    return read_mesh(path, unit)
+    return read_mesh(path, unit, length=body_length)
