@@ -41,10 +41,12 @@ COARSE = Resolution(
 
 @pytest.fixture(scope="session")
 def vehicle() -> Vehicle:
-    """The shipped vehicle with a linear map, which is what most tests are about."""
+    """The shipped vehicle with a linear map, which is what most tests are about, and fewer flows of the truth."""
     shipped = load_vehicle(IC3X)
     linear = shipped.map.model_copy(update={"estimator": "linear"})
-    return shipped.model_copy(update={"resolution": Resolutions(map=COARSE, truth=COARSE), "map": linear})
+    truth = shipped.truth.model_copy(update={"total_incidence_deg": [1.0, 3.0, 5.0, 7.0, 9.0, 11.0]})
+    resolution = Resolutions(map=COARSE, truth=COARSE)
+    return shipped.model_copy(update={"resolution": resolution, "map": linear, "truth": truth})
 
 
 @pytest.fixture(scope="session")
