@@ -11,6 +11,7 @@ from builder.structure.gauge_checks import check_gauges
 from builder.structure.solid.case import solid_case, support_of
 from builder.structure.solid.supports import Clamped, Foundation
 from builder.structure.wall import wall_of
+from builder.truth.held_out import largest_incidence
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError
@@ -432,3 +433,9 @@ def test_gauge_off_its_surface_is_refused_by_the_solid_model(tmp_path: Path) -> 
     entry = '[gauges.layouts.table]\nfile = "gauges.csv"\n'
     with pytest.raises(InputError, match=r"one: position is .* mm off surface 'internal'"):
         check_gauges(solid(tmp_path, ("# Snapshots: all", f"{entry}\n# Snapshots: all")))
+
+
+def test_the_truth_of_the_shipped_vehicle_goes_as_far_as_its_snapshots() -> None:
+    """Alarm levels are set over the whole envelope: tables err most where snapshots are sparse."""
+    shipped = load_vehicle(IC3X)
+    assert radians(max(shipped.truth.total_incidence_deg)) >= largest_incidence(shipped)
