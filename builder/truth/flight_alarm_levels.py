@@ -22,10 +22,10 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import BLOCK, EstimatorInputs, ManifoldEstimator
 from strainfmu.estimator.manifold.flight_health import gauge_threshold, shape_threshold
-from strainfmu.estimator.manifold.solve import solve_from
+from strainfmu.estimator.manifold.solve import solve_warm
 from strainfmu.flight_condition import FlightCondition
 
-CONDITIONS, VEHICLES = 1000, 8
+CONDITIONS, VEHICLES = 1000, 24
 """Flight conditions, and vehicles as built that fly at each."""
 
 
@@ -36,7 +36,7 @@ class ReadFlights:
     Attributes
     ----------
     inputs : strain and navigation, with the errors of both.
-    state : (n, 4) true flight states, from which the iterations start: a search would find them as well.
+    state : (n, 4) true flight states, from which each starts as a step does from the state of the last one.
     """
 
     inputs: EstimatorInputs
@@ -127,7 +127,7 @@ def flight_alarm_ratios(estimator: ManifoldEstimator, flights: ReadFlights) -> F
         rows = slice(first, first + BLOCK)
         state = flights.state[rows]
         found = estimator.estimated(
-            flights.inputs.rows(rows), lambda samples: solve_from(manifold, state, samples)
+            flights.inputs.rows(rows), lambda samples: solve_warm(manifold, state, samples)
         )
         tests = [
             found.chi_square / np.asarray(found.chi_square_limit),
