@@ -21,7 +21,7 @@ SETTLED = 0.1
 """Largest change of a parameter, in its standard deviations after the test, that ends the steps."""
 
 
-FITS = (0.05, 4.0)
+FITS = (0.05, 3.0)
 """Chi-square per reading within which test and model agree: 1 by this much, and so many standard deviations."""
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ from builder.calibration.readings_model import ReadingsModel
 from builder.calibration.score_setup import HARMONICS, blank_test, properties_of
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
+
+FAULTS = ("none", "swapped", "sign", "unit", "dead", "load")
 
 Spoil = Callable[[FloatArray, np.random.Generator], dict[str, str]]
 """Changes readings (n_cases, n_d) in place and returns what should be named: where and kind."""
@@ -100,12 +102,16 @@ def spoils(model: ReadingsModel) -> dict[str, Spoil]:
     return {"none": lambda reading, random: {}, "swapped": swapped, "sign": sign, "unit": unit, "dead": dead}
 
 
-def gauge_statistics(model: ReadingsModel, draws: int, calibrations: int) -> Iterator[dict[str, Any]]:
+def gauge_statistics(
+    model: ReadingsModel, draws: int, calibrations: int, kinds: Sequence[str]
+) -> Iterator[dict[str, Any]]:
     """Return, for each fault of a gauge, in how many of ``draws`` it is found, and named as what it is.
 
     In the first ``calibrations`` the vehicle is calibrated without it.
     """
     for kind, spoil in spoils(model).items():
+        if kind not in kinds:
+            continue
         tally, made = {"found": 0, "named": 0, "others blamed": 0}, Calibrations()
         for number in range(draws):
             random = np.random.default_rng([number, 5])
@@ -124,9 +130,9 @@ def gauge_statistics(model: ReadingsModel, draws: int, calibrations: int) -> Ite
         yield {"fault": kind, "draws": draws, **tally, **made.entries()}
 
 
-def load_statistics(model: ReadingsModel, draws: int, error: float = 0.1) -> dict[str, Any]:
+def load_statistics(model: ReadingsModel, draws: int, error: float = 0.1) -> Iterator[dict[str, Any]]:
     """Return in how many of ``draws`` a load off by ``error`` is found, it alone, and what the calibration is
-    without it."""
+    without it: after every ten, and after all."""
     tally, made = {"found": 0, "named": 0, "others blamed": 0}, Calibrations()
     first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
     for number in range(draws):
@@ -140,7 +146,8 @@ def load_statistics(model: ReadingsModel, draws: int, error: float = 0.1) -> dic
         tally["found"] += case in blamed
         tally["named"] += blamed == [case]
         tally["others blamed"] += not set(blamed) <= {case}
-    return {"fault": f"load {error:+.0%}", "draws": draws, **tally, **made.entries()}
+        if (number + 1) % 10 == 0 or number + 1 == draws:
+            yield {"fault": f"load {error:+.0%}", "draws": number + 1, **tally, **made.entries()}
 
 
 def main() -> None:
@@ -151,6 +158,7 @@ def main() -> None:
     parser.add_argument("--load-draws", type=int, default=40)
     parser.add_argument("--calibrations", type=int, default=40, help="of each fault of a gauge")
     parser.add_argument("--cases", type=int, default=12)
+    parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS)
     options = parser.parse_args()
     vehicle = load_vehicle(options.vehicle)
     layout, properties = vehicle.gauges.layout, properties_of(vehicle)
@@ -158,9 +166,11 @@ def main() -> None:
     errors = LoadErrors(common=0.0)
     prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
     model = ReadingsModel(structure, blank_test(vehicle, structure, options.cases, errors), prior)
-    for row in gauge_statistics(model, options.draws, options.calibrations):
+    for row in gauge_statistics(model, options.draws, options.calibrations, options.faults):
         print(json.dumps(row), flush=True)
-    print(json.dumps(load_statistics(model, options.load_draws)), flush=True)
+    if "load" in options.faults:
+        for row in load_statistics(model, options.load_draws):
+            print(json.dumps(row), flush=True)
 
 
 if __name__ == "__main__":

@@ -15,9 +15,7 @@ EXACT, BEFORE = "exact", "before"
 """States of what is known of a vehicle, beside the tests'."""
 
 EQUATIONS = "load equations"
-"""Stands for a map where loads are sums of readings; its errors are over those of :data:`REFERENCE`."""
-
-REFERENCE = "case 1"
+"""Stands for a map where loads are sums of readings; its errors are over those of the first map that is scored."""
 
 
 ALARMS = (HealthState.INCONSISTENT, HealthState.SUSPECT)
@@ -88,7 +86,7 @@ def _mean(rows: Sequence[dict[str, Any]], name: str) -> float | None:
 
 def _exact_square(rows: Sequence[dict[str, Any]], kind: str) -> FloatArray | None:
     """Return mean squares (5,) of the exactly known vehicles; None where none were scored."""
-    of = REFERENCE if kind == EQUATIONS else kind
+    of = rows[0]["map"] if kind == EQUATIONS else kind
     squares = [row["mean_square"] for row in rows if row["map"] == of and row["state"] == EXACT]
     return np.mean(squares, axis=0) if squares else None
 
