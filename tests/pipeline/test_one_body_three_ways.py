@@ -82,6 +82,9 @@ engine = "newtonian"
 
 [noise]
 std_um_per_m = 0.5
+gauge_position_mm = 0.0
+gauge_orientation_deg = 0.0
+layout_roll_deg = 0.0
 
 [map]
 case = 2
