@@ -36,6 +36,8 @@ class OneGauge:
     dynamic_pressure_error: float = 0.01
     form: str = "dynamic_pressure"
     manifold: None = None
+    thermal: None = None
+    further: None = None
     envelope_score_limit: float = 1.5
     residual_degrees_of_freedom: int = 49
     provenance: dict[str, float] = field(default_factory=lambda: {"moment_station_m": 2.0})
