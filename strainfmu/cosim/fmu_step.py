@@ -57,6 +57,18 @@ def gauge_names_of(path: Path) -> tuple[str, ...]:
     return tuple(_gauge_name(variable) for variable in _numbered(_inputs(path, read_description(path)), _STRAIN))
 
 
+def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
+    """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``, in its order.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged.
+    """
+    found = (one for one in read_description(path).modelVariables if one.causality == "output")
+    return tuple((one.name, one.unit or "1") for one in found if one.type in _NUMBER)
+
+
 class FmuStep:
     """A loaded estimator FMU; call it for a step, close it at the end (or use it as a context).
 

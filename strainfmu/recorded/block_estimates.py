@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
+from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep, outputs_of
 from strainfmu.cosim.step import StepRefused
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
@@ -30,6 +30,7 @@ from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.estimator.step import Estimator
 from strainfmu.recorded.column_names import FLOW_NAMES
 from strainfmu.recorded.columns import StrainBlock
+from strainfmu.recorded.fmu_columns import FurtherOutput, further_outputs_of
 from strainfmu.recorded.strain_level import LevelReference
 
 _HEALTH = ("chi_square_limit", "valid_gauges", "suspect_gauge", "suspects", "envelope_score")
@@ -111,10 +112,12 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE), tuple(f"health.{name}" for name in _HEALTH)) as step:
+        further = further_outputs_of(outputs_of(source))
+        asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in further))
+        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE), asked) as step:
             if zeros is not None:
                 step.set_zeros(load_zeros(zeros, step.gauge_names))
-            yield _FmuBlocks(step)
+            yield _FmuBlocks(step, further)
         return
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
@@ -273,12 +276,13 @@ class _FmuBlocks:
     """An estimator FMU, step by step."""
 
     has_residuals = False
-    further_columns: tuple[tuple[str, str], ...] = ()
     envelope_score_limit = float("nan")
     inverse_map: InverseMap | None = None
 
-    def __init__(self, step: FmuStep) -> None:
+    def __init__(self, step: FmuStep, further: Sequence[FurtherOutput]) -> None:
         self._step = step
+        self._further = [one.output for one in further]
+        self.further_columns = tuple((one.column, one.unit) for one in further)
         self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
         self.inputs = step.further_inputs
         self.reference = LevelReference(
@@ -290,7 +294,8 @@ class _FmuBlocks:
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         n = len(block.time)
         numbers = np.full((n, 12), np.nan)
-        further = np.full((n, len(_HEALTH)), np.nan)
+        health = np.full((n, len(_HEALTH)), np.nan)
+        further = np.full((n, len(self._further)), np.nan)
         flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
         if block.temperature is not None:
             flow |= {f"{TEMPERATURE}[{i}]": one.tolist() for i, one in enumerate(block.temperature.T, start=1)}
@@ -303,9 +308,10 @@ class _FmuBlocks:
             except StepRefused:
                 continue
             numbers[i] = *found.coefficients, *found.coefficients_std, found.chi_square, found.health
-            further[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
+            health[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
+            further[i] = [found.further[name] for name in self._further]
         valid = np.abs(block.strain) <= SENSOR_RANGE
-        limit, used, suspect, count, score = further.T
+        limit, used, suspect, count, score = health.T
         return BlockEstimates(
             coefficients=numbers[:, :5],
             coefficients_std=numbers[:, 5:10],
@@ -320,6 +326,7 @@ class _FmuBlocks:
             envelope_score=score,
             residual=None,
             residual_limit=np.full(n, np.nan),
+            further=further,
         )
 
 

@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
+from recorded_case import read_csv
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
@@ -14,6 +15,7 @@ from strainfmu.cosim.estimator_source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file
 
 pytestmark = pytest.mark.fast
@@ -39,7 +41,7 @@ def map_path(tmp_path: Path) -> Path:
     return tmp_path / "map.h5"
 
 
-def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
+def write_table(path: Path) -> Path:
     strain = 1e6 * strains()
     header = ["time [s]", "dynamic_pressure [Pa]", "mach_number [1]", "altitude [m]"]
     header += [f"g{i} [um/m]" for i in range(N_D)]
@@ -47,8 +49,12 @@ def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
     for i, one in enumerate(flights()):
         row = [0.01 * i, one.dynamic_pressure, one.mach_number, one.altitude, *strain[i]]
         lines.append(",".join(f"{value:.9g}" for value in row))
-    data = tmp_path / "flight.csv"
-    data.write_text("\n".join(lines), encoding="utf-8")
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
+    data = write_table(tmp_path / "flight.csv")
     summary = estimate_file(map_path, data, tmp_path / "out.h5", check_level=False)
     assert summary.samples == K
     with h5py.File(tmp_path / "out.h5") as file:
@@ -59,6 +65,20 @@ def test_air_data_are_columns(map_path: Path, tmp_path: Path) -> None:
         assert np.all(file["identified.air_data.total_incidence"][()] == 1.0)
     true = np.array([one.angle_of_attack for one in flights()])
     assert np.all(np.abs(angle - true) < 4.0 * std)
+
+
+def test_an_fmu_has_the_columns_of_its_map(map_path: Path, tmp_path: Path) -> None:
+    export_estimator(map_path, tmp_path / "e.fmu", ExportOptions())
+    data, found = write_table(tmp_path / "flight.csv"), []
+    for source in (map_path, tmp_path / "e.fmu"):
+        estimate_file(source, data, tmp_path / "out.csv", check_level=False)
+        found.append(read_csv(tmp_path / "out.csv"))
+    of_map, of_fmu = found
+    assert list(of_fmu) == list(of_map)
+    own = [name for name in of_map if "air_data" in name or "navigation_used" in name or "linear_loads" in name]
+    assert len(own) == 3 * 7 + 3 + 1
+    for name in own:
+        np.testing.assert_allclose(of_fmu[name], of_map[name], rtol=1e-8, atol=1e-12, err_msg=name)
 
 
 def test_a_map_with_tables_steps_from_the_last_state(map_path: Path) -> None:
