@@ -1,0 +1,225 @@
+"""Files of rhoCentralFoam: mesh, fields and settings of a case, its run, the fields that come back."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray, IntArray
+
+SOLVER = "rhoCentralFoam"
+ENVIRONMENT = {"WM_PROJECT_DIR": "/usr/share/openfoam"}
+"""What Debian's package needs, unless the shell has OpenFOAM's own environment."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Flow in some cells (...,): pressure and temperature over the free stream's, velocity (..., 3) over its
+    sound speed."""
+
+    pressure: FloatArray
+    temperature: FloatArray
+    velocity: FloatArray
+
+
+def is_available() -> bool:
+    """Whether the solver is installed."""
+    return shutil.which(SOLVER) is not None
+
+
+def write_case(
+    vertices: FloatArray, u: tuple[float, float, float], plane: State, iterations: int, directory: Path
+) -> None:
+    """Write a mesh (n_x + 1, n_phi + 1, n_r + 1, 3) in a stream of velocity ``u`` over its sound speed.
+
+    ``plane`` (n_phi, n_r) enters the mesh and fills it at first.
+    """
+    write_mesh(vertices, directory / "constant" / "polyMesh")
+    n_planes = len(vertices) - 1
+    _write_field(
+        directory=directory,
+        name="p",
+        dimensions="[1 -1 -2 0 0 0 0]",
+        plane=plane.pressure,
+        free_stream=(1.0,),
+        n_planes=n_planes,
+        wall="zeroGradient",
+    )
+    _write_field(
+        directory=directory,
+        name="T",
+        dimensions="[0 0 0 1 0 0 0]",
+        plane=plane.temperature,
+        free_stream=(1.0,),
+        n_planes=n_planes,
+        wall="zeroGradient",
+    )
+    _write_field(
+        directory=directory,
+        name="U",
+        dimensions="[0 1 -1 0 0 0 0]",
+        plane=plane.velocity,
+        free_stream=u,
+        n_planes=n_planes,
+        wall="slip",
+    )
+    for name, text in (DICTIONARIES | {"system/controlDict": _control(iterations)}).items():
+        _write(directory / name, "dictionary", text)
+
+
+def write_mesh(vertices: FloatArray, directory: Path) -> None:
+    """Write the structured mesh of ``vertices`` (n_x + 1, n_phi + 1, n_r + 1, 3) in OpenFOAM's format."""
+    point: IntArray = np.arange(vertices[..., 0].size).reshape(vertices.shape[:3])
+    cell = np.arange(point[1:, 1:, 1:].size).reshape(point[1:, 1:, 1:].shape)
+    # Corners of all faces across each index, in the order whose normal points to higher indices.
+    across = [
+        np.stack([point[:, :-1, :-1], point[:, 1:, :-1], point[:, 1:, 1:], point[:, :-1, 1:]], axis=-1),
+        np.stack([point[:-1, :, :-1], point[:-1, :, 1:], point[1:, :, 1:], point[1:, :, :-1]], axis=-1),
+        np.stack([point[:-1, :-1, :], point[1:, :-1, :], point[1:, 1:, :], point[:-1, 1:, :]], axis=-1),
+    ]
+    corners, owner, neighbour = [], [], []
+    for axis, faces in enumerate(across):
+        n = faces.shape[axis]
+        corners.append(faces.take(range(1, n - 1), axis).reshape(-1, 4))
+        owner.append(cell.take(range(n - 2), axis).ravel())
+        neighbour.append(cell.take(range(1, n - 1), axis).ravel())
+    faces, owners, neighbours = np.concatenate(corners), np.concatenate(owner), np.concatenate(neighbour)
+    order = np.lexsort((neighbours, owners))  # OpenFOAM wants internal faces in this order
+    all_faces, all_owners, patches = [faces[order]], [owners[order]], []
+    n_faces = len(order)
+    for name, kind, sides in PATCHES:
+        count = 0
+        for axis, end in sides:
+            outside = across[axis].take(end, axis).reshape(-1, 4)
+            all_faces.append(outside if end == -1 else outside[:, ::-1])  # normals point outward
+            all_owners.append(cell.take(end, axis).ravel())
+            count += len(outside)
+        patches.append(f"{name} {{ type {kind}; nFaces {count}; startFace {n_faces}; }}")
+        n_faces += count
+    _write(directory / "points", "vectorField", _rows(vertices.reshape(-1, 3), "(%.12g %.12g %.12g)"))
+    _write(directory / "faces", "faceList", _rows(np.concatenate(all_faces), "4(%d %d %d %d)"))
+    _write(directory / "owner", "labelList", _rows(np.concatenate(all_owners)[:, None], "%d"))
+    _write(directory / "neighbour", "labelList", _rows(neighbours[order][:, None], "%d"))
+    _write(directory / "boundary", "polyBoundaryMesh", f"{len(patches)}\n(\n" + "\n".join(patches) + "\n)\n")
+
+
+PATCHES = (
+    ("inlet", "patch", ((0, 0),)),
+    ("outlet", "patch", ((0, -1),)),
+    ("symmetry", "symmetryPlane", ((1, 0), (1, -1))),
+    ("wall", "patch", ((2, 0),)),
+    ("outer", "patch", ((2, -1),)),
+)
+"""Name, type and (index, end) of the mesh's sides."""
+
+
+def _rows(values: FloatArray | IntArray, row: str) -> str:
+    return f"{len(values)}\n(\n" + "\n".join(row % tuple(value) for value in values.tolist()) + "\n)\n"
+
+
+def _write(path: Path, kind: str, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    header = f"FoamFile {{ version 2.0; format ascii; class {kind}; object {path.name}; }}\n"
+    path.write_text(header + text, encoding="ascii")
+
+
+def _write_field(
+    directory: Path,
+    name: str,
+    dimensions: str,
+    plane: FloatArray,
+    free_stream: tuple[float, ...],
+    n_planes: int,
+    wall: str,
+) -> None:
+    n = len(free_stream)
+    kind, row = ("scalar", "%.10g") if n == 1 else ("vector", "(%.10g %.10g %.10g)")
+    values = plane.reshape(-1, n)
+    inside = f"nonuniform List<{kind}> " + _rows(np.tile(values, (n_planes, 1)), row)
+    entering = f"nonuniform List<{kind}> " + _rows(values, row)
+    outside = row % free_stream
+    text = f"""dimensions {dimensions};
+internalField {inside};
+boundaryField
+{{
+    inlet {{ type fixedValue; value {entering}; }}
+    outlet {{ type zeroGradient; }}
+    symmetry {{ type symmetryPlane; }}
+    wall {{ type {wall}; }}
+    outer {{ type fixedValue; value uniform {outside}; }}
+}}
+"""
+    _write(directory / "0" / name, f"vol{kind.capitalize()}Field", text)
+
+
+def _control(iterations: int) -> str:
+    return f"""application {SOLVER};
+startFrom startTime; startTime 0; stopAt endTime; endTime {iterations};
+deltaT 1; maxCo 0.2; maxDeltaT 1e3; rDeltaTSmoothingCoeff 0.3;
+writeControl timeStep; writeInterval {iterations // 5}; purgeWrite 2;
+writeFormat ascii; writePrecision 8; timeFormat general; timePrecision 8; runTimeModifiable no;
+"""
+
+
+DICTIONARIES = {
+    # Kurganov, Noelle and Petrova's central-upwind flux of linearly extrapolated states, local time steps.
+    # Limiters that work face by face (vanLeer and its like) make steady streaks here: on rays that diverge
+    # they take the shock's gradient along a ray for one around the body. A limited gradient does not.
+    "system/fvSchemes": """fluxScheme Kurganov;
+ddtSchemes { default localEuler; }
+gradSchemes { default Gauss linear; limited cellLimited<Venkatakrishnan> Gauss linear 1; }
+divSchemes { default none; div(tauMC) Gauss linear; }
+laplacianSchemes { default Gauss linear corrected; }
+interpolationSchemes
+{
+    default linear;
+    reconstruct(rho) linearUpwind limited;
+    reconstruct(U) linearUpwind limited;
+    reconstruct(T) linearUpwind limited;
+}
+snGradSchemes { default corrected; }
+""",
+    "system/fvSolution": 'solvers { "(rho|rhoU|rhoE)" { solver diagonal; } }\n',
+    "constant/turbulenceProperties": "simulationType laminar;\n",
+    # R = 8314.46 / 11640.3 = 1 / gamma, so that the sound speed is 1 at T = 1.
+    "constant/thermophysicalProperties": """thermoType
+{
+    type hePsiThermo; mixture pureMixture; transport const; thermo hConst;
+    equationOfState perfectGas; specie specie; energy sensibleInternalEnergy;
+}
+mixture
+{
+    specie { molWeight 11640.3; }
+    thermodynamics { Cp 2.5; Hf 0; }
+    transport { mu 0; Pr 1; }
+}
+""",
+}
+
+
+def run_solver(directory: Path) -> float:
+    """Run the solver on one core and return its CPU time [s]."""
+    before = getrusage(RUSAGE_CHILDREN)
+    environment = ENVIRONMENT | dict(os.environ)
+    with (directory / "log").open("w", encoding="ascii") as log:
+        subprocess.run([SOLVER, "-case", str(directory)], stdout=log, stderr=log, env=environment, check=True)
+    after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def read_state(directory: Path, shape: tuple[int, int, int]) -> State:
+    """Read the fields that the solver wrote in ``directory`` into (n_x, n_phi, n_r)."""
+
+    def read(name: str, *tail: int) -> FloatArray:
+        text = (directory / name).read_text(encoding="ascii")
+        start = text.index("(", text.index("internalField")) + 1
+        numbers = text[start : text.index("boundaryField")].replace("(", " ").replace(")", " ").replace(";", " ")
+        return np.array(numbers.split(), dtype=float).reshape(*shape, *tail)
+
+    return State(read("p"), read("T"), read("U", 3))
