@@ -19,6 +19,7 @@ from builder.figures import demonstration as figures
 from builder.figures.canvas import save
 from builder.figures.free_shape import shape_with_gauges
 from builder.pipeline.flight_score import ROLLING
+from builder.pipeline.manoeuvre import check_parameters
 from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
@@ -74,7 +75,10 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
     case = structure_case(vehicle, used_layouts(vehicle))
     assert isinstance(case, FreeCase)
     check_free_demo(case, vehicle.shape_kind)
+    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
     make_map(pipeline)
+    flown = load_trajectory(trajectory, tuple(vehicle.conditions.parameters))
+    check_parameters(vehicle, flown, load_snapshots(pipeline.path(SNAPSHOTS)).conditions(), trajectory)
     library = b"".join(content for _, (_, content) in sorted(shipped_libraries("estimator").items()))
     pipeline.make(
         "estimator.fmu",
@@ -82,7 +86,6 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
         {"map": pipeline.made_from(MAP), "kind": "native", "library": sha256(library).hexdigest()},
         lambda path: export_estimator(pipeline.path(MAP), path),
     )
-    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
 
     def make(path: Path) -> None:
         flown = _flown(pipeline, case, built)

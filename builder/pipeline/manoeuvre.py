@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import degrees
+from pathlib import Path
 
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.errors import FaultsError
 from strainfmu.flight_condition import FlightCondition
 
 ROUND_OFF = 1e-9
@@ -14,6 +16,34 @@ ROUND_OFF = 1e-9
 
 Covered = tuple[str, str, list[float], list[float]]
 """Quantity, unit, what is flown, what is covered."""
+
+
+def check_parameters(
+    vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition], path: Path
+) -> None:
+    """Refuse a manoeuvre that takes a further parameter out of the range of ``conditions``, the snapshots'.
+
+    The estimate does not know the parameter, so no health tells that it left the map; Mach number and incidence
+    do, and get a warning.
+
+    Raises
+    ------
+    FaultsError
+        A line per parameter, with the worst value and its time.
+    """
+    faults = []
+    for i, name in enumerate(vehicle.conditions.parameters):
+        known = [c.parameters[i] for c in conditions]
+        flown = [FlightCondition.of_row(row).parameters[i] for row in trajectory.conditions.tolist()]
+        beyond = [max(min(known) - value, value - max(known)) for value in flown]
+        worst = max(range(len(flown)), key=beyond.__getitem__)
+        if beyond[worst] > ROUND_OFF:
+            faults.append(
+                f"{path}: {name}: expected {min(known):g} .. {max(known):g}, the range of the snapshots, got "
+                f"{flown[worst]:g} at {trajectory.time[worst]:g} s"
+            )
+    if faults:
+        raise FaultsError("\n".join(faults))
 
 
 def manoeuvre_warnings(
@@ -59,5 +89,3 @@ def _ranges(
     if vehicle.map.form == "dynamic_pressure":
         heights = list(vehicle.map.valid_altitude_km)
     yield "altitude", " km", [1e-3 * c.altitude for c in flown], heights
-    for i, name in enumerate(vehicle.conditions.parameters):
-        yield name, "", [c.parameters[i] for c in flown], [c.parameters[i] for c in held]

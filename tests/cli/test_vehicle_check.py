@@ -13,7 +13,7 @@ from builder.aero.engines import make_engine
 from builder.campaign.reach import extreme_conditions, flows_out_of_reach
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.reporting import Silent
-from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.cosim.trajectory import load_trajectory
 
@@ -102,6 +102,16 @@ def test_a_manoeuvre_beyond_the_map_is_warned_of(vehicle: Path, run: Run) -> Non
         "warning: the manoeuvre flies total incidence 1 to 5.099 deg, the map covers 0 to 4.242 deg",
         "warning: the manoeuvre flies altitude 22 to 22 km, the map covers 5 to 20 km",
     ]
+
+
+def test_a_deflection_out_of_range_is_refused(run: Run, tmp_path: Path) -> None:
+    """No health notices it, as it does other Mach numbers or incidence: value, time and range in one line."""
+    for path in VEHICLES.glob("finned_body*"):
+        shutil.copy(path, tmp_path)
+    spoil(tmp_path / "finned_body.toml", "values = [-4.0, -2.0, 0.0, 2.0, 4.0]", "values = [-2.0, 0.0, 2.0]")
+    code, printed, message = run("check", tmp_path / "finned_body.toml")
+    assert (code, printed, message.count("\n")) == (2, "", 1)
+    assert "finned_body_manoeuvre.csv: fin_roll_deg: expected -2 .. 2, the range of the snapshots, got " in message
 
 
 @pytest.mark.fast

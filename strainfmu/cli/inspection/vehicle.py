@@ -74,7 +74,7 @@ def check_vehicle(path: Path, console: Console) -> None:
     if gauges is not None:
         faults.of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
         faults.of(lambda: check_noise(vehicle))
-    trajectory = faults.of(lambda: _manoeuvre(vehicle))
+    trajectory = faults.of(lambda: _manoeuvre(vehicle, conditions))
     faults.raise_if_any()  # before the flows, which take longest
     assert gauges is not None
     assert engine is not None
@@ -86,14 +86,16 @@ def check_vehicle(path: Path, console: Console) -> None:
         console.print(warning, highlight=False, markup=False, soft_wrap=True)
 
 
-def _manoeuvre(vehicle: Vehicle) -> Trajectory:
-    """Return the manoeuvre, which the flight model of the demonstration must hold."""
+def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
+    """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
+    from builder.pipeline.manoeuvre import check_parameters
     from builder.truth.flows import truth_knots
     from strainfmu.cosim.flight_model import check_envelope
     from strainfmu.cosim.trajectory import load_trajectory
 
     path = vehicle.beside(vehicle.truth.manoeuvre)
     trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
+    check_parameters(vehicle, trajectory, conditions, path)
     if vehicle.is_of_revolution:
         check_envelope(*truth_knots(vehicle), trajectory, path)
     return trajectory
