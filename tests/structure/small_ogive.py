@@ -51,8 +51,8 @@ def small(folder: Path, *changes: tuple[str, str]) -> Path:
     return write_vehicle(folder / "small.toml", *SMALL, *changes)
 
 
-def solved(path: Path, **options: object) -> Structure:
+def solved(path: Path) -> Structure:
     """Solve the vehicle of a file on the coarse swept mesh."""
     vehicle = load_vehicle(path)
     choice = MeshChoice(resolution="coarse")
-    return solve_solid_structure(solid_case(vehicle, used_layouts(vehicle), choice, **options), Silent())  # type: ignore[arg-type]
+    return solve_solid_structure(solid_case(vehicle, used_layouts(vehicle), choice), Silent())

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
+from installed_gmsh import gmsh_or_skip
 
 from builder.aero.engines import make_engine
 from builder.campaign.run import run_campaign
@@ -20,13 +21,12 @@ from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
 from builder.reports.mesh_study import STUDY_MESHES, StudyMesh, StudyRow, mesh_study, study_csv, study_table
-from builder.structure.solid.gmsh_session import load_gmsh
 from builder.structure.solid.solvers.solver import named_back_end
 from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, swept_wall
 from builder.structure.wall import Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.geometry import BodyOfRevolution
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -124,10 +124,7 @@ def test_command(run: Run, snapshot_file: Path, tmp_path: Path, monkeypatch: pyt
 @pytest.mark.slow
 def test_shipped_meshes(vehicle: Vehicle, snapshots: Snapshots) -> None:
     """Swept hexahedra add nothing to the noise, quadratic tetrahedra about sigma; linear ones make a wrong map."""
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
+    gmsh_or_skip()
     fast = next((name for name in ("pardiso", "mumps", "cholmod") if named_back_end(name).installed()), None)
     chosen = [mesh for mesh in STUDY_MESHES if "paper" not in mesh.name and "0.45 " not in mesh.name]
     found = {row.mesh: row for row in mesh_study(vehicle, snapshots, Silent(), chosen, fast)}

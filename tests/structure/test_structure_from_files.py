@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from cad_files import write_step, write_stl
 from fmpy import read_model_description
+from installed_gmsh import gmsh_or_skip
 from small_ogive import small
 
-from builder.structure.solid.gmsh_session import load_gmsh
 from builder.structure.solid.mesh_export import write_mesh
 from builder.structure.solid.mesh_report import exact_wall
 from builder.structure.solid.reference_loads import largest_amplitude, reference_pressures
@@ -22,7 +22,6 @@ from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.structure_file import load_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
-from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]
@@ -70,10 +69,7 @@ def test_an_imported_mesh_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_step_file_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
+    gmsh_or_skip()
     path, folder, cad = small(tmp_path, PLAIN_MAP), tmp_path / "results", tmp_path / "wall.step"
     vehicle = load_vehicle(path)
     write_step(vehicle.body(), wall_of(vehicle), cad)
@@ -114,10 +110,7 @@ def test_a_mesh_of_another_body_is_named_as_such(
 @pytest.mark.slow
 def test_tetrahedra(run: Run, tmp_path: Path) -> None:
     """Edges of 0.9 sqrt(R t): a few per cent of bending are lost, reported as a warning and as mesh error."""
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
+    gmsh_or_skip()
     output = tmp_path / "structure.h5"
     code, out, err = run("structure", small(tmp_path), "-o", output, "--resolution", "coarse", "--model", "gmsh")
     assert (code, err) == (0, "")
@@ -136,10 +129,7 @@ def test_cad_file(run: Run, tmp_path: Path, ending: str) -> None:
 
     Triangles of an STL file are chords of its curves. The cavity's front counts as internal in both.
     """
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
+    gmsh_or_skip()
     path, output = small(tmp_path), tmp_path / "structure.h5"
     vehicle, cad = load_vehicle(path), tmp_path / f"wall.{ending}"
     if ending == "step":

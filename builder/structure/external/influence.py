@@ -11,16 +11,15 @@ from builder.aero.surface_mesh import SurfaceMesh
 from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.influence_checks import check_equilibrium
 from builder.structure.external.influence_file import Influence, read_influence
+from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.thinned_nodes import thinned
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.gauge_rows import Gauges, gauge_fields
+from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.surface_load import facet_pressure_load
 from builder.structure.solid.surface_triangles import facet_triangles, split_facets
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.profile_record import profile_record
 from strainfmu.errors import InputError
-from strainfmu.version import __version__
 
 MODEL = "influence"
 
@@ -56,26 +55,20 @@ def structure_of_influence(
     load = facet_pressure_load(influence.node, influence.facet, column)
     flat = strain.reshape(len(strain), -1)
     thin = thinned(whole)
-    return Structure(
-        vehicle=vehicle.name,
+    check = MeshCheck(
+        against=f"forces on {thin.kept} of its {len(influence.node)} nodes",
+        factor=thin.factor,
+        strain_operator=np.asarray(thin.on_kept(strain).reshape(len(strain), -1) @ load),
+    )
+    return structure_of_operator(
+        np.asarray(flat @ load),
+        surface,
+        {name: layouts[name] for name in kept},
+        vehicle,
         model=MODEL,
-        settings={
-            "strainfmu_version": __version__,
-            "mesh": {"model": MODEL, "file_name": path.name},
-            "profile": profile_record(vehicle.body()),
-        },
+        path=path,
         statistics={"loaded_nodes": len(influence.node)},
-        **gauge_fields({name: layouts[name] for name in kept}),
-        point=surface.point,
-        triangle=surface.triangle,
-        normal=surface.node_normal,
-        strain_operator=np.asarray(flat @ load),
-        mesh_error=np.zeros(len(strain)),
-        check=MeshCheck(
-            against=f"forces on {thin.kept} of its {len(influence.node)} nodes",
-            factor=thin.factor,
-            strain_operator=np.asarray(thin.on_kept(strain).reshape(len(strain), -1) @ load),
-        ),
+        check=check,
     )
 
 

@@ -14,14 +14,13 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.load_cases import LoadCases, load_cases
+from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import StrainTable, read_strain_table
-from builder.structure.solid.gauge_rows import Gauges, gauge_fields
+from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.profile_record import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.version import __version__
 
 MODEL = "strain_per_snapshot"
 
@@ -61,21 +60,14 @@ def structure_of_strains(
     kept = columns_found(path, table.column, layouts, vehicle.gauges.layout)
     strain = _strain_of_cases(table, cases)[:, [table.column.index(name) for one in kept.values() for name in one]]
     operator = smallest_operator(cases.pressure, strain, _names(table, cases))
-    return Structure(
-        vehicle=vehicle.name,
+    return structure_of_operator(
+        operator,
+        cases.surface,
+        {name: layouts[name] for name in kept},
+        vehicle,
         model=MODEL,
-        settings={
-            "strainfmu_version": __version__,
-            "mesh": {"model": MODEL, "file_name": path.name},
-            "profile": profile_record(vehicle.body()),
-        },
+        path=path,
         statistics={"load_cases": len(cases.names)},
-        **gauge_fields({name: layouts[name] for name in kept}),
-        point=cases.surface.point,
-        triangle=cases.surface.triangle,
-        normal=cases.surface.node_normal,
-        strain_operator=operator,
-        mesh_error=np.zeros(len(operator)),
     )
 
 

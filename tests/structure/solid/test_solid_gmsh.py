@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from installed_gmsh import gmsh_or_skip
 
 from builder.structure.solid.gmsh_files import step_mesh, stl_mesh
-from builder.structure.solid.gmsh_session import ORIGIN, X_AXIS, gmsh_model, load_gmsh
+from builder.structure.solid.gmsh_session import ORIGIN, X_AXIS, gmsh_model
 from builder.structure.solid.gmsh_wall import STRETCH, graded_wall_mesh, wall_mesh
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_import import read_mesh
@@ -26,10 +27,7 @@ WALL = Wall(thickness=0.01, solid_tip_length=0.25, material=METAL)
 
 @pytest.fixture(scope="module")
 def gmsh() -> Any:
-    try:
-        return load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
+    return gmsh_or_skip()
 
 
 @pytest.fixture(scope="module")

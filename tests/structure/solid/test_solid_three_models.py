@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from installed_gmsh import gmsh_or_skip
 
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.gmsh_session import load_gmsh
 from builder.structure.solid.gmsh_wall import graded_wall_mesh
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh, linear_tetrahedra
@@ -21,7 +21,6 @@ from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import StrainfmuError
 
 pytestmark = pytest.mark.slow
 
@@ -87,10 +86,7 @@ def test_swept_hexahedra(fourier: Reference) -> None:
 @pytest.fixture(scope="module")
 def tetrahedra() -> SolidMesh:
     """The resolution ``paper``: 0.45 sqrt(r t) round the axis."""
-    try:
-        load_gmsh()
-    except StrainfmuError as error:
-        pytest.skip(str(error))
+    gmsh_or_skip()
     return graded_wall_mesh(BODY, WALL, TETRAHEDRON_LENGTH["paper"])
 
 

@@ -1,0 +1,18 @@
+"""Gmsh, where it is installed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from builder.structure.solid.gmsh_session import load_gmsh
+from strainfmu.errors import StrainfmuError
+
+
+def gmsh_or_skip() -> Any:
+    """Return the module ``gmsh``; without it, or a library of the system that it needs, the test is skipped."""
+    try:
+        return load_gmsh()
+    except StrainfmuError as error:
+        pytest.skip(str(error))
