@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import ceil
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from strainfmu.can.cycle.plausibility import MIN_STUCK_CYCLES
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender, frozen_gauges
+from strainfmu.can.tools.fault_injection import FaultySender, frozen_gauges, growth_of
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import AuthenticationKey
 from strainfmu.can.wire.frame import Frame
@@ -282,10 +283,12 @@ class Oracle:
         return found
 
     def _unseen(self, fault: Fault, last: int) -> int:
-        """Return the cycles since a fault began that are late behind a restart or may be lost."""
+        """Return the cycles since a fault began that are late behind a restart or by a delay, or may be lost."""
         late = self._settings.late_cycles + 1
         found = self._faults_near(last)
         lost = max((one.cycles for one in found if one.start == fault.start and one.kind in LOSING), default=0)
+        creeps = [one for one in found if one.kind is FaultKind.CREEP and one.is_active(fault.start)]
+        lost += sum(ceil(growth_of(one) * (last - one.start + 1)) for one in creeps)
         restarts = [one for one in found if one.kind is FaultKind.RESTART]
         return lost + sum(late for one in restarts if one.start + late > fault.start)
 

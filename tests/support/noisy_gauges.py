@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 from can_case import CYCLE, Projection, layout_of
@@ -38,13 +38,17 @@ def answers(
     stated_noise: float | None,
     layout: InputLayout | None = None,
     settings: BridgeSettings | None = None,
+    lost: Collection[int] = (),
 ) -> list[CycleResult]:
-    """Return the results of all cycles of ``strains`` (n_cycles, n_d) [m/m] sent in time."""
+    """Return the results of all cycles of ``strains`` (n_cycles, n_d) [m/m] sent in time, but ``lost`` ones."""
     layout = layout or layout_of("fd64", strains.shape[1])
     core = bridge_core(layout, NoisyStep(layout.n_gauges, stated_noise), settings or BridgeSettings(), start=0.0)
     encoder, results = StrainEncoder(layout), []
     for number, strain in enumerate(strains):
         time = number * CYCLE
+        if number in lost:
+            results += core.advance(time + 0.9 * CYCLE)
+            continue
         for index, frame in enumerate(encoder.encode(strain, 9e4, cycle=number, sample_time=time)):
             object.__setattr__(frame, "time", time + 1e-5 * index)
             results += core.receive(frame)

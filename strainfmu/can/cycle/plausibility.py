@@ -91,8 +91,8 @@ class GaugeChecks:
         self._is_quiet, self._has_zeros, self._last_time = False, False, 0.0
         # No gauge has been zero for more cycles in a row than this.
         self._most_zeros = 0
-        # The longest time without a change of any gauge, when and how many cycles ago it was found.
-        self._longest_found, self._found_at, self._cycles_since = np.inf, 0.0, 0
+        # No gauge has repeated its reading more often in a row than this.
+        self._most_repeats = 0
         self._changed_at = np.nan
         self.faults: dict[str, BoolArray] = {}
         """Gauges (n_d,) that failed each check of the last cycle, by its words."""
@@ -156,7 +156,7 @@ class GaugeChecks:
                 return False
             if not self._none_is_zero(zeros):
                 return False
-        if not self._none_is_stuck(now):
+        if not self._none_is_stuck():
             return False
         if zeros is not None:
             self._zeros, self._has_zeros = zeros, True
@@ -177,7 +177,6 @@ class GaugeChecks:
         self._difference = difference
         self._last_raw, self._last_strain, self._last_good = raw, strain, strain
         self._last_time = now
-        self._cycles_since += 1
         return True
 
     def _add_changes(self) -> None:
@@ -208,15 +207,12 @@ class GaugeChecks:
             self._most_zeros = int(zeros.max())
         return self._most_zeros < self._least_zeros or bool((zeros < self._zero_cycles).all())
 
-    def _none_is_stuck(self, now: float) -> bool:
-        """Return whether no gauge can be stuck, even if none has changed."""
-        # By how much a gauge that has not changed since then is nearer to its limit, this cycle included.
-        later = max(now - self._found_at, (self._cycles_since + 1) * self._cycle_time)
-        if self._longest_found + later < self._shortest_stuck:
-            return True
-        self._longest_found = float(self._unchanged(now).max())
-        self._found_at, self._cycles_since = now, 0
-        return self._longest_found + self._cycle_time < self._shortest_stuck
+    def _none_is_stuck(self) -> bool:
+        """Return whether no gauge can be stuck, even if none has changed in this cycle."""
+        self._most_repeats += 1
+        if self._most_repeats >= self._least_repeats:
+            self._most_repeats = int(self._repeats.max()) + 1
+        return self._most_repeats < self._least_repeats
 
     def _frozen_together(self, strain: FloatArray, present: BoolArray | None) -> BoolArray | None:
         """Return which gauges of this cycle are frozen together, None if none is; ``present`` None for all."""
@@ -230,7 +226,7 @@ class GaugeChecks:
         """Return the valid gauges of a cycle in which nothing else than ``frozen`` was found."""
         self.faults = {FROZEN: frozen}
         self._good[frozen] = 0
-        self._is_quiet, self._longest_found = False, np.inf
+        self._is_quiet = False
         return ~frozen
 
     def _count_on(self, noise_ratio: FloatArray) -> None:
@@ -242,8 +238,7 @@ class GaugeChecks:
         stuck = np.maximum(by_noise, MIN_STUCK_CYCLES)
         if stated.stuck_cycles is not None:
             stuck = np.full(n, stated.stuck_cycles or np.inf)
-        self._longest_unchanged = (stuck - 0.5) * self._periods
-        self._shortest_stuck = float(self._longest_unchanged.min())
+        self._stuck_cycles, self._least_repeats = stuck, float(stuck.min())
         # At least 1: none is reached where there is no zero. Integers, as the counts are that they limit.
         self._zero_cycles = np.maximum(by_noise, MIN_ZERO_CYCLES).astype(np.int64)
         if stated.zero_cycles is not None:
@@ -277,7 +272,7 @@ class GaugeChecks:
         valid = good & (self._good >= self._settings.heal_cycles)
         self._is_quiet, self._most_zeros = bool(valid.all()), int(self._zeros.max())
         self._has_zeros = self._most_zeros > 0
-        self._last_time, self._longest_found = now, np.inf
+        self._last_time, self._most_repeats = now, int(self._repeats.max())
         return valid
 
     def _out_of_range(self, strain: FloatArray) -> BoolArray:
@@ -313,7 +308,7 @@ class GaugeChecks:
         return np.maximum(now - self._changed, self._repeats * self._periods)
 
     def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
-        """Find gauges that have had the same value for too long."""
+        """Find gauges that have repeated their reading too often."""
         same = present & self._seen & (raw == self._last_raw)
         changed = present & ~same
         if changed.any():
@@ -323,7 +318,8 @@ class GaugeChecks:
         self._repeats[changed] = 0
         self._last_raw = np.where(present, raw, self._last_raw)
         self._seen |= present
-        return same & (self._unchanged(now) >= self._longest_unchanged)
+        # Readings count, not the time: in a pause a healthy gauge gives none that could differ.
+        return same & (self._repeats >= self._stuck_cycles)
 
     def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
         """Find gauges at exactly zero, which amplifiers send on an error (HBK QuantumX: default for integers).

@@ -211,8 +211,7 @@ class FaultySender:
                 shift = 0.5 * self._layout.cycle_time
                 return [*frames, *(replace(f, time=time + shift + i * 1e-6) for i, f in enumerate(old))]
             case FaultKind.CREEP:
-                growth = 0.02 + 0.18 * np.random.default_rng(fault.seed).random()
-                delay = growth * (number - fault.start + 1) * self._layout.cycle_time
+                delay = growth_of(fault) * (number - fault.start + 1) * self._layout.cycle_time
                 self._queued = max((frame.time + delay for frame in frames), default=0.0)
                 return [replace(frame, time=frame.time + delay) for frame in frames]
             case FaultKind.RECORDING:
@@ -416,6 +415,11 @@ def frozen_gauges(layout: InputLayout, fault: Fault) -> list[int]:
         return list(frames[fault.seed // 2 % len(frames)].gauges)
     alive = fault.seed // 2 % layout.n_gauges
     return [gauge for gauge in range(layout.n_gauges) if gauge != alive]
+
+
+def growth_of(fault: Fault) -> float:
+    """Return by how many cycles the delay grows in each cycle of a creep."""
+    return 0.02 + 0.18 * float(np.random.default_rng(fault.seed).random())
 
 
 def _other_length(frame: Frame, random: np.random.Generator) -> bytes:

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from can_case import layout_of
+from can_case import CYCLE, layout_of
 from noisy_gauges import STEP, answers, strains_at_rest
 
 from strainfmu.can.cycle.freeze_watch import FreezeWatch
@@ -88,6 +88,29 @@ def test_healthy_gauges_about_zero_are_not_lost(noise: float, stated: float | No
     """18 of 400 cycles lost one; with noise of 0.05 um/m 567 of 608 were INVALID."""
     results = answers(strains_at_rest(600, 54, noise, level=0.05e-6), stated)
     assert Counter(result.quality for result in results[3:]) == {Quality.VALID: 597}
+
+
+@pytest.mark.parametrize("pause", [24, 26, 60, 500])
+def test_healthy_gauges_are_used_at_once_behind_a_pause(pause: int) -> None:
+    """The first readings behind it repeat the last ones before it by chance, up to 25 of 54."""
+    strains = strains_at_rest(FIRST + pause + 30, 54, NOISE, level=300e-6)
+    results = answers(strains, NOISE, lost=range(FIRST, FIRST + pause))
+    behind = [result for result in results if result.counter is not None and result.time > (FIRST + pause) * CYCLE]
+    assert len(behind) >= 29
+    assert not any(result.causes & (Cause.GAUGE_INVALID | Cause.FROZEN) for result in behind)
+    again = next(k for k, result in enumerate(behind) if result.valid.any())
+    assert all(result.valid.all() for result in behind[again:])
+    assert behind[-1].quality is Quality.VALID
+
+
+def test_of_a_stuck_gauge_the_readings_count_whatever_is_lost_between_them() -> None:
+    """Every other cycle is lost: 30 repetitions take 60 cycles."""
+    strains = moving(strains_at_rest(FIRST + 80, 54, NOISE, level=300e-6))
+    strains[FIRST:, 7] = strains[FIRST, 7]
+    settings = BridgeSettings(stuck_cycles=30)
+    results = answers(strains, NOISE, settings=settings, lost=range(FIRST + 1, FIRST + 80, 2))
+    left_out = [result.time / CYCLE - FIRST for result in results if result.arrival and not result.valid[7]]
+    assert next(time for time in left_out if time >= 0.0) == pytest.approx(60.0, abs=1.0)
 
 
 @pytest.mark.parametrize("noise", [NOISE, 0.1e-6])
