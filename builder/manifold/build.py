@@ -11,12 +11,12 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem, on_structure
 from builder.inverse.ensemble import Ensemble, rolled_modes
-from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes, response_of_shapes, tested_shapes
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
+from builder.manifold.followed_errors import followed_errors
 from builder.manifold.interpolation import interpolation_errors
 from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
@@ -26,7 +26,6 @@ from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.proportional_errors import PAIRS
 
 MIN_FLOWS = (2, 4)
 """Least number of Mach numbers, and of incidences but zero, of a spline."""
@@ -95,7 +94,7 @@ def manifold_map(
         terms["fraction of the overpressure"] = level[:, None]
     error = _compressed(np.hstack(list(terms.values())))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
-    products, common = _followed_errors(vehicle, problem)
+    products, common = followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
     found = ManifoldMap(
         mach_knots=flows.mach,
@@ -198,39 +197,3 @@ def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[st
             load = np.zeros((5, term.strain.shape[1])) if term.load is None else term.load
             found[term.name] = np.vstack([term.strain, load]) / pressure
     return found
-
-
-def _followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Return errors of each gauge (21, n_d) and common ones (n_t, 6, n_d) that follow strain, but for gains.
-
-    The strain of an error is regressed on [1, loads / p_inf] over the ensemble. Of each gauge, what the regression
-    leaves is added to the constant.
-    """
-    reference, ensemble = vehicle.reference_quantities(), problem.ensemble
-    n_d = len(problem.strain_operator)
-    scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
-    pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
-    loads = ensemble.responses(problem.load_operator) / pressure / scale
-    c = np.hstack([np.ones((len(loads), 1)), loads])
-    root = np.sqrt(ensemble.member_weight)[:, None]
-    products, common = np.zeros((len(PAIRS), n_d)), []
-    for error in problem.errors:
-        if error.name in ("gauge gain", "common gain"):
-            continue
-        slope, left = _regressed(error, c, pressure, root)
-        if error.common:
-            common.append(slope)
-            continue
-        products[0] += left
-        for row, (a, b) in enumerate(PAIRS):
-            products[row] += (1.0 if a == b else 2.0) * slope[a] * slope[b]
-    return products, np.array(common).reshape(-1, 6, n_d)
-
-
-def _regressed(
-    error: HardwareError, c: FloatArray, pressure: FloatArray, root: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the slopes (6, n_d) of the strain of ``error`` per p_inf on ``c``, and the variance (n_d,) left."""
-    strain = error.strain / pressure
-    slope = np.asarray(np.linalg.lstsq(root * c, root * strain, rcond=1e-10)[0], dtype=np.float64)
-    return slope, np.asarray(np.sum((root * (strain - c @ slope)) ** 2, axis=0))

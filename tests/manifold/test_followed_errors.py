@@ -1,0 +1,59 @@
+"""Errors of gauges that follow the flight state: as large as those of the ensemble where strain is largest."""
+
+import numpy as np
+import pytest
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import inverse_problem
+from builder.manifold.followed_errors import followed_errors, squares_fitted
+from builder.structure.fourier.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from strainfmu.estimator.filter.flight_model import gauge_terms
+from strainfmu.estimator.proportional_errors import PAIRS
+
+FIRST, SECOND = np.array(PAIRS).T
+
+
+def disc(count: int) -> np.ndarray:
+    """Return c = [1, C_A, C_N, C_Y, M_P, M_Y] over a disc of incidences."""
+    random = np.random.default_rng(3)
+    incidence, roll = np.sqrt(random.uniform(0.0, 1.0, count)), random.uniform(0.0, 2.0 * np.pi, count)
+    across = np.column_stack([incidence * np.cos(roll), incidence * np.sin(roll)])
+    return np.column_stack([np.ones(count), 0.02 + 0.03 * incidence**2, 0.6 * across, 0.2 * across])
+
+
+@pytest.mark.fast
+def test_squares_of_combinations_are_fitted_and_never_negative() -> None:
+    c = disc(500)
+    rise = (c[:, 1] - 0.02) / 0.03
+    square = np.column_stack(
+        [rise**2, 4.0 * (rise + c[:, 2] / 0.6) ** 2, 0.3 * np.ones(len(c)), rise**4 * c[:, 2] ** 4]
+    )
+    fitted = squares_fitted(c, square, np.full(len(c), 1.0 / len(c)))
+    found = (c[:, FIRST] * c[:, SECOND]) @ fitted
+    # The least C_A of the draw is not quite that without incidence.
+    assert np.max(np.abs(found[:, :3] - square[:, :3])) < 0.02
+    whole = np.zeros((4, 6, 6))
+    whole[:, FIRST, SECOND] = whole[:, SECOND, FIRST] = (np.where(FIRST == SECOND, 1.0, 0.5)[:, None] * fitted).T
+    assert np.linalg.eigvalsh(whole).min() > -1e-12
+    terms = gauge_terms(fitted)
+    np.testing.assert_allclose(np.sum((terms @ c.T) ** 2, axis=1).T, found, atol=1e-8)
+
+
+def test_errors_of_gauges_grow_with_incidence_as_those_of_the_flows(
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots
+) -> None:
+    problem = inverse_problem(vehicle, snapshots, structure)
+    products, _ = followed_errors(vehicle, problem)
+    ensemble, reference = problem.ensemble, vehicle.reference_quantities()
+    pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
+    scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
+    c = np.hstack([np.ones((len(pressure), 1)), ensemble.responses(problem.load_operator) / pressure / scale])
+    found = (c[:, FIRST] * c[:, SECOND]) @ products
+    each = [one.strain for one in problem.errors if not one.common and one.name != "gauge gain"]
+    true = np.sum([(strain / pressure) ** 2 for strain in each], axis=0)
+    across = np.hypot(c[:, 2], c[:, 3])
+    for low, high in ((0.3, 0.6), (0.6, 0.8), (0.8, 1.0)):
+        rows = (across > low * across.max()) & (across <= high * across.max())
+        ratio = found[rows].mean(axis=0) / true[rows].mean(axis=0)
+        assert 0.75 < ratio.min() < ratio.max() < 1.3, (low, ratio.min(), ratio.max())
