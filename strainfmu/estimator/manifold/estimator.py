@@ -261,7 +261,7 @@ class ManifoldEstimator:
         return solve_cold(self.manifold, self._search, samples)
 
     def estimated(self, inputs: EstimatorInputs, solve: Callable[[Samples], Linearised]) -> FlightEstimates:
-        """Return the estimates of ``inputs`` whose flight state ``solve`` finds.
+        """Return the estimates of ``inputs`` whose flight state ``solve`` finds, for any samples of them.
 
         Samples with inconsistent navigation are solved a second time without it.
         """
@@ -271,14 +271,14 @@ class ManifoldEstimator:
             used=used,
             measured=state_measurement(self.manifold, inputs.navigation),
         )
-        at = solve(samples)
-        found = solution(self.manifold, at, used)
+        found = solution(self.manifold, solve(samples), used)
         dropped = inconsistent_navigation(found.navigation_residual)
-        if dropped.any():
+        rows = np.flatnonzero(dropped.any(axis=1))
+        if len(rows):
             residual = found.navigation_residual
             samples = without_navigation(samples, residual, dropped)
-            at = solve(samples)
-            found = replace(solution(self.manifold, at, used), navigation_residual=residual)
+            again = solution(self.manifold, solve(samples.rows(rows)), used[rows])
+            found = replace(found.with_rows(rows, again), navigation_residual=residual)
         return self.concluded(inputs, samples, found)
 
     def concluded(

@@ -6,11 +6,11 @@ off them. With E_x the covariance of the state, cov f = (J_L - K J) E_x (J_L - K
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH
 from strainfmu.estimator.manifold.gauss_newton import (
@@ -30,7 +30,7 @@ START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 4, 2
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightSolution:
-    """Estimates of k samples.
+    """Estimates of k samples, all of them arrays over the samples.
 
     Attributes
     ----------
@@ -52,6 +52,13 @@ class FlightSolution:
     standardised_residual: FloatArray
     navigation_residual: FloatArray
     shape_residual: FloatArray
+
+    def with_rows(self, rows: IntArray, other: FlightSolution) -> FlightSolution:
+        """Return the estimates with those of ``other`` as the samples ``rows``."""
+        out = {entry.name: np.array(getattr(self, entry.name)) for entry in fields(self)}
+        for name, value in out.items():
+            value[rows] = getattr(other, name)
+        return FlightSolution(**out)
 
 
 def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> Linearised:
@@ -81,7 +88,8 @@ def solve_from(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Li
 
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
-    """Return the solution from ``state`` (k, 4) after a fixed number of iterations, with S of that state."""
+    """Return the solution from ``state`` (k, 4), or (1, 4) for all, after a fixed number of iterations, with S of
+    that state."""
     at, pressure = linearise_anew(manifold, state, samples), np.exp(state[:, LOG_PRESSURE])
     for _ in range(WARM_ITERATIONS):
         at = linearise(manifold, stepped(manifold, at), at.factor, samples)

@@ -1,6 +1,6 @@
 """Flight state by Gauss-Newton: accuracy, coverage, roll, masks, a linear table, navigation that is wrong."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -73,6 +73,17 @@ def test_a_warm_start_ends_where_the_search_ends() -> None:
     warm = solve_warm(manifold, near, given)
     std = np.sqrt(np.diagonal(np.linalg.inv(at.hessian), axis1=1, axis2=2))
     assert np.max(np.abs(warm.state - at.state) / std) < 0.05
+
+
+def test_samples_of_one_start_have_the_solution_of_each() -> None:
+    manifold, state = flight_map(discrepancy=3e-2), np.repeat(flights(1, 4), 30, axis=0)
+    given = samples(manifold, strains(state, 5), navigation(state, 6, (True, True, True)))
+    together, each = (
+        solution(manifold, solve_warm(manifold, start, given), given.used) for start in (state[:1], state)
+    )
+    for entry in fields(FlightSolution):
+        one, other = getattr(together, entry.name), getattr(each, entry.name)
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9 * np.max(np.abs(other)), err_msg=entry.name)
 
 
 def test_a_rolled_wind_gives_the_rolled_answer() -> None:

@@ -209,6 +209,20 @@ def test_navigation_that_may_be_correct_is_dropped_without_an_alarm() -> None:
     }
 
 
+def test_samples_with_wrong_navigation_leave_the_others_as_they_are() -> None:
+    estimator = ManifoldEstimator(whole_map())
+    strain = np.array([strain_at(CONDITION, seed) for seed in range(5)])
+    mach = CONDITION.mach_number + 0.05 * np.array([0.0, 12.0, 0.0, 4.5, 0.0])
+    flow = navigation(CONDITION)
+    together = estimator.estimate(strain, **flow | {"mach_number": mach})
+    assert together.navigation_used[:, 0].tolist() == [True, False, True, False, True]
+    for row in range(5):
+        alone = estimator.estimate(strain[row], **flow | {"mach_number": mach[row]})
+        np.testing.assert_allclose(together.coefficients[row], alone.coefficients, rtol=1e-9)
+        np.testing.assert_allclose(together.coefficients_std[row], alone.coefficients_std, rtol=1e-9)
+        assert together.health[row] == alone.health
+
+
 def test_a_shape_of_pressure_off_the_tables_is_seen_where_chi_square_is_not() -> None:
     whole = replace(whole_map(), manifold=flight_map(discrepancy=3e-2))
     assert whole.manifold is not None
