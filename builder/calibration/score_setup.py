@@ -19,7 +19,7 @@ from builder.calibration.standard_cases import standard_cases
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.structure.loads.loaded_structure import LoadProperties
-from builder.truth.flow_table import FlowTable, harmonics_at
+from builder.truth.flow_table import FlowTable, harmonics_at, ratio_on
 from builder.truth.held_out import held_out_conditions
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -155,10 +155,9 @@ def flights_of(vehicle: Vehicle, table: FlowTable, structure: AsBuiltStructure, 
             "dynamic_pressure",
         )
     )
-    harmonic, grid = harmonics_at(table, mach, incidence), structure.surface
-    m = np.arange(harmonic.shape[-1])
-    ratio = np.array([h @ np.cos(np.outer(m, grid.roll_angle - at)) for h, at in zip(harmonic, wind, strict=True)])
-    net = ambient[:, None] * (ratio.reshape(len(ratio), -1) - 1.0)
+    grid = structure.surface
+    ratio = ratio_on(harmonics_at(table, mach, incidence), wind, grid.roll_angle)
+    net = ambient[:, None] * (ratio - 1.0)
     reference = vehicle.reference_quantities()
     scale = np.array([coefficient_scale(q, reference) for q in dynamic])
     loads = net @ load_operator(grid, reference.moment_station).T

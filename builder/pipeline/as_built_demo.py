@@ -29,11 +29,18 @@ from builder.calibration.wall_regions import wall_regions
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.as_built import as_built_figure
 from builder.figures.canvas import save
-from builder.pipeline.calibrate import CalibrationParts, calibration_by, with_alarm_levels_of, write_report
+from builder.pipeline.calibrate import (
+    CalibrationParts,
+    IndependentModel,
+    calibration_by,
+    with_levels,
+    write_report,
+)
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
-from builder.pipeline.map_files import FLOWS
+from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.used_files import MAP, SNAPSHOTS
+from builder.pipeline.stages import alarm_levels_wanted
+from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
 from builder.structure.loads.applied import Weight
 from builder.truth.flight_tables import plant_flight_model
 from builder.truth.flow_table import load_flow_table
@@ -130,10 +137,7 @@ class AsBuiltRun:
 
         def calibrated(path: Path) -> None:
             test, reporter, vehicle = self.test(), pipeline.reporter, pipeline.vehicle
-            drawing = load_inverse_map(pipeline.path(MAP))
-            parts = CalibrationParts(
-                vehicle=vehicle, snapshots=self._snapshots(), structure=self.structure, drawn=drawing
-            )
+            parts = self._parts
             made = calibration_by(test, pipeline.path(TEST), parts, reporter)
             found, faults = made.estimate, made.faults
             reporter.note(f"chi-square per reading {found.per_reading:.2f}, {len(faults)} faults")
@@ -149,12 +153,28 @@ class AsBuiltRun:
             none = np.zeros((len(self.built.vector),) * 2)
             known = Remaining(parameters=self.built, covariance=none)
             made = calibrated_map(pipeline.vehicle, self._snapshots(), self.structure, known)
-            save_inverse_map(with_alarm_levels_of(made, load_inverse_map(pipeline.path(MAP))), path)
+            save_inverse_map(with_levels(made, self._parts, known, pipeline.reporter), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
         holds = "the map as calibrated, with its report (.html); zeros.toml holds the zeros that are taken off"
         pipeline.make(CALIBRATED, holds, inputs, calibrated)
         pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
+
+    @cached_property
+    def _parts(self) -> CalibrationParts:
+        """What the calibration starts from."""
+        pipeline, vehicle = self.pipeline, self.pipeline.vehicle
+        model = None
+        if alarm_levels_wanted(vehicle, pipeline.reporter):
+            flows = load_flow_table(pipeline.path(FLOWS))
+            model = IndependentModel(structure=true_structure_of(pipeline), flows=flows)
+        return CalibrationParts(
+            vehicle=vehicle,
+            snapshots=self._snapshots(),
+            structure=self.structure,
+            drawn=load_inverse_map(pipeline.path(MAP)),
+            independent=model,
+        )
 
     def _snapshots(self) -> Snapshots:
         return load_snapshots(self.pipeline.path(SNAPSHOTS))

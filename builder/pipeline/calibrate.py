@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,28 +11,39 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import prior_std, slices
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.calibrated_map import calibrated_map, remaining_after, with_provenance
+from builder.calibration.calibrated_map import Remaining, calibrated_map, remaining_after, with_provenance
 from builder.calibration.cross_validation import cross_validation
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, calibrate_with_faults
+from builder.calibration.flown_after_test import allowed_vehicles
 from builder.calibration.load_equations import load_equations
 from builder.calibration.load_test import LoadTest
 from builder.calibration.load_test_file import LoadTestFile, load_test_file
 from builder.calibration.readings import load_test
 from builder.calibration.readings_model import ReadingsModel
-from builder.campaign.snapshot_fit import body_misfits
+from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.pipeline.stages import alarm_levels_wanted, solved_true_structure, with_measured_levels
+from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page import calibration_page
 from builder.reports.html import write_page
 from builder.structure.fourier.model import structural_model
+from builder.truth.flow_table import FlowTable, load_flow_table
+from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 
-SNAPSHOTS = "snapshots.h5"
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IndependentModel:
+    """Structure and flows that alarm levels are measured on."""
+
+    structure: TrueStructure
+    flows: FlowTable
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,12 +59,16 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CalibrationParts:
-    """What a calibration starts from: the map as ``drawn``, and what it was made from."""
+    """What a calibration starts from: the map as ``drawn``, and what it was made from.
+
+    ``independent`` sets alarm levels; without it they are those of the map as drawn.
+    """
 
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AsBuiltStructure
     drawn: InverseMap
+    independent: IndependentModel | None = None
 
 
 def run_calibrate(
@@ -71,7 +87,8 @@ def run_calibrate(
     test_path : ``loadtest.toml``.
     output : of the calibrated map.
     vehicle_path : the vehicle file; by default the one that the test names.
-    snapshots_path : snapshots of the map; by default those beside it.
+    snapshots_path : snapshots of the map; by default those beside it. The flows of the independent model, which
+        alarm levels are measured with, are those beside the snapshots.
 
     Raises
     ------
@@ -88,13 +105,18 @@ def run_calibrate(
         structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
     if structure.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not those of layout '{vehicle.gauges.layout}'")
-    parts = CalibrationParts(vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn)
+    independent, missing = _independent_model(
+        as_flown(vehicle, snapshots), snapshots_path.with_name(FLOWS), reporter
+    )
+    parts = CalibrationParts(
+        vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn, independent=independent
+    )
     made = calibration_by(test, test_path, parts, reporter)
     save_inverse_map(made.inverse_map, output)
     page = output.with_suffix(".html")
     with reporter.stage("Report"):
         write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
-    return replace(made, files=(output, page), notes=notes)
+    return replace(made, files=(output, page), notes=(*notes, *missing))
 
 
 def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, reporter: Reporter) -> Calibration:
@@ -111,6 +133,7 @@ def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, rep
         found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
     with reporter.stage("Map of the vehicle as built"):
         made = _map(parts, found)
+    made = with_levels(made, parts, remaining_after(found), reporter)
     made = with_provenance(made, _facts(found, faults, test_path))
     return Calibration(inverse_map=made, estimate=found, faults=faults)
 
@@ -141,17 +164,46 @@ def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path:
 
 
 def _map(parts: CalibrationParts, found: Estimate) -> InverseMap:
-    """Return the calibrated map; alarm levels stay those of the map as drawn, which flows set more than gauges."""
-    vehicle, drawn = parts.vehicle, parts.drawn
+    """Return the calibrated map with the alarm levels of the theory."""
+    vehicle = parts.vehicle
     others: dict[str, FloatArray] = {}
     named = vehicle.noise.of_layout
     if named is not None and named != vehicle.gauges.layout:
         others[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
-    made = calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(found), others)
-    return with_alarm_levels_of(made, drawn)
+    return calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(found), others)
 
 
-def with_alarm_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
+def _independent_model(
+    vehicle: Vehicle, flows: Path, reporter: Reporter
+) -> tuple[IndependentModel | None, tuple[str, ...]]:
+    """Return the independent model of ``vehicle`` with the flows of a file, or None and what is to be said."""
+    if not alarm_levels_wanted(vehicle, reporter):
+        return None, ()
+    if not flows.exists():
+        return None, (f"alarm levels: those of the map as drawn, {flows.name} is not beside the snapshots",)
+    table = load_flow_table(flows)
+    stations = vehicle.resolution.truth.surface_stations
+    if table.vehicle != vehicle.name or table.harmonic.shape[2] != stations:
+        raise InputError(
+            f"{flows}: expected flows of '{vehicle.name}' at {stations} stations, "
+            f"got those of '{table.vehicle}' at {table.harmonic.shape[2]}"
+        )
+    return IndependentModel(structure=solved_true_structure(vehicle, reporter), flows=table), ()
+
+
+def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining, reporter: Reporter) -> InverseMap:
+    """Return ``made`` with alarm levels of vehicles that ``remaining`` allows on the independent model.
+
+    Where there is no such model they are those of the map as drawn.
+    """
+    model, vehicle = parts.independent, as_flown(parts.vehicle, parts.snapshots)
+    if model is None:
+        return _with_levels_of(made, parts.drawn)
+    fly = partial(allowed_vehicles, vehicle, parts.structure, remaining, model.structure, model.flows)
+    return with_measured_levels(vehicle, made, model.flows, fly, reporter)
+
+
+def _with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
     """Return ``made`` with the factors on alarm levels of the map as drawn, those of its tables included."""
     found = replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
     if made.manifold is None or drawn.manifold is None:

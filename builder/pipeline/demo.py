@@ -26,10 +26,10 @@ from builder.pipeline.flight_score import FlightScore, score_flight
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.free_demo import fly_free_shape
 from builder.pipeline.manoeuvre import manoeuvre_warnings
-from builder.pipeline.map_files import FLOWS, make_independent_flows, make_map, true_structure_of
+from builder.pipeline.map_files import make_independent_flows, make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
-from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
+from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import check_gauges

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,7 +19,6 @@ from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import (
     alarm_levels_wanted,
-    calibrated_map,
     check_before_long_work,
     fourier_structure,
     map_from,
@@ -27,8 +26,9 @@ from builder.pipeline.stages import (
     on_snapshots,
     snapshot_campaign,
     solved_true_structure,
+    with_measured_levels,
 )
-from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
+from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
 from builder.reports import build_page, hover_scripts
 from builder.reports.build_report import BuildReport, build_report
@@ -40,14 +40,13 @@ from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.truth import flow_table as flow_table_file
 from builder.truth.flow_table import load_flow_table, save_flow_table
+from builder.truth.flown_vehicles import drawn_vehicles
 from builder.truth.flows import independent_flows, truth_inputs
 from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
-
-FLOWS = "independent_flows.h5"
 
 
 def run_build(
@@ -203,7 +202,8 @@ def _inverse_map(pipeline: Pipeline) -> None:
         made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
         if calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
-            made = calibrated_map(flown, made, flows, true_structure_of(pipeline), pipeline.reporter)
+            fly = partial(drawn_vehicles, flown, true_structure_of(pipeline), flows)
+            made = with_measured_levels(flown, made, flows, fly, pipeline.reporter)
         save_inverse_map(made, path)
 
     inputs = {

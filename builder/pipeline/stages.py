@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from warnings import warn
@@ -43,6 +44,7 @@ from builder.structure.structure_fit import on_solid_model, structure_misfits, s
 from builder.truth.alarm_levels import with_alarm_levels
 from builder.truth.flight_alarm_levels import with_flight_alarm_levels
 from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import Fly, drawn_vehicles
 from builder.truth.flows import independent_flows
 from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -170,7 +172,8 @@ def build_map(
     if not alarm_levels_wanted(vehicle, reporter):
         return found
     flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
-    return calibrated_map(vehicle, found, flows, solved_true_structure(vehicle, reporter), reporter)
+    fly = partial(drawn_vehicles, vehicle, solved_true_structure(vehicle, reporter), flows)
+    return with_measured_levels(vehicle, found, flows, fly, reporter)
 
 
 def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:
@@ -308,15 +311,15 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
     return not why
 
 
-def calibrated_map(
-    vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, structure: TrueStructure, reporter: Reporter
+def with_measured_levels(
+    vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, fly: Fly, reporter: Reporter
 ) -> InverseMap:
     """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
     with reporter.stage("Alarm levels: flights of the independent model"):
-        found = with_alarm_levels(inverse_map, vehicle, structure, flows)
+        found = with_alarm_levels(inverse_map, vehicle, flows, fly)
     if found.manifold is not None:
         with reporter.stage("Alarm levels of the nonlinear estimator"):
-            found = with_flight_alarm_levels(found, vehicle, structure, flows)
+            found = with_flight_alarm_levels(found, vehicle, flows, fly)
         reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))
     facts = found.provenance["alarm_levels"]
     if not facts["used"]:

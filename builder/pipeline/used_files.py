@@ -22,7 +22,7 @@ from builder.workspace import Workspace, refuse_misfits
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of, schema_of
 
-SNAPSHOTS, STRUCTURE, MAP = "snapshots.h5", "structure.h5", "map.h5"
+SNAPSHOTS, STRUCTURE, MAP, FLOWS = "snapshots.h5", "structure.h5", "map.h5", "independent_flows.h5"
 REPLACE = "make it again for this vehicle file, or --rebuild"
 
 

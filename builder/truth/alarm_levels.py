@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.truth.as_built import drawn_many
 from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import Fly
 from builder.truth.held_out import held_out_conditions
-from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain, without_faint_harmonics
 from builder.truth.tail_quantile import tail_quantile
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -46,16 +45,16 @@ class AlarmLevels:
     rate_before: float
 
 
-def with_alarm_levels(
-    inverse_map: InverseMap, vehicle: Vehicle, structure: TrueStructure, table: FlowTable
-) -> InverseMap:
+def with_alarm_levels(inverse_map: InverseMap, vehicle: Vehicle, table: FlowTable, fly: Fly) -> InverseMap:
     """Return ``inverse_map`` with the alarm levels that meet the stated rate on independent data.
+
+    ``fly`` lets vehicles fly at conditions that ``vehicle`` and the flows ``table`` cover.
 
     The rate is that of any alarm; both tests get the same rate of their own. Where a level would need a factor
     above :data:`LARGEST_SCALE`, map and independent model do not describe the same vehicle: it stays, and the
     provenance holds the factor.
     """
-    chi_square, outlier = alarm_ratios(inverse_map, vehicle, structure, table, SEED)
+    chi_square, outlier = alarm_ratios(inverse_map, vehicle, table, fly, SEED)
     levels = alarm_levels(chi_square, outlier)
     agrees = max(levels.chi_square_scale, levels.outlier_scale) <= LARGEST_SCALE
     facts = {
@@ -101,8 +100,8 @@ def alarm_levels(chi_square: FloatArray, outlier: FloatArray) -> AlarmLevels:
 def alarm_ratios(
     inverse_map: InverseMap,
     vehicle: Vehicle,
-    structure: TrueStructure,
     table: FlowTable,
+    fly: Fly,
     seed: int,
     vehicles: int = VEHICLES,
 ) -> tuple[FloatArray, FloatArray]:
@@ -111,28 +110,25 @@ def alarm_ratios(
     # A map whose snapshots could not be rolled holds for the listed angles alone.
     symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
     as_mapped = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": symmetry})})
-    conditions = held_out_conditions(as_mapped, table, CONDITIONS, random)
-    flights = without_faint_harmonics(true_flights(vehicle, structure, table, conditions))
+    flown = fly(held_out_conditions(as_mapped, table, CONDITIONS, random))
     whole = Estimator(inverse_map).masked_map(np.ones(n_gauges, dtype=bool))
     assert whole is not None
     threshold = whole.outlier_threshold**2 * inverse_map.outlier_scale
     nominal = inverse_map.chi_square_scale * whole.chi_square_limit
 
     def of_flight(number: int, own: np.random.Generator, estimator: Estimator) -> FloatArray:
-        flight = one_flight(flights, number)
-        built = drawn_many(vehicle.noise, n_gauges, vehicles, own)
-        strain = true_strain(structure, flight, built)
-        q = flight.dynamic_pressure * (1.0 + np.reshape(built.dynamic_pressure, -1))
+        strain, stated = flown.read(number, vehicles, own)
+        q = flown.dynamic_pressure[number] * stated
         found = estimator.estimate(strain + gauge_noise(inverse_map, own, strain.shape), q)
         limit = np.asarray(found.chi_square_limit)
         worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
         return np.stack([found.chi_square / limit, worst / (threshold * limit / nominal)])
 
-    flown = list(enumerate(random.spawn(len(flights.conditions))))
+    numbered = list(enumerate(random.spawn(len(flown.conditions))))
 
     def of_thread(first: int) -> list[FloatArray]:
         estimator = Estimator(inverse_map)  # one per thread: it keeps matrices between its steps
-        return [of_flight(number, own, estimator) for number, own in flown[first::THREADS]]
+        return [of_flight(number, own, estimator) for number, own in numbered[first::THREADS]]
 
     with ThreadPoolExecutor(THREADS) as pool:
         parts = [part for one in pool.map(of_thread, range(THREADS)) for part in one]

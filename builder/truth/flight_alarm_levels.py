@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.truth.alarm_levels import LARGEST_SCALE, SEED, THREADS, alarm_scales, gauge_noise
-from builder.truth.as_built import drawn_many
 from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import Fly
 from builder.truth.held_out import held_out_conditions
-from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
@@ -43,17 +42,16 @@ class ReadFlights:
     state: FloatArray
 
 
-def with_flight_alarm_levels(
-    inverse_map: InverseMap, vehicle: Vehicle, structure: TrueStructure, table: FlowTable
-) -> InverseMap:
+def with_flight_alarm_levels(inverse_map: InverseMap, vehicle: Vehicle, table: FlowTable, fly: Fly) -> InverseMap:
     """Return ``inverse_map`` with the levels of its nonlinear estimator that meet the stated rate.
 
-    Levels that would need a factor above :data:`~builder.truth.alarm_levels.LARGEST_SCALE` stay the theory's.
+    ``fly`` is as for :func:`~builder.truth.alarm_levels.with_alarm_levels`. Levels that would need a factor above
+    :data:`~builder.truth.alarm_levels.LARGEST_SCALE` stay the theory's.
     """
     manifold = inverse_map.manifold
     assert manifold is not None
     estimator = ManifoldEstimator(inverse_map)
-    ratios = flight_alarm_ratios(estimator, read_flights(estimator, vehicle, structure, table))
+    ratios = flight_alarm_ratios(estimator, read_flights(estimator, vehicle, table, fly))
     scales = alarm_scales(ratios)
     agrees = bool(scales.max() <= LARGEST_SCALE)
     facts = {
@@ -78,29 +76,24 @@ def with_flight_alarm_levels(
 def read_flights(
     estimator: ManifoldEstimator,
     vehicle: Vehicle,
-    structure: TrueStructure,
     table: FlowTable,
+    fly: Fly,
     *,
     vehicles: int = VEHICLES,
     seed: int = SEED,
 ) -> ReadFlights:
     """Return what ``vehicles`` read at each of :data:`CONDITIONS` held-out flights, each with its own errors."""
     random, inverse_map, noise = np.random.default_rng(seed), estimator.inverse_map, vehicle.noise
-    flights = true_flights(vehicle, structure, table, held_out_conditions(vehicle, table, CONDITIONS, random))
-    flights = without_faint_harmonics(flights)
-    strain, factors = [], []
-    for number in range(len(flights.conditions)):
-        built = drawn_many(noise, inverse_map.n_gauges, vehicles, random)
-        strain.append(true_strain(structure, one_flight(flights, number), built))
-        factors.append(1.0 + np.reshape(built.dynamic_pressure, -1))
-    read, state = np.concatenate(strain), np.array([_state(one) for one in flights.conditions])
-    state = np.repeat(state, vehicles, axis=0)
+    flown = fly(held_out_conditions(vehicle, table, CONDITIONS, random))
+    found = [flown.read(number, vehicles, random) for number in range(len(flown.conditions))]
+    read, stated = (np.concatenate(part) for part in zip(*found, strict=True))
+    state = np.repeat([_state(one) for one in flown.conditions], vehicles, axis=0)
     error = random.standard_normal((2, len(state)))
     of_pressure = 0.01 * noise.navigation_static_pressure_percent * error[1]
     flow = {
         "mach_number": state[:, 0] + noise.navigation_mach_number * error[0],
         "static_pressure": np.exp(state[:, 3]) * (1.0 + of_pressure),
-        "dynamic_pressure": np.repeat(flights.dynamic_pressure, vehicles) * np.concatenate(factors),
+        "dynamic_pressure": np.repeat(flown.dynamic_pressure, vehicles) * stated,
         "altitude": np.nan,
         **{f"{name}_std": np.nan for name in ("mach_number", "static_pressure", "dynamic_pressure")},
     }

@@ -133,6 +133,16 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
     return out
 
 
+def ratio_on(harmonic: FloatArray, wind: FloatArray, roll_angle: FloatArray) -> FloatArray:
+    """Return p / p_inf (k, n_x n_phi) at ``roll_angle`` (n_phi,) [rad].
+
+    ``harmonic`` (k, n_x, n_m) is :func:`harmonics_at`, ``wind`` (k,) the leeward meridian's roll angle [rad].
+    """
+    m = np.arange(harmonic.shape[-1])
+    found = [h @ np.cos(np.outer(m, roll_angle - at)) for h, at in zip(harmonic, wind, strict=True)]
+    return np.array(found).reshape(len(harmonic), -1)
+
+
 def save_flow_table(table: FlowTable, path: Path) -> str:
     """Write ``table`` to ``path`` atomically and return its content hash."""
     units = {"incidence_knots": "rad"}

@@ -1,0 +1,116 @@
+"""Vehicles that one ground test allows, flying on the independent model: for the alarm levels of a calibrated map.
+
+Each is drawn from the covariance after the test about the estimate. Strain of the drawing is that of the
+independent model; what the vehicle changes of it is the map's own model, to first order about the estimate. The
+errors that no ground test knows are drawn as for the map of the drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import slices
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.calibrated_map import Remaining, calibrated_vehicle
+from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives
+from builder.truth.flow_table import FlowTable, harmonics_at, ratio_on
+from builder.truth.flown_vehicles import DrawnVehicles, drawn_vehicles
+from builder.truth.strain import TrueStructure
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AllowedVehicles:
+    """Vehicles that a test allows at k flight conditions, as :class:`~builder.truth.flown_vehicles.FlownVehicles`.
+
+    Attributes
+    ----------
+    drawing : the vehicle of the drawing with the errors that no ground test knows.
+    change : (k, n_d) strain of the estimate less that of the drawing [m/m].
+    slope : (k, n_d) derivatives of that strain by every key [m/m per unit].
+    factor : (n, r) whose product with its transpose is the covariance after the test.
+    where : place of every kind in the vector of parameters.
+    """
+
+    drawing: DrawnVehicles
+    change: FloatArray
+    slope: Mapping[Key, FloatArray]
+    factor: FloatArray
+    where: Mapping[str, slice]
+
+    @property
+    def conditions(self) -> Sequence[FlightCondition]:
+        return self.drawing.conditions
+
+    @property
+    def dynamic_pressure(self) -> FloatArray:
+        return self.drawing.dynamic_pressure
+
+    def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        strain, stated = self.drawing.read(number, count, random)
+        error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T
+        # Zeros are taken off as estimated, so that their error is a reading of its own.
+        strain = strain + self.change[number] + error[:, self.where["zero"]]
+        for key, slope in self.slope.items():
+            start = self.where[key[0]].start
+            own = error[:, self.where[key[0]]] if of_gauges(key) else error[:, [start + key[1]]]
+            strain = strain + slope[number] * own
+        return strain, stated
+
+
+def allowed_vehicles(
+    vehicle: Vehicle,
+    structure: AsBuiltStructure,
+    remaining: Remaining,
+    true: TrueStructure,
+    table: FlowTable,
+    conditions: list[FlightCondition],
+) -> AllowedVehicles:
+    """Return the vehicles that ``remaining`` allows at ``conditions``.
+
+    Parameters
+    ----------
+    vehicle : the vehicle file.
+    structure : the map's, with what may differ from the drawing.
+    remaining : what the test says.
+    true, table : structure and flows of the independent model.
+
+    Raises
+    ------
+    InputError
+        A condition is outside the table.
+    """
+    drawing = drawn_vehicles(calibrated_vehicle(vehicle), true, table, conditions)
+    pressure = net_pressure(structure, true, table, drawing).T
+    nominal = structure.strain_operator(structure.exactly_built())
+    change = (structure.strain_operator(remaining.parameters) - nominal) @ pressure
+    slope = parameter_derivatives(lambda one: structure.strain_operator(one) @ pressure, remaining.parameters)
+    value, vector = np.linalg.eigh(remaining.covariance)
+    return AllowedVehicles(
+        drawing=drawing,
+        change=change.T,
+        slope={key: np.ascontiguousarray(one.T) for key, one in slope.items()},
+        factor=vector * np.sqrt(np.maximum(value, 0.0)),
+        where=slices(structure.n_gauges, structure.n_regions),
+    )
+
+
+def net_pressure(
+    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, drawing: DrawnVehicles
+) -> FloatArray:
+    """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
+    conditions, grid = drawing.conditions, structure.surface
+    mach, incidence, wind = (
+        np.array([getattr(one, name) for one in conditions])
+        for name in ("mach_number", "total_incidence", "leeward_roll_angle")
+    )
+    between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))])
+    harmonic = np.einsum("kxm,xy->kym", harmonics_at(table, mach, incidence), between, optimize=True)
+    ratio = ratio_on(harmonic, wind, grid.roll_angle)
+    flights = drawing.flights
+    return np.asarray(flights.ambient_pressure[:, None] * ratio - flights.internal_pressure[:, None])

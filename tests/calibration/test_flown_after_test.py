@@ -1,0 +1,89 @@
+"""Vehicles that a ground test allows, on the independent model: what they read, and the levels that follow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from builder.calibration.as_built_parameters import drawn, prior_std
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.calibrated_map import Remaining, calibrated_vehicle, hardware_covariance
+from builder.calibration.flown_after_test import allowed_vehicles, net_pressure
+from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import drawn_vehicles
+from builder.truth.held_out import held_out_conditions
+from builder.truth.strain import TrueStructure
+from builder.vehicle.file import Vehicle
+
+COUNT = 4000
+
+
+@pytest.fixture(scope="module")
+def tested(vehicle: Vehicle, as_built: AsBuiltStructure) -> Remaining:
+    """An estimate, and a covariance in which the first gains go against the common one."""
+    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    root = np.diag(0.05 * std.vector)
+    root[: as_built.n_gauges, 0] -= 0.02 * std.vector[: as_built.n_gauges]
+    built = drawn(std, np.random.default_rng(6))
+    return Remaining(parameters=built, covariance=root @ root.T)
+
+
+@pytest.fixture(scope="module")
+def table(vehicle: Vehicle, true_model: TrueStructure) -> FlowTable:
+    """Pressure that grows with Mach number and rises towards windward with incidence; falls along the body."""
+    mach, incidence = (np.array(one) for one in (vehicle.truth.mach_number, vehicle.truth.total_incidence_deg))
+    along = 1.5 - true_model.surface.x / true_model.surface.x[-1]
+    rise = np.zeros((len(incidence), true_model.nominal.shape[-2]))  # as many harmonics as the structure
+    rise[:, :4] = np.deg2rad(incidence)[:, None] * np.array([1.0, -8.0, 3.0, -1.0]) + [1.0, 0.0, 0.0, 0.0]
+    harmonic = np.einsum("i,jm,x->ijxm", mach**2 / 10.0, rise, along)
+    harmonic[..., 0] += 2.0
+    return FlowTable(
+        vehicle=vehicle.name,
+        mach_knots=mach,
+        incidence_knots=np.deg2rad(incidence),
+        harmonic=harmonic,
+        provenance={},
+    )
+
+
+@pytest.fixture(scope="module")
+def quiet(vehicle: Vehicle) -> Vehicle:
+    """The vehicle without the errors that no ground test knows."""
+    return vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
+
+
+def test_they_scatter_about_the_estimate_as_the_test_says(
+    quiet: Vehicle, as_built: AsBuiltStructure, tested: Remaining, true_model: TrueStructure, table: FlowTable
+) -> None:
+    conditions = held_out_conditions(quiet, table, 3, np.random.default_rng(2))
+    flown = allowed_vehicles(quiet, as_built, tested, true_model, table, conditions)
+    drawing = drawn_vehicles(calibrated_vehicle(quiet), true_model, table, conditions)
+    n = as_built.n_gauges
+    for number in range(3):
+        strain, stated = flown.read(number, COUNT, np.random.default_rng(number))
+        plain, _ = drawing.read(number, 1, np.random.default_rng(number))
+        assert np.all(stated == 1.0)
+        centre = plain[0] + flown.change[number]
+        deviation = strain.std(axis=0)
+        assert np.all(np.abs(strain.mean(axis=0) - centre) < 5.0 * deviation / np.sqrt(COUNT))
+        pressure = net_pressure(as_built, true_model, table, drawing)[number]
+        nominal = as_built.strain_operator(as_built.exactly_built()) @ pressure
+        np.testing.assert_allclose(nominal, plain[0], atol=0.05 * np.abs(plain).max())  # the mesh
+        expected = hardware_covariance(as_built, tested, pressure[:, None])
+        expected += tested.covariance[5 * n : 6 * n, 5 * n : 6 * n]
+        scale = np.sqrt(np.diag(expected))
+        np.testing.assert_allclose(
+            np.cov(strain.T) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.12
+        )
+
+
+def test_a_test_that_tells_all_leaves_the_estimate(
+    quiet: Vehicle, as_built: AsBuiltStructure, tested: Remaining, true_model: TrueStructure, table: FlowTable
+) -> None:
+    known = Remaining(parameters=as_built.exactly_built(), covariance=np.zeros_like(tested.covariance))
+    conditions = held_out_conditions(quiet, table, 2, np.random.default_rng(4))
+    flown = allowed_vehicles(quiet, as_built, known, true_model, table, conditions)
+    plain = drawn_vehicles(calibrated_vehicle(quiet), true_model, table, conditions)
+    for number in range(2):
+        found, expected = (one.read(number, 3, np.random.default_rng(1))[0] for one in (flown, plain))
+        np.testing.assert_array_equal(found, expected)
