@@ -198,12 +198,12 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
     """
     model, vehicle = parts.independent, as_flown(parts.vehicle, parts.snapshots)
     if model is None:
-        return _with_levels_of(made, parts.drawn)
+        return with_levels_of(made, parts.drawn)
     fly = partial(allowed_vehicles, vehicle, parts.structure, remaining, model.structure, model.flows)
     return with_measured_levels(vehicle, made, model.flows, fly, reporter)
 
 
-def _with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
+def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
     """Return ``made`` with the factors on alarm levels of the map as drawn, those of its tables included."""
     found = replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
     if made.manifold is None or drawn.manifold is None:
