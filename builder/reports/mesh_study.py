@@ -223,8 +223,7 @@ def _on_mesh(
     free_solver = None if isinstance(mesh, SweptSector) else solver
     found = solve_strain(
         mesh,
-        material=case.wall.material,
-        density=case.density,
+        matter=case.matter,
         support=case.support,
         rows=rows,
         solver_name=free_solver,

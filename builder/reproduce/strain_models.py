@@ -19,6 +19,7 @@ from builder.structure.mapped_structure import mapped_operator
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.matter import Matter
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
 from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.supports import Clamped
@@ -167,8 +168,7 @@ def _solid_model(
     """Solve for the strain of ``rows`` per pressure at the snapshots' nodes, base ring clamped."""
     solved = solve_strain(
         mesh=sector,
-        material=wall_of(vehicle).material,
-        density=None,
+        matter=Matter(material=wall_of(vehicle).material),
         support=Clamped(SUPPORT),
         rows=rows,
         solver_name=None,

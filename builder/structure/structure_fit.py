@@ -107,7 +107,7 @@ def _entry_misfits(settings: Mapping[str, Any], case: AnyCase) -> list[Misfit]:
     """Return the entries of wall, material and support that differ; entries that a file lacks are not compared."""
     wall, material = settings.get("wall", {}), settings.get("material", {})
     if isinstance(case, FreeCase):
-        own, thickness = case.material, case.thickness
+        own, thickness = case.matter.material, case.thickness
     else:
         own, thickness = case.wall.material, case.wall.thickness
     numbers = [
@@ -118,13 +118,19 @@ def _entry_misfits(settings: Mapping[str, Any], case: AnyCase) -> list[Misfit]:
     if not isinstance(case, FreeCase):
         tip = ("structure.solid_tip_length_m", 1.0, case.wall.solid_tip_length, wall.get("solid_tip_length_m"))
         numbers.insert(1, tip)
-    if case.support is None and case.density is not None:
-        numbers.append(("material.density_kg_per_m3", 1.0, case.density, material.get("density_kg_per_m3")))
+    density = case.matter.density
+    if case.support is None and density is not None:
+        numbers.append(("material.density_kg_per_m3", 1.0, density, material.get("density_kg_per_m3")))
     found = [
         Misfit(entry=entry, expected=f"{factor * expected:.9g}", found=f"{factor * held:.9g}")
         for entry, factor, expected, held in numbers
         if held is not None and not isclose(held, expected, rel_tol=SAME)
     ]
+    if isinstance(case, FreeCase):
+        masses, held_masses = case.matter.further(), settings.get("regions_and_masses", {})
+        if held_masses != masses:
+            entry = "structure.mesh_materials, point_masses and covers"
+            found.append(Misfit(entry=entry, expected=f"{masses}", found=f"{held_masses}"))
     profile = [] if isinstance(case, FreeCase) else [list(one) for one in case.wall.profile]
     if wall and wall.get("profile", []) != profile:
         found.append(

@@ -170,7 +170,7 @@ def wall_of(vehicle: Vehicle) -> Wall:
     """Return the wall, its materials and frames, and what holds it."""
     entry, own = vehicle.structure, vehicle.material
     assert entry.solid_tip_length_m is not None  # with a profile and with sections
-    material = {name: _material(one) for name, one in vehicle.materials.items()}
+    material = {name: material_of(one) for name, one in vehicle.materials.items()}
     density = {name: one.density_kg_per_m3 for name, one in vehicle.materials.items()}
     flight = None
     if entry.support == "free_flight" and own.density_kg_per_m3 is not None:
@@ -182,7 +182,7 @@ def wall_of(vehicle: Vehicle) -> Wall:
     return Wall(
         thickness=1e-3 * entry.wall_thickness_mm,
         solid_tip_length=entry.solid_tip_length_m,
-        material=_material(own),
+        material=material_of(own),
         profile=tuple((one.x_m, one.thickness_mm / entry.wall_thickness_mm) for one in entry.wall_thickness_at),
         regions=tuple(
             WallRegion(start=one.start_x_m, end=one.end_x_m, material=material[name], density=density[name])
@@ -206,5 +206,5 @@ def wall_of(vehicle: Vehicle) -> Wall:
     )
 
 
-def _material(entry: MaterialEntry) -> Material:
+def material_of(entry: MaterialEntry) -> Material:
     return Material(1e9 * entry.youngs_modulus_GPa, entry.poisson_ratio)

@@ -96,9 +96,11 @@ class Vehicle(Section):
         named += [
             (f"frames.{n}", one.material) for n, one in enumerate(self.structure.frames, start=1) if one.material
         ]
+        named = [(f"{where}.material", name) for where, name in named]
+        named += [(f"mesh_materials.{region}", name) for region, name in self.structure.mesh_materials.items()]
         for where, name in named:
             if name not in self.materials:
-                faults.append(f"structure.{where}.material: expected one of [materials], {known}, got '{name}'")
+                faults.append(f"structure.{where}: expected one of [materials], {known}, got '{name}'")
             elif flies and self.materials[name].density_kg_per_m3 is None:
                 faults.append(f"structure.support 'free_flight' needs materials.{name}.density_kg_per_m3")
         return list(dict.fromkeys(faults))
@@ -118,11 +120,7 @@ class Vehicle(Section):
                 )
             if self.aerodynamics.surface is not None:
                 faults.append(f"aerodynamics.surface: expected none with shape.{kind}, which is the surface")
-            faults += [
-                f"structure.{name}: expected none with shape.{kind}, whose wall is of one thickness and material"
-                for name in ("wall_thickness_at", "regions", "frames", "point_masses", "covers")
-                if getattr(entry, name)
-            ]
+        faults += self._wall_faults()
         if kind != "profile" and entry.model != "solid":
             faults.append(f"structure.model: expected 'solid' with shape.{kind}, got '{entry.model}'")
         if kind == "surface":
@@ -142,6 +140,34 @@ class Vehicle(Section):
                 "structure.solid_tip_length_m: expected none with shape.surface, whose mesh holds the tip"
             )
         return faults
+
+    def _wall_faults(self) -> list[str]:
+        """Return entries of the wall and of masses that the kind of shape does not take."""
+        kind, entry = self.shape_kind, self.structure
+        if kind == "profile":
+            faults = [] if not entry.mesh_materials else ["structure.mesh_materials: expected with a mesh alone"]
+            return faults + [
+                f"structure.point_masses.{number}: expected none of y_m, z_m and on with a profile, got some"
+                for number, one in enumerate(entry.point_masses, start=1)
+                if one.y_m or one.z_m or one.on is not None
+            ]
+        wall, masses = ("wall_thickness_at", "regions", "frames"), ("mesh_materials", "point_masses", "covers")
+        if kind == "surface":
+            faults = [
+                f"structure.{name}: expected none with shape.surface, whose mesh is the wall"
+                for name in wall
+                if getattr(entry, name)
+            ]
+            return faults + [
+                f"structure.point_masses.{number}.on: entry is missing, the surface of the mesh that carries it"
+                for number, one in enumerate(entry.point_masses, start=1)
+                if one.on is None
+            ]
+        return [
+            f"structure.{name}: expected none with shape.{kind}, whose wall is of one thickness and material"
+            for name in (*wall, *masses)
+            if getattr(entry, name)
+        ]
 
     def _parameter_faults(self) -> list[str]:
         """Return further parameters of the flow that its engine does not know."""

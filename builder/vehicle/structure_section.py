@@ -29,13 +29,15 @@ class Structure(Section):
     where it is a CSV file (:mod:`builder.structure.external`). They take the place of any model. ``checked_by`` is
     a second mesh of the solid model, whose difference is the error of the first. ``mesh`` is the volume mesh, or
     the STEP file, of a vehicle given by a surface; it and ``checked_by`` are in ``mesh_length_unit``, and the
-    wall's thickness is the nominal one.
+    wall's thickness is the nominal one. ``mesh_materials`` gives regions of the mesh other materials of
+    [materials], by their names.
     """
 
     wall_thickness_mm: float = Field(ge=0.01, le=1e3)
     solid_tip_length_m: Station | None = None
     mesh: FileName | None = None
     mesh_length_unit: Literal["m", "mm", "cm", "in", "ft"] = "m"
+    mesh_materials: dict[str, str] = Field(default_factory=dict)
     model: Literal["fourier", "solid"] = "fourier"
     resolution: Literal["paper", "medium", "coarse"] = "medium"
     support: Literal["clamped_aft", "elastic_foundation", "free_flight"] = "clamped_aft"

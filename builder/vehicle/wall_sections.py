@@ -55,10 +55,16 @@ class FrameEntry(Section):
 
 
 class PointMassEntry(Section):
-    """A mass on the axis, carried by the wall round it."""
+    """A mass without size: of a profile on the axis, carried by the wall round it.
+
+    On an imported mesh it may be anywhere, and ``on`` names the surface of the mesh that carries it.
+    """
 
     x_m: Station
+    y_m: float = Field(default=0.0, ge=-1e3, le=1e3)
+    z_m: float = Field(default=0.0, ge=-1e3, le=1e3)
     mass_kg: float = Field(ge=1e-6, le=1e7)
+    on: str | None = Field(default=None, min_length=1)
 
 
 class CoverEntry(Section):

@@ -7,6 +7,7 @@ import pytest
 
 from builder.structure.solid.element_faces import boundary_facets
 from builder.structure.solid.gauge_rows import gauges_at
+from builder.structure.solid.matter import Matter
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
 from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.supports import Clamped
@@ -68,9 +69,9 @@ def test_cyclic_solution_is_that_of_the_full_mesh(sector: SweptSector) -> None:
     chosen = np.linspace(0, len(inner.triangle) - 1, 5).astype(int)
     point = inner.point[inner.triangle[chosen]].mean(axis=1)
     rows = element_strain_rows(mesh, gauges_at(point, np.tile([1.0, 0.0, 0.0], (5, 1))))
-    material, support = wall_of(vehicle).material, Clamped(SUPPORT)
-    by_sectors = solve_strain(sector, material, None, support, rows, None).strain_operator
-    whole = solve_strain(sector, material, None, support, rows, "superlu").strain_operator
+    matter, support = Matter(material=wall_of(vehicle).material), Clamped(SUPPORT)
+    by_sectors = solve_strain(sector, matter, support, rows, None).strain_operator
+    whole = solve_strain(sector, matter, support, rows, "superlu").strain_operator
     assert by_sectors.shape[1] == triangulated_surface(mesh, EXTERNAL).n_nodes
     # Both are direct solutions of one system; its condition number of 1e8 leaves 1e-8.
     assert np.abs(by_sectors - whole).max() < 1e-7 * np.abs(whole).max()

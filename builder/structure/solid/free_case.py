@@ -15,13 +15,14 @@ from builder.aero.cfd.units import METRES
 from builder.structure.solid.displaced_gauges import displaced_on_surface
 from builder.structure.solid.free_gauges import free_gauges, surface_axes
 from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.matter import Matter, PointMass
 from builder.structure.solid.mesh_choice import CAD_FORMATS, TETRAHEDRON_LENGTH
 from builder.structure.solid.section_wall import section_wall
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.supports import Support
 from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.structure.structure_file import SCHEMA_VERSION
-from builder.structure.wall import Material, wall_of
+from builder.structure.wall import material_of, wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.files import fingerprint
@@ -44,7 +45,7 @@ class FreeCase:
     mesh, other : the mesh, and another of the same body that shows what the mesh does; None where there is none.
     source : what both were made of, as JSON can hold it.
     thickness : nominal thickness of the wall [m].
-    material, density, support : of all regions; what holds the body, None in free flight.
+    matter, support : materials and masses; what holds the body, None in free flight.
     layouts : gauges by name of layout, on the surfaces of ``mesh``.
     solver, allow_locking : as in :class:`builder.structure.solid.model.SolidCase`.
     """
@@ -55,8 +56,7 @@ class FreeCase:
     other: SolidMesh | None
     source: Mapping[str, Any]
     thickness: float
-    material: Material
-    density: float | None
+    matter: Matter
     support: Support | None
     layouts: Mapping[str, Gauges]
     solver: str | None = None
@@ -80,8 +80,7 @@ class FreeCase:
             "schema_version": SCHEMA_VERSION,
             "vehicle": self.vehicle,
             "source": dict(self.source),
-            "material": asdict(self.material),
-            "density": self.density,
+            "matter": asdict(self.matter),
             "support": None if self.support is None else [type(self.support).__name__, asdict(self.support)],
             "solver": self.solver,
             "allow_locking": self.allow_locking,
@@ -108,6 +107,10 @@ def free_case(
         Gmsh or meshio is needed and not installed, or fails.
     """
     mesh, other, model, source = _meshes(vehicle, resolution or vehicle.structure.resolution)
+    matter = _matter(vehicle)
+    for one in (mesh, other):
+        if one is not None:
+            matter.check(one)
     gauges = {name: free_gauges(vehicle, name, mesh) for name in dict.fromkeys(layouts)}
     in_use = vehicle.gauges.layout
     if vehicle.noise.moves_gauges and in_use in gauges:
@@ -119,12 +122,30 @@ def free_case(
         other=other,
         source=source,
         thickness=1e-3 * vehicle.structure.wall_thickness_mm,
-        material=Material(1e9 * vehicle.material.youngs_modulus_GPa, vehicle.material.poisson_ratio),
-        density=vehicle.material.density_kg_per_m3,
+        matter=matter,
         support=support,
         layouts=gauges,
         solver=solver,
         allow_locking=allow_locking,
+    )
+
+
+def _matter(vehicle: Vehicle) -> Matter:
+    """Return materials and masses of the vehicle file; the materials exist."""
+    entry, own = vehicle.structure, vehicle.material
+    return Matter(
+        material=material_of(own),
+        density=own.density_kg_per_m3,
+        of_region={
+            region.lower(): (material_of(vehicle.materials[name]), vehicle.materials[name].density_kg_per_m3)
+            for region, name in entry.mesh_materials.items()
+        },
+        points=tuple(
+            PointMass(mass=one.mass_kg, position=(one.x_m, one.y_m, one.z_m), surface=one.on.lower())
+            for one in entry.point_masses
+            if one.on is not None
+        ),
+        covers=tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entry.covers),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.structure.solid.elements import MASS_DEGREE, reference_element
+from builder.structure.solid.matter import Matter, carried_inertia
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.supports import Restraint, free_motions, rigid_motions
@@ -58,13 +59,14 @@ class FreeFlight:
         return np.asarray(row - self.rigid @ np.linalg.solve(self.inertia, self.inertia_force.T @ row))
 
 
-def free_flight(mesh: SolidMesh, density: Mapping[str, float]) -> FreeFlight:
+def free_flight(mesh: SolidMesh, density: Mapping[str, float], carried: Matter | None = None) -> FreeFlight:
     """Return a body's rigid motions and inertia.
 
     Parameters
     ----------
     mesh : the mesh.
     density : by name of region [kg/m3], positive.
+    carried : gives the masses on the mesh; none by default.
 
     Raises
     ------
@@ -72,7 +74,12 @@ def free_flight(mesh: SolidMesh, density: Mapping[str, float]) -> FreeFlight:
         A region has no density or one that is not positive.
     """
     of_region = np.array([_density(density, name) for name in mesh.region_names])
-    first = _inertia_forces(mesh, of_region[mesh.region], np.zeros(3))
+
+    def inertia_forces(about: FloatArray) -> FloatArray:
+        own = _inertia_forces(mesh, of_region[mesh.region], about)
+        return own if carried is None else own + carried_inertia(mesh, carried, about)
+
+    first = inertia_forces(np.zeros(3))
     mass = float(first.reshape(-1, 3, 6)[:, 0, 0].sum())
     # Rotations about the origin: the moment of mass about z gives x, and so on.
     moment = first.reshape(-1, 3, 6).sum(axis=0)
@@ -81,7 +88,7 @@ def free_flight(mesh: SolidMesh, density: Mapping[str, float]) -> FreeFlight:
         mass=mass,
         centre=centre,
         rigid=rigid_motions(mesh.node, centre),
-        inertia_force=_inertia_forces(mesh, of_region[mesh.region], centre),
+        inertia_force=inertia_forces(centre),
     )
 
 

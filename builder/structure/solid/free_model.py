@@ -67,10 +67,11 @@ def solve_free_structure(
             "mesh": {"model": case.model, **case.source},
             "wall": {"thickness_m": case.thickness},
             "material": {
-                "youngs_modulus_Pa": case.material.youngs_modulus,
-                "poisson_ratio": case.material.poisson_ratio,
-                "density_kg_per_m3": case.density,
+                "youngs_modulus_Pa": case.matter.material.youngs_modulus,
+                "poisson_ratio": case.matter.material.poisson_ratio,
+                "density_kg_per_m3": case.matter.density,
             },
+            **({"regions_and_masses": case.matter.further()} if case.matter.further() else {}),
             "support": support,
             **found,
             "mesh_error_against": NO_REFERENCE if check is None else check.against,
@@ -96,8 +97,7 @@ def _examined(case: FreeCase, reporter: Reporter) -> dict[str, Any]:
     mesh = case.mesh
     with reporter.stage("Mesh checks and report"):
         check_mesh(mesh, case.length)
-        density = None if case.density is None else dict.fromkeys(mesh.region_names, case.density)
-        report = mesh_report(mesh, density)
+        report = mesh_report(mesh, case.matter.known_densities(mesh.region_names))
 
     def locking() -> Mapping[int, float]:
         radius = case.gauge_radius
@@ -105,7 +105,7 @@ def _examined(case: FreeCase, reporter: Reporter) -> dict[str, Any]:
         layers = max(1, round(case.thickness / size))
         quadrature = mesh.quadrature if isinstance(mesh, SweptMesh) else "full"
         elements = WallElements(element_type=mesh.element_type, size=size, layers=layers, quadrature=quadrature)
-        return check_locking(elements, radius, case.thickness, case.material, case.allow_locking)
+        return check_locking(elements, radius, case.thickness, case.matter.material, case.allow_locking)
 
     return examination(report, locking, reporter)
 
@@ -114,8 +114,7 @@ def _solved(case: FreeCase, mesh: SolidMesh, near_surface: bool, progress: Progr
     rows = [gauge_rows(mesh, gauges, near_surface) for gauges in case.layouts.values()]
     return solve_strain(
         mesh=mesh,
-        material=case.material,
-        density=case.density,
+        matter=case.matter,
         support=case.support,
         rows=csr_array(vstack(rows)),
         solver_name=case.solver,

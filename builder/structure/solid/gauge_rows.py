@@ -16,9 +16,11 @@ from scipy.sparse import coo_array, csr_array
 
 from builder.structure.fourier.gauges import LARGEST_DISTANCE, LARGEST_TILT
 from builder.structure.solid.closest_point import FootPoint, foot_point
+from builder.structure.solid.element_faces import boundary_facets
+from builder.structure.solid.mesh_checks import match_facets
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.strain_recovery import SurfacePatches, strain_weights
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 SAME_PLACE = 1e-6  # m
@@ -232,7 +234,16 @@ def rosette(
 
 
 def _patches(mesh: SolidMesh, surface: str) -> SurfacePatches:
-    return SurfacePatches(mesh.element_type, mesh.node, mesh.named_surface(surface))
+    facet = mesh.named_surface(surface)
+    return SurfacePatches(mesh.element_type, mesh.node, facet, _regions_behind(mesh, facet))
+
+
+def _regions_behind(mesh: SolidMesh, facet: IntArray) -> IntArray:
+    """Return the region (f,) of the element of each facet."""
+    if len(mesh.region_names) == 1:
+        return np.zeros(len(facet), dtype=np.int64)
+    boundary, owner = boundary_facets(mesh.element_type, mesh.element)
+    return np.asarray(mesh.region[owner[match_facets(mesh.element_type, boundary, facet)]])
 
 
 def _unit(direction: FloatArray, name: str) -> FloatArray:

@@ -29,8 +29,8 @@ def write_mesh(
     """Write a mesh as VTK XML (.vtu): compressed, quadratic cells kept, atomically.
 
     The cell array ``region`` holds the index of each element's region. With surfaces, facets follow the elements
-    as cells of their own (region -1), and a cell array of 0 and 1 per surface name marks them: what
-    :func:`builder.structure.solid.mesh_import.read_mesh` reads back.
+    as cells of their own (region -1), and a cell array of 0 and 1 per name marks them, and the regions where
+    there are several: what :func:`builder.structure.solid.mesh_import.read_mesh` reads back.
 
     Parameters
     ----------
@@ -57,6 +57,9 @@ def write_mesh(
     for i, (name, _) in enumerate(facets):
         of_surface = np.repeat(np.arange(len(facets)), n_facets) == i
         cell_arrays[name] = np.concatenate([np.zeros(counts[0], dtype=bool), of_surface]).astype(np.uint8)
+    if with_surfaces and len(mesh.region_names) > 1:
+        for i, name in enumerate(mesh.region_names):
+            cell_arrays[name] = (cell_arrays["region"] == i).astype(np.uint8)
     cell_type = np.repeat([ELEMENT_CELL[mesh.element_type], FACET_CELL[mesh.element_type]], counts)
     connectivity = np.concatenate([mesh.element.ravel(), *(facet.ravel() for _, facet in facets)])
     parts = [

@@ -148,7 +148,7 @@ def _named_cells(raw: Any, names: dict[int, str]) -> dict[str, NamedCells]:
                 for tag in np.unique(value).tolist():
                     name = names.get(tag, f"group {tag}").lower()
                     group[name] = group.get(name, False) | (value == tag)
-            elif value.ndim == 1 and np.isin(value, (0, 1)).all():
+            elif key != "region" and value.ndim == 1 and np.isin(value, (0, 1)).all():
                 group[key.lower()] = value == 1
         parts.setdefault(block.type, []).append((np.asarray(block.data, dtype=np.int64), group))
     return {kind: _joined(blocks) for kind, blocks in parts.items()}

@@ -23,6 +23,7 @@ from builder.structure.solid.free_case import FreeCase
 from builder.structure.solid.free_model import solve_free_structure
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields, gauge_rows
 from builder.structure.solid.locking import check_locking
+from builder.structure.solid.matter import Matter
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_choice import (
     MeshChoice,
@@ -86,6 +87,11 @@ class SolidCase:
     solver: str | None = None
     allow_locking: bool = False
     checked_by: MeshChoice | None = None
+
+    @property
+    def matter(self) -> Matter:
+        """One material, of wall and tip."""
+        return Matter(material=self.wall.material, density=self.density)
 
     def made_from(self) -> dict[str, str]:
         """Return fingerprints of what the mesh and its solution depend on, and of the gauges.
@@ -172,8 +178,7 @@ def solve_solid_structure(case: AnyCase, reporter: Reporter, before: Structure |
     with reporter.stage("Strain per pressure") as progress:
         solved = solve_strain(
             mesh=mesh,
-            material=case.wall.material,
-            density=case.density,
+            matter=case.matter,
             support=case.support,
             rows=rows,
             solver_name=case.solver,
@@ -207,8 +212,7 @@ def strain_per_force(case: SolidCase, progress: Progress | None = None) -> tuple
     mesh = make_mesh(case.body, case.wall, case.mesh)
     solved = solve_strain(
         mesh=mesh,
-        material=case.wall.material,
-        density=case.density,
+        matter=case.matter,
         support=case.support,
         rows=_rows_of_layouts(mesh, case.layouts),
         solver_name=case.solver,
@@ -237,8 +241,9 @@ def _examined(
         check_mesh(whole, case.body.length)
         if case.mesh.file is not None:
             refuse_misfits(case.mesh.file, mesh_misfits(whole, case.body, case.wall), NEEDS_BOTH)
-        density = None if case.density is None else dict.fromkeys(whole.region_names, case.density)
-        report = mesh_report(whole, density, exact_wall(case.body, case.wall))
+        report = mesh_report(
+            whole, case.matter.known_densities(whole.region_names), exact_wall(case.body, case.wall)
+        )
 
     def locking() -> Mapping[int, float]:
         elements = wall_elements(case.body, case.wall, mesh, case.mesh)
@@ -284,8 +289,7 @@ def _mesh_error(
     rows = _rows_of_layouts(mesh, case.layouts)
     other = solve_strain(
         mesh=mesh,
-        material=case.wall.material,
-        density=case.density,
+        matter=case.matter,
         support=case.support,
         rows=rows,
         solver_name=None,

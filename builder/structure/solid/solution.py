@@ -10,7 +10,8 @@ from scipy.sparse import csr_array
 
 from builder.reporting import Progress
 from builder.structure.solid.cyclic_operator import cyclic_problem
-from builder.structure.solid.free_flight import FreeFlight, free_flight
+from builder.structure.solid.free_flight import free_flight
+from builder.structure.solid.matter import Matter
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.solvers.cyclic import CyclicSolver, force_operator, pressure_operator
 from builder.structure.solid.solvers.solver import CYCLIC, Solver, choose_solver
@@ -19,7 +20,6 @@ from builder.structure.solid.supports import Support
 from builder.structure.solid.surface_load import nodal_force_load, pressure_load
 from builder.structure.solid.surface_triangles import split_surface
 from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
-from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -41,8 +41,7 @@ class StrainSolution:
 
 def solve_strain(
     mesh: SweptSector | SolidMesh,
-    material: Material,
-    density: float | None,
+    matter: Matter,
     support: Support | None,
     rows: csr_array,
     solver_name: str | None,
@@ -57,7 +56,7 @@ def solve_strain(
     Parameters
     ----------
     mesh : the mesh, a swept one as its sector.
-    material, density : of all regions; the density [kg/m3] is that of free flight.
+    matter : its materials and masses; a swept mesh has one material.
     support : what holds the body; None in free flight.
     rows : (n_d, n_dof) gauge rows of the full mesh [1/m].
     solver_name : name of a solver, or None for the best installed one.
@@ -80,15 +79,16 @@ def solve_strain(
             raise InputError(
                 f"solver '{CYCLIC}': free flight is not the same in every sector, take another solver"
             )
-        problem = cyclic_problem(mesh, {REGION: material}, [support])
+        problem = cyclic_problem(mesh, matter.materials((REGION,)), [support])
         cyclic = CyclicSolver(problem)
         if of_forces:
             found = cyclic.strain_operator(rows, force_operator(problem, EXTERNAL), progress)
             return _solution(_along_body_axes(mesh, found), cyclic)
         return _solution(cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL), progress), cyclic)
     whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
-    flight = _flight(whole, density) if support is None else None
-    held = held_problem(whole, dict.fromkeys(whole.region_names, material), None if support is None else [support])
+    regions = whole.region_names
+    flight = free_flight(whole, matter.densities(regions), matter) if support is None else None
+    held = held_problem(whole, matter.materials(regions), None if support is None else [support])
     solver = choose_solver(held, solver_name)
     if of_forces:
         load = nodal_force_load(whole, EXTERNAL)
@@ -105,12 +105,6 @@ def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:
     parts = operator.reshape(len(operator), sector.n_sectors, -1, 3)
     turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
     return np.asarray(np.einsum("sij,dsnj->dsni", turns, parts, optimize=True).reshape(len(operator), -1))
-
-
-def _flight(mesh: SolidMesh, density: float | None) -> FreeFlight:
-    if density is None:
-        raise InputError("free flight: the density of the material is missing")
-    return free_flight(mesh, dict.fromkeys(mesh.region_names, density))
 
 
 def _solution(operator: FloatArray, solver: Solver) -> StrainSolution:

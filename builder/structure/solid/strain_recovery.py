@@ -6,8 +6,9 @@ derivative is taken within the surface, so the volume element adds nothing to it
 Within a quadratic facet that strain is linear and an order less accurate than displacement, but it is an order
 better at the facet's 2 x 2 Gauss points (3 points on triangles). A polynomial of second degree is fitted to those
 points of the facets around by least squares and evaluated at the gauge (Zienkiewicz and Zhu, Int. J. Numer. Meth.
-Eng. 33, 1992: superconvergent patch recovery). The patch ends where the surface bends sharply. A gauge on the line
-between facets takes the mean of their patches, so that it reads alike on a mesh and on its mirror image.
+Eng. 33, 1992: superconvergent patch recovery). The patch ends where the surface bends sharply, and where the
+region changes: strain jumps between materials. A gauge on the line between facets takes the mean of their
+patches, so that it reads alike on a mesh and on its mirror image.
 """
 
 from __future__ import annotations
@@ -47,11 +48,13 @@ class SurfacePatches:
     element_type : kind of the elements the facets belong to.
     node : (n, 3) positions of all nodes [m].
     facet : (f, n_f) node numbers, outward.
+    region : (f,) region of the element behind each.
     """
 
     element_type: str
     node: FloatArray
     facet: IntArray
+    region: IntArray
 
     @cached_property
     def curved(self) -> CurvedFacets:
@@ -75,13 +78,14 @@ class SurfacePatches:
         return float(SHARPEST_BEND_OF_LINEAR if linear else SHARPEST_BEND)
 
     def around(self, facet: int) -> IntArray:
-        """Return the facets (k,) that share a node with ``facet`` and go on smoothly there, itself first."""
+        """Return the facets (k,) that go on smoothly, in one region, at a node of ``facet``, itself first."""
         found = [facet]
         ordered, owner, local = self._facets_of_node
         for a, node in enumerate(self.facet[facet]):
             here = slice(np.searchsorted(ordered, node), np.searchsorted(ordered, node, side="right"))
             cosine = self._normal[owner[here], local[here]] @ self._normal[facet, a]
-            found += owner[here][cosine > np.cos(self._sharpest)].tolist()
+            alike = self.region[owner[here]] == self.region[facet]
+            found += owner[here][alike & (cosine > np.cos(self._sharpest))].tolist()
         return np.array(list(dict.fromkeys(found)))
 
 
