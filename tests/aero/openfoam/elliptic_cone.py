@@ -123,11 +123,13 @@ FLOWS = {
 }
 """An upright cone at incidence is the flat one in sideslip. Outer boundaries lie a tenth outside the bow shock."""
 GRIDS = {
-    "map, 10 x 14": MarchingGrid(n_radial=10, n_circumferential=14),
-    "truth, 12 x 18": MarchingGrid(n_radial=12, n_circumferential=18),
+    "coarse, 10 x 14": MarchingGrid(n_radial=10, n_circumferential=14),
+    "map, 16 x 36": MarchingGrid(n_radial=16, n_circumferential=36),
+    "truth, 24 x 54": MarchingGrid(n_radial=24, n_circumferential=54),
     "default, 24 x 36": MarchingGrid(),
     "48 x 72": MarchingGrid(n_radial=48, n_circumferential=72),
 }
+"""Map and truth are those of the shipped elliptic cone."""
 
 
 def main(directory: str) -> None:
