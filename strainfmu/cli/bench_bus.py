@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from strainfmu.can.bridge.summary import PERCENTILES
-from strainfmu.can.tools.bus_bench import BusRun, CoreCost, bus_run, core_cost
+from strainfmu.can.tools.bus_bench import BusRun, CoreCost, bus_run, core_cost, linear_cost
 
 
 def bench_bus(folder: Path, rate: float, duration: float, burners: int) -> None:
@@ -19,21 +19,28 @@ def bench_bus(folder: Path, rate: float, duration: float, burners: int) -> None:
     InputError, StrainfmuError
         As :func:`~strainfmu.can.tools.bus_bench.bus_run`.
     """
-    cost = core_cost(folder)
+    cost, linear = core_cost(folder), linear_cost(folder)
     run = bus_run(folder, rate, duration, burners)
     title = f"Bus, {folder}: fd64, {rate:g} Hz for {duration:g} s, {burners} niced burners"
     table = Table(title=title, show_header=False)
-    for name, text in bus_rows(cost, run):
+    for name, text in bus_rows(cost, run, linear):
         table.add_row(name, text)
     Console().print(table)
 
 
-def bus_rows(cost: CoreCost, run: BusRun) -> list[tuple[str, str]]:
-    """Return the rows of the table."""
+def bus_rows(cost: CoreCost, run: BusRun, linear: CoreCost | None = None) -> list[tuple[str, str]]:
+    """Return the rows of the table; ``linear`` is the cost with the linear estimator of the same map."""
     account = run.summary.account
     rows = [
         ("virtual time: core", _cost_text(cost.core)),
         ("virtual time: with results, page, recorder", _cost_text(cost.observed)),
+    ]
+    if linear is not None:
+        rows += [
+            ("virtual time, linear estimator: core", _cost_text(linear.core)),
+            ("virtual time, linear estimator: with results, page, recorder", _cost_text(linear.observed)),
+        ]
+    rows += [
         ("cycles sent, of these on time", f"{run.sent}, {run.on_time}"),
         ("sender's own lateness", _percentiles((50, 99, 100), run.lateness)),
         ("on-time cycles VALID", f"{run.outcome['VALID']} ({run.valid:.2%})"),

@@ -39,9 +39,19 @@ def motion_strains(manifold: ManifoldMap, n_rows: int) -> tuple[FloatArray, Floa
     return value[:, :n], strain_covariance(manifold, pressure, value[:, :n], value[:, n:])
 
 
+def clean_motion(manifold: ManifoldMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
+    """Return (n, n_d) strains without errors [m/m] and (n,) q_inf [Pa] of the motion."""
+    state = flight_motion(manifold, n_rows)
+    return evaluate(manifold.tables, state).value[:, : manifold.tables.n_gauges], _dynamic_pressure(state)
+
+
 def motion_coefficients(manifold: ManifoldMap, n_rows: int) -> FloatArray:
     """Return (n, 5) true coefficients of the motion [1]."""
     state = flight_motion(manifold, n_rows)
     loads = evaluate(manifold.tables, state).value[:, manifold.tables.n_gauges :]
-    dynamic = 0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * np.exp(state[:, LOG_PRESSURE])
-    return np.asarray(loads / (dynamic[:, None] * manifold.references))
+    return np.asarray(loads / (_dynamic_pressure(state)[:, None] * manifold.references))
+
+
+def _dynamic_pressure(state: FloatArray) -> FloatArray:
+    """Return (n,) q_inf [Pa] of (n, 4) flight states."""
+    return np.asarray(0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * np.exp(state[:, LOG_PRESSURE]))

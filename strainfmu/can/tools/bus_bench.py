@@ -7,14 +7,13 @@ it is late itself: a cycle counts for the bridge only if it was sent on time.
 from __future__ import annotations
 
 import os
-import struct
 import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -29,20 +28,18 @@ from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.tools.bench_flight import PROFILE, BenchFlight, bench_flight
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.can.tools.two_processes import GROUP, check_multicast, private_port
-from strainfmu.can.wire.crc import protect
-from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
+from strainfmu.can.wire.frame_layout import NAVIGATION
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import profile_layout
-from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.step import ENVELOPE_SCORE
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.fmu.export import ExportOptions, export_estimator
 
-PROFILE = "fd64"
 SETTLING_CYCLES = 100
 """Cycles at the start in which the bridge comes to trust its input, and which are not counted."""
 
@@ -51,9 +48,6 @@ ON_TIME = 0.5
 
 PYTHON_CAN_DURATION = 10.0
 """Maximum duration for which python-can's own loop is measured [s]."""
-
-_DISTINCT = 1000
-"""Cycles with strains of their own, sent over and over with new counters, times and CRCs."""
 
 _PATIENCE = 60.0
 _SHORTEST_SLEEP = 5e-5
@@ -107,42 +101,6 @@ class BusRun:
         return self.outcome[Quality.VALID.name] / max(self.on_time, 1)
 
 
-# --- input ----------------------------------------------------------------------------------------------------
-
-
-@dataclass(eq=False)
-class _Flight:
-    """Cycles of a map's own strains, which move, with the noise of its gauges."""
-
-    layout: InputLayout
-    cycles: list[list[Frame]] = field(default_factory=list)
-
-    def cycle(self, number: int) -> list[Frame]:
-        """Return the frames of a cycle, with its counter and its time on schedule."""
-        at = number * self.layout.cycle_time
-        stamp = struct.pack("<I", round(1e6 * at) % 2**32)
-        frames = []
-        for frame, item in zip(self.cycles[number % len(self.cycles)], self._items, strict=True):
-            assert item.protection is not None
-            data = frame.data[:4] + stamp + frame.data[8:]
-            frames.append(replace(frame, data=protect(data, item.protection, counter=number), time=at))
-        return frames
-
-    def __post_init__(self) -> None:
-        by_key = {frame.layout.key: frame.layout for frame in self.layout.frames}
-        self._items = [by_key[frame.key] for frame in self.cycles[0]]
-
-
-def _flight(inverse_map: InverseMap, cycle_time: float) -> _Flight:
-    layout = profile_layout(PROFILE, inverse_map.gauge_names, cycle_time)
-    encoder, random = StrainEncoder(layout), np.random.default_rng(1)
-    swing = 1.0 + 0.02 * np.sin(2.0 * np.pi * np.arange(_DISTINCT) / _DISTINCT)
-    noise = random.normal(size=(_DISTINCT, inverse_map.n_gauges)) * inverse_map.noise_std
-    strain = swing[:, None] * inverse_map.mean_strain + noise
-    pressure = inverse_map.nominal_dynamic_pressure
-    return _Flight(layout, [encoder.encode(row, pressure, cycle=0, sample_time=0.0) for row in strain])
-
-
 # --- virtual time -----------------------------------------------------------------------------------------------
 
 
@@ -154,22 +112,39 @@ def core_cost(folder: Path, n_cycles: int = 5000) -> CoreCost:
     InputError
         A file is missing or damaged.
     """
-    inverse_map, period = load_inverse_map(folder / "map.h5"), 1e-3
-    flight = _flight(inverse_map, period)
-    alone = _through_core(folder, flight, n_cycles, recorder=None)
+    return _cost_of(folder / "estimator.fmu", load_inverse_map(folder / "map.h5"), n_cycles)
+
+
+def linear_cost(folder: Path, n_cycles: int = 5000) -> CoreCost | None:
+    """Return the same with the linear estimator of the map, whose step costs next to nothing: the bridge's own.
+
+    None where the map has no other. Raises as :func:`core_cost`.
+    """
+    inverse_map = load_inverse_map(folder / "map.h5")
+    if inverse_map.manifold is None:
+        return None
+    with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
+        linear = Path(temporary) / "linear.fmu"
+        export_estimator(folder / "map.h5", linear, ExportOptions(estimator="linear"))
+        return _cost_of(linear, inverse_map, n_cycles)
+
+
+def _cost_of(fmu: Path, inverse_map: InverseMap, n_cycles: int) -> CoreCost:
+    flight = bench_flight(inverse_map, 1e-3)
+    alone = _through_core(fmu, flight, n_cycles, recorder=None)
     with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
         recorder = Recorder(Path(temporary) / "bench.blf", MicrosecondClock())
-        observed = _through_core(folder, flight, n_cycles, recorder)
+        observed = _through_core(fmu, flight, n_cycles, recorder)
     return CoreCost(core=alone, observed=observed)
 
 
-def _through_core(folder: Path, flight: _Flight, n_cycles: int, recorder: Recorder | None) -> float:
+def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recorder | None) -> float:
     """Return the processor time per cycle of the whole process [s]; with a recorder, also results and a page."""
     from strainfmu.can.bridge.page_message import gauge_positions
     from strainfmu.can.bridge.publisher import BridgeReports, Publisher
     from strainfmu.cosim.fmu_step import FmuStep
 
-    fmu, period = folder / "estimator.fmu", flight.layout.cycle_time
+    period = flight.layout.cycle_time
     cycles = [[replace(f, time=f.time + 1e-5 * i) for i, f in enumerate(flight.cycle(k))] for k in range(n_cycles)]
     options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=period)
     with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step:
@@ -257,7 +232,7 @@ def _outcome(answers: list[tuple[int | None, str]], on_time: np.ndarray, period:
 
 def _sender(end: Connection, folder: Path, rate: float, port: int, duration: float) -> None:
     """Send cycles on schedule; report the lateness of each one's last frame [s]."""
-    flight = _flight(load_inverse_map(folder / "map.h5"), 1.0 / rate)
+    flight = bench_flight(load_inverse_map(folder / "map.h5"), 1.0 / rate)
     bus = open_bus(_settings(port))
     raw = raw_bus(bus)
     if raw is None:

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_fmu import whole_map
+from flight_maps import NOISE_STD
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.tools.bus_bench import SETTLING_CYCLES, _outcome, bus_run, core_cost
+from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.tools.bench_flight import PROFILE, bench_flight
+from strainfmu.can.tools.bus_bench import SETTLING_CYCLES, _outcome, bus_run, core_cost, linear_cost
 from strainfmu.cli.bench_bus import bus_rows
+from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.fmu.export import export_estimator
 
 
 @pytest.fixture
@@ -32,6 +41,29 @@ def test_the_table_of_a_short_run(folder: Path) -> None:
     assert 0.0 < run.load < 1.0
     assert 0.0 < run.python_can_load < 1.0
     assert "us a cycle" in rows["virtual time: core"]
+
+
+def test_a_map_with_tables_flies_what_it_holds_for_possible(tmp_path: Path) -> None:
+    """The mean strain of a map at its nominal q_inf is no flight state: 3 % of the cycles were DEGRADED."""
+    inverse_map = replace(whole_map(), noise_std=np.full(whole_map().n_gauges, NOISE_STD))
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu")
+    flight = bench_flight(inverse_map, 1e-3)
+    options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=1e-3)
+    with FmuStep(tmp_path / "estimator.fmu") as step:
+        core, _, _ = make_core(step, options, gauge_names=step.gauge_names, start=0.0)
+        results = [result for k in range(1010) for frame in flight.cycle(k) for result in core.receive(frame)]
+    # The quantisation is more than the noise of this map states.
+    assert sum(result.quality is Quality.VALID for result in results) >= 1000
+
+
+def test_the_cost_with_the_linear_estimator_of_the_same_map(folder: Path) -> None:
+    assert linear_cost(folder, 10) is None
+    save_inverse_map(whole_map(), folder / "map.h5")
+    cost = linear_cost(folder, 100)
+    assert cost is not None
+    assert 0.0 < cost.core < 0.1
+    assert 0.0 < cost.observed < 0.1
 
 
 @pytest.mark.fast
