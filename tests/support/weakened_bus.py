@@ -34,7 +34,7 @@ from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleCloc
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
-from strainfmu.can.wire.frame_layout import InputLayout, SignalLayout
+from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.step import Step, StepResult, noise_of
 from strainfmu.estimator.health import HealthState
 
@@ -308,7 +308,7 @@ class NeverFrozen(RepeatsTogether):
 
 
 class HoldsNoValueCodes(HeldValue):
-    def _has_no_value(self, signal: SignalLayout, code: int) -> bool:
+    def _has_no_value(self, code: int) -> bool:
         return False
 
 

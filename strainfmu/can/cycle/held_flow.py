@@ -18,7 +18,6 @@ from strainfmu.can.wire.frame_layout import (
     MACH_NUMBER,
     FlowSignal,
     InputFrame,
-    SignalLayout,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
@@ -83,7 +82,8 @@ class HeldValue:
         self.hides_delay = False
         """More delay may hide than is allowed."""
         self._plan = SignalPlan(frame.layout)
-        self._signal = signal = frame.layout.signals[source.index]
+        signal = frame.layout.signals[source.index]
+        self._no_value = signal.no_value_codes
         self._low = -inf if signal.minimum is None else signal.minimum
         self._high = inf if signal.maximum is None else signal.maximum
         self._smallest, self._largest = _SENSIBLE[source.quantity]
@@ -107,9 +107,10 @@ class HeldValue:
             self._clock.accept()
             self._clock.anchor()
 
-    def is_in(self, frame: InputFrame) -> bool:
-        """Return whether ``frame`` holds the quantity."""
-        return frame is self._frame
+    @property
+    def frame(self) -> InputFrame:
+        """The frame that holds the quantity."""
+        return self._frame
 
     def take(
         self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: StrainTime | None = None
@@ -136,18 +137,13 @@ class HeldValue:
             self._accept(self._clock)
             self._shares_clock = agrees if strain_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
-        signal, code = self._signal, raw[index]
-        bad = (
-            not isfinite(value)
-            or self._has_no_value(signal, code)
-            or self._is_out_of_range(code, value)
-            or self._is_refused_by_sender(raw)
-        )
-        self._value, self._sampled = (nan, nan) if bad else (value * self._source.to_si, time - delay)
-        is_stated = isfinite(value) and not (self._has_no_value(signal, code) or self._is_refused_by_sender(raw))
-        self._stated, self._stated_at = (value * self._source.to_si if is_stated else nan), time - delay
-        self.was_known |= not bad
-        return not bad
+        code, sampled, in_si = raw[index], time - delay, value * self._source.to_si
+        is_stated = isfinite(value) and not (self._has_no_value(code) or self._is_refused_by_sender(raw))
+        is_usable = is_stated and not self._is_out_of_range(code, value)
+        self._stated, self._stated_at = in_si if is_stated else nan, sampled
+        self._value, self._sampled = (in_si, sampled) if is_usable else (nan, nan)
+        self.was_known = self.was_known or is_usable
+        return is_usable
 
     def _agrees(self, clock: SenderClock, ticks: int, strain_time: StrainTime | None) -> bool:
         """Return whether a sample time is that of the strains, as far as the clock's range tells."""
@@ -178,9 +174,9 @@ class HeldValue:
     def _is_old(self, now: float) -> bool:
         return now - self._sampled > self._max_age
 
-    def _has_no_value(self, signal: SignalLayout, code: int) -> bool:
+    def _has_no_value(self, code: int) -> bool:
         """Return whether the raw number ``code`` stands for "no value"."""
-        return code in signal.no_value_codes
+        return code in self._no_value
 
     def _is_out_of_range(self, code: int, value: float) -> bool:
         """Return whether a value is outside the limits, or at either end of its converter's range."""
@@ -207,6 +203,10 @@ class HeldFlow:
     def __init__(self, values: Sequence[HeldValue], fixed: float | None, seen: SeenFrames) -> None:
         self._seen = seen
         self._values, self._fixed = tuple(values), fixed
+        # By identity, as two frames may be alike; the values keep the frames alive.
+        self._by_frame: dict[int, list[HeldValue]] = {}
+        for value in values:
+            self._by_frame.setdefault(id(value.frame), []).append(value)
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
@@ -228,8 +228,10 @@ class HeldFlow:
         """
         frame, raw = arrival.frame, arrival.plan.numbers(arrival.frame.data)
         is_new = self._seen.add([frame.key.to_bytes(4, "little") + frame.data])
-        usable = [v.take(raw, frame.time, is_new, strain_time) for v in self._values if v.is_in(item)]
-        return any(usable)
+        time, is_usable = frame.time, False
+        for value in self._by_frame.get(id(item), ()):
+            is_usable |= value.take(raw, time, is_new, strain_time)
+        return is_usable
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""
