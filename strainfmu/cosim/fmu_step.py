@@ -6,7 +6,7 @@ import json
 import re
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -122,6 +122,7 @@ class FmuStep:
         self._time = 0.0
         self._retried = False
         self._inputs = np.zeros(len(self._set))
+        self._strain_inputs = self._inputs[: self.n_gauges]
         for variable in of_flow:
             self._inputs[self._place[variable.name]] = float(variable.start or 0.0)
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
@@ -168,29 +169,24 @@ class FmuStep:
             It cannot.
         """
         inputs = self._inputs
-        inputs[: self.n_gauges] = strain
+        self._strain_inputs[:] = strain
         inputs[self.n_gauges] = dynamic_pressure
         for name, value in further.items():
             inputs[self._place[name]] = value
-        values = self._values
+        begin = self._time
+        self._time = begin + step_size
         try:
-            self._transfer(self._setters, inputs, into=True)
+            self._set_inputs()
             if self._mask_setters:
                 self._set_mask(np.isfinite(strain))
-            self._step(self._time, step_size)
-            self._transfer(self._getters, values, into=False)
+            self._step(begin, step_size)
+            self._get_outputs()
         except StrainfmuError as error:
-            self._time += step_size
             raise self._after(error) from error
-        self._time += step_size
+        values = self._values.copy()
         chi_square, *others, health = values[_FIRST_NUMBER:].tolist()
-        return StepResult(
-            values[:5].copy(),
-            values[5:_FIRST_NUMBER].copy(),
-            int(health),
-            chi_square,
-            dict(zip(self.further_outputs, others, strict=True)),
-        )
+        further = dict(zip(self.further_outputs, others, strict=True))
+        return StepResult(values[:5], values[5:_FIRST_NUMBER], int(health), chi_square, further)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.
@@ -227,9 +223,12 @@ class FmuStep:
         self._instance = Instance("bridge", self.path, self._description, self._folder)
         try:
             first = self._first_mask
-            self._setters = self._exchange("Set", self._set[:first], 0, self._inputs)
+            setters = self._exchange("Set", self._set[:first], 0, self._inputs)
+            self._set_inputs = self._bound(setters, self._inputs, into=True)
             self._mask_setters = self._exchange("Set", self._set[first:], first, self._inputs)
-            self._getters = self._exchange("Get", self._get, 0, self._values)
+            self._get_outputs = self._bound(
+                self._exchange("Get", self._get, 0, self._values), self._values, into=False
+            )
             self._mask_sent = b""
             self._instance.begin(_STOP_TIME)
             self._give_zeros()
@@ -267,6 +266,12 @@ class FmuStep:
         self._instance.close()
         self._open()
         return StepRefused(str(error))
+
+    def _bound(self, blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> Callable[[], None]:
+        """Return what moves ``values`` into the FMU, or out of it; one block in place is the FMI call itself."""
+        if len(blocks) == 1 and blocks[0][1] is None:
+            return blocks[0][0].call
+        return lambda: self._transfer(blocks, values, into)
 
     @staticmethod
     def _transfer(blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> None:

@@ -44,8 +44,9 @@ class CycleJudge:
 
     def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
         self._layout, self._step, self._settings = layout, step, settings
-        self._is_protected = layout.is_protected
+        self._is_protected, self._period = layout.is_protected, layout.cycle_time
         self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
+        self._further: dict[str, float] = {}
         self._reception, self._flow = parts.reception, parts.flow
         self._clock, self._pace = parts.clock, parts.pace
         self._seen, self._proof = parts.seen, parts.proof
@@ -340,7 +341,7 @@ class CycleJudge:
             chi_square=np.nan if step is None else step.chi_square,
             health=None if step is None else step.health,
             envelope_score=np.nan if step is None else step.further.get(ENVELOPE_SCORE, np.nan),
-            arrival=max([arrival.frame.time for arrival in cycle.arrivals.values()]),
+            arrival=_latest(cycle),
             verdicts=verdicts,
             further={} if step is None else step.further,
         )
@@ -349,8 +350,10 @@ class CycleJudge:
         self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
     ) -> tuple[StepResult | None, Quality, Cause]:
         """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
+        further = self._further
+        for name in self._navigation:
+            further[name] = getattr(flow, name)
         try:
-            further = {name: getattr(flow, name) for name in self._navigation}
             step = self._step(strain, flow.dynamic_pressure, self._step_size(now), **further)
         except StepRefused:
             return None, Quality.INVALID, causes | Cause.STEP_FAILED
@@ -367,13 +370,26 @@ class CycleJudge:
 
     def _is_finite(self, step: StepResult) -> bool:
         """Return whether coefficients and their standard deviations are finite."""
-        return all(map(isfinite, (*step.coefficients.tolist(), *step.coefficients_std.tolist())))
+        numbers = step.coefficients.tolist() + step.coefficients_std.tolist()
+        # A sum is finite only of finite numbers. Of huge ones it need not be.
+        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
 
     def _step_size(self, now: float) -> float:
         """Return the time since the last step [s], in whole cycles."""
-        cycles = 1 if self._last_step is None else round((now - self._last_step) / self._layout.cycle_time)
+        period, cycles = self._period, 1
+        if self._last_step is not None:
+            cycles = round((now - self._last_step) / period)
         self._last_step = now
-        return min(max(cycles, 1), _LONGEST_STEP) * self._layout.cycle_time
+        return period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period
+
+
+def _latest(cycle: Cycle) -> float:
+    """Return when the last frame of a cycle came [s]."""
+    latest = cycle.first_time
+    for arrival in cycle.arrivals.values():
+        if arrival.frame.time > latest:
+            latest = arrival.frame.time
+    return latest
 
 
 def _is_full(mask: BoolArray) -> bool:
