@@ -16,7 +16,7 @@ STATUS_DEGRADED = 1
 """Sender's status 1; 0 is good, above 1 is not to be used."""
 
 
-@dataclass(eq=False, kw_only=True)
+@dataclass(eq=False, slots=True, kw_only=True)  # not frozen: one is made for every cycle
 class DecodedCycle:
     """Strains of one cycle.
 
@@ -86,7 +86,7 @@ class StrainDecoder:
 
     def decode(self, arrivals: Sequence[Arrival], trailer_status: int) -> DecodedCycle:
         """Return the decoded ``arrivals`` of a cycle; ``trailer_status`` is the status in the trailer, or 0."""
-        data, status = list(self._nothing), self._worst_status(arrivals, trailer_status)
+        data, status = self._nothing.copy(), self._worst_status(arrivals, trailer_status)
         for arrival in arrivals:
             data[arrival.slot] = arrival.frame.data
         raw = self._plan.raw(data)

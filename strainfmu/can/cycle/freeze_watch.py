@@ -115,7 +115,7 @@ class FreezeWatch:
         present : (n_d,) gauges of this cycle; None for all, each with a difference.
         """
         self._watch_scatter(difference, run, is_whole=present is None)
-        repeating, late = None, int(np.count_nonzero(run >= self._shortest))
+        repeating, late = None, (run >= self._shortest).tobytes().count(1)
         if late > 1 and self._may_be_improbable(late, run):
             here = self._everywhere if present is None else present
             repeating = self._repeating(self._log_probability(strain, run, here))
@@ -167,7 +167,7 @@ class FreezeWatch:
         # No run is longer; it is taken exactly only where this bound does not suffice.
         self._longest += 1
         if is_whole and self._is_complete:
-            np.subtract(difference, self._difference, out=self._rows[self._held])
+            np.subtract(difference, self._difference, self._rows[self._held])
             self._difference = difference
             self._held += 1
             self._whole += 1

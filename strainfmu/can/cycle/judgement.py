@@ -45,9 +45,11 @@ class CycleJudge:
     def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
         self._layout, self._step, self._settings = layout, step, settings
         self._is_protected, self._period = layout.is_protected, layout.cycle_time
+        self._max_age = settings.max_age * layout.cycle_time
         self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
         self._further: dict[str, float] = {}
         self._reception, self._flow = parts.reception, parts.flow
+        self._trailer = parts.reception.trailer
         self._clock, self._pace = parts.clock, parts.pace
         self._seen, self._proof = parts.seen, parts.proof
         self._decoder, self._gauges = parts.decoder, parts.gauges
@@ -141,7 +143,7 @@ class CycleJudge:
         if reception.has_second_sender(now):
             causes |= Cause.SECOND_SENDER
         # Strains whose CRC fits are checked even while they are not trusted yet.
-        readable = trailer.refused in _READABLE
+        readable = trailer.refused is None or trailer.refused in _READABLE
         n_strain = reception.n_strain
         strains = [a for a in arrivals.values() if a.slot < n_strain] if readable else []
         decoded = self._decoder.decode(strains, trailer.status)
@@ -222,8 +224,8 @@ class CycleJudge:
     ) -> tuple[float, float, Cause]:
         """Return the age of the strains at ``now`` [s], its uncertainty [s], and the causes if it is in doubt."""
         age, uncertainty, causes = now - cycle.first_time, np.nan, Cause.NONE
-        limit = self._settings.max_age * self._layout.cycle_time
-        readable = trailer.refused in _READABLE
+        limit = self._max_age
+        readable = trailer.refused is None or trailer.refused in _READABLE
         is_new = self._seen.add(self._strain_data(cycle)) if readable else False
         ticks = self._named(cycle).sample_time if readable else None
         if self._clock is not None and ticks is not None:
@@ -274,12 +276,13 @@ class CycleJudge:
     def _strain_data(self, cycle: Cycle) -> list[bytes]:
         """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""
         arrivals = cycle.arrivals
-        data = [arrivals[slot].frame.data for slot in sorted(arrivals)]
-        return data if self._reception.trailer is None else [b"".join(data)]
+        slots = sorted(arrivals) if len(arrivals) > 1 else arrivals
+        data = [arrivals[slot].frame.data for slot in slots]
+        return data if self._trailer is None else [b"".join(data)]
 
     def _named(self, cycle: Cycle) -> Arrival:
         """Return the frame whose sample time and counter identify a cycle."""
-        trailer = self._reception.trailer
+        trailer = self._trailer
         return cycle.first if trailer is None else cycle.arrivals.get(trailer, cycle.first)
 
     def _class_of(self, arrival: Arrival, refused: FrameClass | None, valid: BoolArray) -> FrameClass:

@@ -165,8 +165,8 @@ class GaugeChecks:
         differs, repeats = raw != self._last_raw, self._repeats
         if b"\1" in differs.tobytes():
             self._changed_at = now
-        np.add(repeats, self._one, out=repeats)
-        np.putmask(repeats, differs, 0)
+        np.add(repeats, self._one, repeats)
+        np.putmask(repeats, differs, self._nothing)
         self._times.append(now)
         if len(self._times) == _LONGEST_QUIET:
             self._date_changes()

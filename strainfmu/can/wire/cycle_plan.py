@@ -62,7 +62,7 @@ class CyclePlan:
         joined = b"".join(data)
         if self._whole is not None:
             kind, places = self._whole
-            return np.frombuffer(joined, dtype=kind).take(places).astype(np.int64)
+            return np.frombuffer(joined, kind)[places].astype(np.int64)
         bits = np.unpackbits(np.frombuffer(joined + b"\0", dtype=np.uint8), bitorder="little")
         return np.packbits(bits[self._bits], bitorder="little").view("<i8").astype(np.int64)
 
@@ -98,9 +98,13 @@ class InnerRange:
         ranges = [_inner(signal) for signal in signals]
         self._low, self._high = np.array(ranges, dtype=np.int64).T
         self._is_common = len(set(ranges)) == 1
-        # Arrays, as numpy makes one of a single number in every call.
+        # A common range as what is near its middle; of an odd width it is narrower by one number.
         n, (first, last) = len(ranges), ranges[0]
-        self._first, self._span = np.full(n, first), np.full(n, max(last - first, 0), dtype=np.uint64)
+        middle = (first + last + 1) // 2
+        half = min(middle - first, last - middle)
+        # Arrays, as numpy makes one of a single number in every call.
+        self._middle, self._half = np.full(n, middle), np.full(n, half)
+        self._is_about_zero = middle == 0
         self._is_empty = any(first > last for first, last in ranges)
 
     def holds(self, raw: IntArray) -> bool:
@@ -108,8 +112,8 @@ class InnerRange:
         if self._is_empty:
             return False
         if self._is_common:
-            # A negative distance from the first number is a huge one without sign.
-            return b"\0" not in ((raw - self._first).view(np.uint64) <= self._span).tobytes()
+            about = raw if self._is_about_zero else raw - self._middle
+            return b"\0" not in (np.abs(about) <= self._half).tobytes()
         return bool(((raw >= self._low) & (raw <= self._high)).all())
 
 
