@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import socket
@@ -22,7 +23,7 @@ from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
 from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
 from strainfmu.can.bridge.reconnect import BackOffSettings
 from strainfmu.can.bridge.result_layouts import result_layouts
-from strainfmu.can.bridge.run_loop import QUEUED_CYCLES, Bridge
+from strainfmu.can.bridge.run_loop import HAND_OVER, QUEUED_CYCLES, Bridge
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frame_account import FrameClass
@@ -191,6 +192,16 @@ def test_results_come_back_on_the_bus(virtual: Running) -> None:
 
 
 @pytest.mark.fast
+def test_a_run_is_not_held_up_by_garbage_of_what_was_there_before(virtual: Running) -> None:
+    """A full collection took 72 ms in the middle of 30 s at 1 kHz."""
+    virtual.send_until(Quality.VALID)
+    assert gc.get_freeze_count() > 10_000
+    assert sys.getswitchinterval() <= 1.001 * HAND_OVER
+    virtual.end()
+    assert gc.get_freeze_count() == 0
+    assert sys.getswitchinterval() > HAND_OVER
+
+
 def test_results_of_another_bridge_are_told_from_own_ones_that_come_back(multicast: Running) -> None:
     """On udp_multicast every result comes back; the other bridge's has the same identifier, and more counters."""
     multicast.send_until(Quality.VALID, 10)
