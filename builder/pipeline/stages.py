@@ -46,6 +46,7 @@ from builder.truth.flight_alarm_levels import with_flight_alarm_levels
 from builder.truth.flow_table import FlowTable
 from builder.truth.flown_vehicles import Fly, drawn_vehicles
 from builder.truth.flows import independent_flows
+from builder.truth.read_flights import read_flights
 from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts
@@ -316,10 +317,11 @@ def with_measured_levels(
 ) -> InverseMap:
     """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
     with reporter.stage("Alarm levels: flights of the independent model"):
-        found = with_alarm_levels(inverse_map, vehicle, flows, fly)
+        flights = read_flights(inverse_map, vehicle, flows, fly)
+        found = with_alarm_levels(inverse_map, flights)
     if found.manifold is not None:
         with reporter.stage("Alarm levels of the nonlinear estimator"):
-            found = with_flight_alarm_levels(found, vehicle, flows, fly)
+            found = with_flight_alarm_levels(found, flights)
         reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))
     facts = found.provenance["alarm_levels"]
     if not facts["used"]:

@@ -11,9 +11,9 @@ import numpy as np
 from builder.stress.flights import Flights
 from builder.stress.flows import OtherFlow
 from builder.stress.kind import Hardware, Kind
-from builder.truth.alarm_levels import gauge_noise
 from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable
+from builder.truth.read_flights import gauge_noise
 from builder.truth.strain import TrueFlights, TrueStructure, true_flights, true_strain, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray

@@ -12,23 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.truth.flow_table import FlowTable
-from builder.truth.flown_vehicles import Fly
-from builder.truth.held_out import held_out_conditions
+from builder.truth.read_flights import THREADS, ReadFlights
 from builder.truth.tail_quantile import tail_quantile
-from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import Estimator
-
-CONDITIONS, VEHICLES = 1000, 200
-"""Flight conditions, and vehicles as built that fly at each, every one with its own errors and noise.
-
-Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own.
-"""
-
-SEED, THREADS = 20260, 2
 
 LARGEST_SCALE = 3.0
 """Factor on an alarm level from which map and independent model do not agree: then the level stays the
@@ -45,16 +34,14 @@ class AlarmLevels:
     rate_before: float
 
 
-def with_alarm_levels(inverse_map: InverseMap, vehicle: Vehicle, table: FlowTable, fly: Fly) -> InverseMap:
-    """Return ``inverse_map`` with the alarm levels that meet the stated rate on independent data.
-
-    ``fly`` lets vehicles fly at conditions that ``vehicle`` and the flows ``table`` cover.
+def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
+    """Return ``inverse_map`` with the alarm levels that meet the stated rate on ``flights``.
 
     The rate is that of any alarm; both tests get the same rate of their own. Where a level would need a factor
     above :data:`LARGEST_SCALE`, map and independent model do not describe the same vehicle: it stays, and the
     provenance holds the factor.
     """
-    chi_square, outlier = alarm_ratios(inverse_map, vehicle, table, fly, SEED)
+    chi_square, outlier = alarm_ratios(inverse_map, flights)
     levels = alarm_levels(chi_square, outlier)
     agrees = max(levels.chi_square_scale, levels.outlier_scale) <= LARGEST_SCALE
     facts = {
@@ -97,45 +84,25 @@ def alarm_levels(chi_square: FloatArray, outlier: FloatArray) -> AlarmLevels:
     )
 
 
-def alarm_ratios(
-    inverse_map: InverseMap,
-    vehicle: Vehicle,
-    table: FlowTable,
-    fly: Fly,
-    seed: int,
-    vehicles: int = VEHICLES,
-) -> tuple[FloatArray, FloatArray]:
-    """Return chi-square and the squared largest |z| (n,) of independent samples, each over its level."""
-    random, n_gauges = np.random.default_rng(seed), inverse_map.n_gauges
-    # A map whose snapshots could not be rolled holds for the listed angles alone.
-    symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
-    as_mapped = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": symmetry})})
-    flown = fly(held_out_conditions(as_mapped, table, CONDITIONS, random))
-    whole = Estimator(inverse_map).masked_map(np.ones(n_gauges, dtype=bool))
+def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatArray, FloatArray]:
+    """Return chi-square and the squared largest |z| (n,) of the linear map, each over its level."""
+    whole = Estimator(inverse_map).masked_map(np.ones(inverse_map.n_gauges, dtype=bool))
     assert whole is not None
     threshold = whole.outlier_threshold**2 * inverse_map.outlier_scale
     nominal = inverse_map.chi_square_scale * whole.chi_square_limit
 
-    def of_flight(number: int, own: np.random.Generator, estimator: Estimator) -> FloatArray:
-        strain, stated = flown.read(number, vehicles, own)
-        q = flown.dynamic_pressure[number] * stated
-        found = estimator.estimate(strain + gauge_noise(inverse_map, own, strain.shape), q)
+    def of_thread(first: int) -> list[FloatArray]:
+        estimator = Estimator(inverse_map)  # one per thread: it keeps matrices between its steps
+        return [of_flight(number, estimator) for number in range(first, len(flights.conditions), THREADS)]
+
+    def of_flight(number: int, estimator: Estimator) -> FloatArray:
+        rows = flights.rows(number)
+        found = estimator.estimate(flights.strain[rows], flights.dynamic_pressure[rows])
         limit = np.asarray(found.chi_square_limit)
         worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
         return np.stack([found.chi_square / limit, worst / (threshold * limit / nominal)])
-
-    numbered = list(enumerate(random.spawn(len(flown.conditions))))
-
-    def of_thread(first: int) -> list[FloatArray]:
-        estimator = Estimator(inverse_map)  # one per thread: it keeps matrices between its steps
-        return [of_flight(number, own, estimator) for number, own in numbered[first::THREADS]]
 
     with ThreadPoolExecutor(THREADS) as pool:
         parts = [part for one in pool.map(of_thread, range(THREADS)) for part in one]
     chi_square, outlier = np.concatenate(parts, axis=1)
     return chi_square, outlier
-
-
-def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
-    """Return draws of the gauges' own noise [m/m], last axis the gauges."""
-    return np.asarray(inverse_map.noise_std * random.standard_normal(shape))

@@ -1,9 +1,11 @@
-"""The shipped vehicle's map on data of the independent model, as built: coverage, altitudes, false alarms."""
+"""The shipped vehicle's map on data of the independent model, as built: coverage, altitudes, false alarms.
+
+Each for the linear and the nonlinear estimator of the map.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,22 +13,26 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
 from builder.pipeline.stages import solve_structure
+from builder.stress.false_alarms import false_alarms
 from builder.structure.fourier.model import StructuralModel
-from builder.truth.alarm_levels import alarm_ratios, gauge_noise
 from builder.truth.as_built import drawn, exactly_built
 from builder.truth.flow_table import FlowTable, load_flow_table
-from builder.truth.flown_vehicles import drawn_vehicles
 from builder.truth.held_out import held_out_conditions
+from builder.truth.read_flights import gauge_noise
 from builder.truth.strain import TrueStructure, true_flights, true_strain, true_structure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.loading import estimator_of
 from strainfmu.flight_condition import FlightCondition
 
 ALTITUDES = (12e3, 15e3, 20e3, 25e3, 30e3)
+
+KINDS = ("linear", pytest.param("manifold", marks=pytest.mark.slow))
+"""Estimators; an estimate of the nonlinear one takes a hundred times as long."""
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +51,17 @@ def whole(shipped: Vehicle) -> TrueStructure:
 
 
 @pytest.fixture(scope="module")
-def inverse_map(ic3x_demo: Path) -> InverseMap:
-    return load_inverse_map(ic3x_demo / "map.h5")
+def whole_map(ic3x_demo: Path) -> InverseMap:
+    """The map of both estimators."""
+    found = load_inverse_map(ic3x_demo / "map.h5")
+    assert found.manifold is not None
+    return found
+
+
+@pytest.fixture
+def inverse_map(kind: str, whole_map: InverseMap) -> InverseMap:
+    """The map for the estimator ``kind``."""
+    return whole_map if kind == "manifold" else replace(whole_map, manifold=None)
 
 
 def flown(
@@ -60,7 +75,7 @@ def flown(
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return errors and sigmas (n, 5) of the coefficients and health (n,); 0 vehicles stands for the exact one."""
     random, n = np.random.default_rng(seed), inverse_map.n_gauges
-    flights, estimator = true_flights(vehicle, structure, flows, conditions), Estimator(inverse_map)
+    flights, estimator = true_flights(vehicle, structure, flows, conditions), estimator_of(inverse_map)
     built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 10
     found = []
     for one in built:
@@ -90,6 +105,7 @@ def covered(error: FloatArray, sigma: FloatArray) -> FloatArray:
     return np.asarray(np.mean(np.abs(error) <= 3.0 * sigma, axis=0))
 
 
+@pytest.mark.parametrize("kind", KINDS)
 def test_three_sigma_cover_the_truth_with_hardware_errors_drawn(
     inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
 ) -> None:
@@ -101,6 +117,7 @@ def test_three_sigma_cover_the_truth_with_hardware_errors_drawn(
     assert np.mean(silent) <= 0.03
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("altitude", ALTITUDES)
 def test_one_map_holds_at_every_altitude(
     altitude: float, inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
@@ -133,6 +150,12 @@ def with_noise(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     return vehicle.model_copy(update={"noise": noise})
 
 
+def map_of(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, like: InverseMap) -> InverseMap:
+    """Return a map from other inputs, with tables where the map ``like`` has some."""
+    found = build_inverse_map(vehicle, snapshots, structure)
+    return found if like.manifold is None else with_manifold(found, vehicle, snapshots, structure)
+
+
 def moved(snapshots: Snapshots, altitude: float) -> Snapshots:
     """Return the same flows at another altitude: pressure over p_inf does not change."""
     condition = snapshots.condition.copy()
@@ -148,7 +171,8 @@ def moved(snapshots: Snapshots, altitude: float) -> Snapshots:
     )
 
 
-@pytest.mark.parametrize("altitude", [12e3, 30e3])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("altitude", [12e3, *(pytest.param(a, marks=pytest.mark.slow) for a in ALTITUDES[1:])])
 def test_accuracy_is_that_of_a_map_built_for_the_altitude(
     altitude: float,
     inverse_map: InverseMap,
@@ -159,7 +183,7 @@ def test_accuracy_is_that_of_a_map_built_for_the_altitude(
     fourier: StructuralModel,
 ) -> None:
     """Rms errors of every coefficient within 2 %, at the same flights."""
-    own = build_inverse_map(with_noise(shipped, inverse_map), moved(snapshots, altitude), fourier)
+    own = map_of(with_noise(shipped, inverse_map), moved(snapshots, altitude), fourier, inverse_map)
     conditions = held_out(shipped, flows, 200, altitude)
     rms = [
         np.sqrt(np.mean(flown(one, shipped, whole, flows, conditions, vehicles=30)[0] ** 2, axis=0))
@@ -168,8 +192,14 @@ def test_accuracy_is_that_of_a_map_built_for_the_altitude(
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.02)
 
 
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_map_of_sideslip_to_one_side_holds_on_both(
-    shipped: Vehicle, whole: TrueStructure, flows: FlowTable, snapshots: Snapshots, fourier: StructuralModel
+    inverse_map: InverseMap,
+    shipped: Vehicle,
+    whole: TrueStructure,
+    flows: FlowTable,
+    snapshots: Snapshots,
+    fourier: StructuralModel,
 ) -> None:
     """Conditions with sideslip 0 and 5 deg alone, flown from -5 to 5 deg."""
     angles = snapshots.condition[:, 2]
@@ -187,7 +217,7 @@ def test_a_map_of_sideslip_to_one_side_holds_on_both(
         mass_error=None if snapshots.mass_error is None else snapshots.mass_error[rows],
         flow=first,
     )
-    one_sided = build_inverse_map(shipped, few, fourier)
+    one_sided = map_of(shipped, few, fourier, inverse_map)
     random = np.random.default_rng(8)
     conditions = [
         FlightCondition(float(mach), float(alpha), float(beta), 20e3)
@@ -199,11 +229,10 @@ def test_a_map_of_sideslip_to_one_side_holds_on_both(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", ["linear", "manifold"])
 def test_false_alarms_are_as_stated(
     inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
 ) -> None:
     """1e6 samples, every one of a vehicle of its own, seeds that the levels were not set with: a factor 2."""
-    fly = partial(drawn_vehicles, shipped, whole, flows)
-    chi_square, outlier = alarm_ratios(inverse_map, shipped, flows, fly, seed=999, vehicles=1000)
-    rate = np.mean((chi_square > 1.0) | (outlier > 1.0))
-    assert 0.5 * FALSE_ALARM_PROBABILITY <= rate <= 2.0 * FALSE_ALARM_PROBABILITY
+    found = false_alarms(inverse_map, shipped, whole, flows, samples=1_000_000, seed=2)
+    assert 0.5 * FALSE_ALARM_PROBABILITY <= found.rate <= 2.0 * FALSE_ALARM_PROBABILITY, found.lines()

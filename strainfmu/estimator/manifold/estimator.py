@@ -37,6 +37,9 @@ from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator, moment_transfer
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors
 
+Solve = Callable[[Samples, IntArray], Linearised]
+"""Takes samples and which of the inputs they are; returns their solution."""
+
 BLOCK = 64
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
 
@@ -68,8 +71,9 @@ class EstimatorInputs:
 
     def rows(self, rows: slice | IntArray) -> EstimatorInputs:
         """Return the samples ``rows``."""
-        navigation = Navigation(value=self.navigation.value[rows], std=self.navigation.std[rows])
-        return EstimatorInputs(strain=self.strain[rows], used=self.used[rows], navigation=navigation)
+        return EstimatorInputs(
+            strain=self.strain[rows], used=self.used[rows], navigation=self.navigation.rows(rows)
+        )
 
 
 class ManifoldEstimator:
@@ -256,12 +260,12 @@ class ManifoldEstimator:
         # A smaller error says no more, and its weight would leave no digits to the test of navigation.
         return np.maximum(np.where(np.isnan(std), own, std), 1e-4 * np.abs(value))
 
-    def search(self, samples: Samples) -> Linearised:
-        """Return the solution of ``samples`` from a search of the tables."""
+    def search(self, samples: Samples, rows: IntArray | None = None) -> Linearised:
+        """Return the solution of ``samples`` from a search of the tables, whichever ``rows`` they are."""
         return solve_cold(self.manifold, self._search, samples)
 
-    def estimated(self, inputs: EstimatorInputs, solve: Callable[[Samples], Linearised]) -> FlightEstimates:
-        """Return the estimates of ``inputs`` whose flight state ``solve`` finds, for any samples of them.
+    def estimated(self, inputs: EstimatorInputs, solve: Solve) -> FlightEstimates:
+        """Return the estimates of ``inputs`` whose flight state ``solve`` finds.
 
         Samples with inconsistent navigation are solved a second time without it.
         """
@@ -271,13 +275,13 @@ class ManifoldEstimator:
             used=used,
             measured=state_measurement(self.manifold, inputs.navigation),
         )
-        found = solution(self.manifold, solve(samples), used)
+        found = solution(self.manifold, solve(samples, np.arange(len(used))), used)
         dropped = inconsistent_navigation(found.navigation_residual)
         rows = np.flatnonzero(dropped.any(axis=1))
         if len(rows):
             residual = found.navigation_residual
             samples = without_navigation(samples, residual, dropped)
-            again = solution(self.manifold, solve(samples.rows(rows)), used[rows])
+            again = solution(self.manifold, solve(samples.rows(rows), rows), used[rows])
             found = replace(found.with_rows(rows, again), navigation_residual=residual)
         return self.concluded(inputs, samples, found)
 

@@ -82,6 +82,11 @@ def flight_health(
     )
 
 
+def whole_chi_square_limit(manifold: ManifoldMap, alarm_scale: float) -> float:
+    """Return the alarm level of chi-square with all gauges and all navigation."""
+    return alarm_scale * manifold.chi_square_scale * _limits(manifold.tables.n_gauges + len(NAVIGATION))[-1]
+
+
 @cache
 def _limits(largest: int) -> tuple[float, ...]:
     """Return the alarm levels of chi-square for 0 (as for 1) to ``largest`` degrees of freedom."""

@@ -7,7 +7,7 @@ from math import log
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.isolation import outlier_threshold
@@ -38,6 +38,10 @@ class Navigation:
 
     value: FloatArray
     std: FloatArray
+
+    def rows(self, rows: slice | IntArray) -> Navigation:
+        """Return the samples ``rows``."""
+        return Navigation(value=self.value[rows], std=self.std[rows])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -92,7 +92,7 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
         found = estimator.estimated(inputs, estimator.search)
     else:
         last = state[None]
-        found = estimator.estimated(inputs, lambda samples: solve_warm(estimator.manifold, last, samples))
+        found = estimator.estimated(inputs, lambda samples, _: solve_warm(estimator.manifold, last, samples))
     one = found[0]
     if one.health in (HealthState.INVALID, HealthState.UNIDENTIFIED):
         return one, track

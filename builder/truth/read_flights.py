@@ -1,0 +1,103 @@
+"""What vehicles read on flights of the independent model, errors of hardware, gauges and navigation drawn."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import Fly
+from builder.truth.held_out import held_out_conditions
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.flight_condition import FlightCondition
+
+CONDITIONS, VEHICLES = 1000, 200
+"""Flight conditions, and vehicles that fly at each, every one with its own errors and noise.
+
+Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own.
+"""
+
+SEED, THREADS = 20260, 2
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReadFlights:
+    """Readings of n samples: v vehicles at each of f flights, one flight after another.
+
+    Attributes
+    ----------
+    conditions : f flight conditions.
+    strain : (n, n_d) of the gauges [m/m].
+    dynamic_pressure, mach_number, static_pressure : (n,) as stated [Pa, 1, Pa].
+    """
+
+    conditions: tuple[FlightCondition, ...]
+    strain: FloatArray
+    dynamic_pressure: FloatArray
+    mach_number: FloatArray
+    static_pressure: FloatArray
+
+    def rows(self, flight: int) -> slice:
+        """Return the samples of a flight."""
+        vehicles = len(self.strain) // len(self.conditions)
+        return slice(flight * vehicles, (flight + 1) * vehicles)
+
+
+def read_flights(
+    inverse_map: InverseMap,
+    vehicle: Vehicle,
+    table: FlowTable,
+    fly: Fly,
+    *,
+    seed: int | list[int] = SEED,
+    vehicles: int = VEHICLES,
+    conditions: int = CONDITIONS,
+) -> ReadFlights:
+    """Return what ``vehicles`` read at each of ``conditions`` that ``vehicle`` and the flows ``table`` cover.
+
+    ``fly`` lets them fly there. Each flight has a generator of its own.
+
+    Raises
+    ------
+    InputError
+        The Fourier model cannot do the vehicle.
+    """
+    random, noise = np.random.default_rng(seed), vehicle.noise
+    # A map whose snapshots could not be rolled holds for the listed angles alone.
+    symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
+    as_mapped = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": symmetry})})
+    flown = fly(held_out_conditions(as_mapped, table, conditions, random))
+    own = random.spawn(len(flown.conditions))
+
+    def of_flight(number: int) -> tuple[FloatArray, ...]:
+        condition, random = flown.conditions[number], own[number]
+        strain, stated = flown.read(number, vehicles, random)
+        strain = strain + gauge_noise(inverse_map, random, strain.shape)
+        error = random.standard_normal((2, vehicles))
+        of_pressure = 0.01 * noise.navigation_static_pressure_percent * error[1]
+        return (
+            strain,
+            flown.dynamic_pressure[number] * stated,
+            condition.mach_number + noise.navigation_mach_number * error[0],
+            condition.ambient_pressure * (1.0 + of_pressure),
+        )
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = list(pool.map(of_flight, range(len(flown.conditions))))
+    strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
+    return ReadFlights(
+        conditions=tuple(flown.conditions),
+        strain=strain,
+        dynamic_pressure=dynamic,
+        mach_number=mach,
+        static_pressure=static,
+    )
+
+
+def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+    """Return draws of the gauges' own noise [m/m], last axis the gauges."""
+    return np.asarray(inverse_map.noise_std * random.standard_normal(shape))

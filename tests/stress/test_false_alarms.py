@@ -1,0 +1,114 @@
+"""Alarm levels of the nonlinear estimator and false alarms on a coarse vehicle: the largest samples are estimated,
+levels bring the rate to the stated one, and what is counted adds up."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.manifold.build import with_manifold
+from builder.stress import false_alarms as module
+from builder.stress.false_alarms import FalseAlarms, false_alarms
+from builder.structure.fourier.model import StructuralModel
+from builder.truth.alarm_levels import alarm_scales, with_alarm_levels
+from builder.truth.flight_alarm_levels import flight_alarm_ratios, ratios_and_health, with_flight_alarm_levels
+from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import drawn_vehicles
+from builder.truth.read_flights import ReadFlights, read_flights
+from builder.truth.strain import TrueStructure
+from builder.vehicle.file import Vehicle
+from strainfmu.errors import InputError
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+
+
+@pytest.fixture(scope="module")
+def theory(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
+    problem = inverse_problem(vehicle, snapshots, structure)
+    linear = build_inverse_map(vehicle, snapshots, structure, problem=problem)
+    return with_manifold(linear, vehicle, snapshots, structure, problem=problem)
+
+
+@pytest.fixture(scope="module")
+def flights(theory: InverseMap, vehicle: Vehicle, true_model: TrueStructure, table: FlowTable) -> ReadFlights:
+    fly = partial(drawn_vehicles, vehicle, true_model, table)
+    return read_flights(theory, vehicle, table, fly, conditions=250, vehicles=40)
+
+
+@pytest.fixture(scope="module")
+def calibrated(theory: InverseMap, flights: ReadFlights) -> InverseMap:
+    return with_flight_alarm_levels(with_alarm_levels(theory, flights), flights)
+
+
+def test_what_is_estimated_are_the_largest(theory: InverseMap, flights: ReadFlights) -> None:
+    """Levels are those of estimates of all samples, within what a few samples of the tail are off."""
+    estimator = ManifoldEstimator(theory)
+    of_all, health = ratios_and_health(estimator, flights, search=False)
+    some = flight_alarm_ratios(estimator, flights)
+    assert of_all.shape == some.shape == (3, 10_000)
+    for one, other in zip(of_all, some, strict=True):
+        largest = np.argsort(-one)[:30]
+        np.testing.assert_allclose(other[largest], one[largest], rtol=1e-6)
+    np.testing.assert_allclose(alarm_scales(some), alarm_scales(of_all), rtol=0.02)
+    assert np.all((of_all.max(axis=0) <= 1.0) | (health != HealthState.OK))
+
+
+@pytest.mark.parametrize("search", [False, True])
+def test_a_search_finds_the_flight_that_a_step_starts_from(
+    search: bool, calibrated: InverseMap, flights: ReadFlights
+) -> None:
+    few = replace(
+        flights,
+        conditions=flights.conditions[:5],
+        **{
+            name: getattr(flights, name)[:200]
+            for name in ("strain", "dynamic_pressure", "mach_number", "static_pressure")
+        },
+    )
+    ratios, health = ratios_and_health(ManifoldEstimator(calibrated), few, search=search)
+    assert np.all(health == HealthState.OK)
+    assert np.all(ratios.max(axis=0) < 1.0)
+
+
+def test_other_flights_raise_few_alarms(
+    calibrated: InverseMap, vehicle: Vehicle, true_model: TrueStructure, table: FlowTable
+) -> None:
+    """10,000 samples of other seeds: one alarm is expected, 7 or more are 1e-4 likely."""
+    found = false_alarms(calibrated, vehicle, true_model, table, samples=10_000, seed=4)
+    assert found.samples == 10_000
+    assert found.strain <= 6
+    assert set(found.each) == {*module.TESTS, "DEGRADED", "OUTSIDE"}
+    assert calibrated.manifold is not None
+    tight = replace(calibrated, manifold=replace(calibrated.manifold, chi_square_scale=0.5))
+    many = false_alarms(tight, vehicle, true_model, table, samples=2_000, seed=4)
+    assert many.strain == many.each["chi-square"] > 200
+    linear = false_alarms(replace(calibrated, manifold=None), vehicle, true_model, table, samples=10_000, seed=4)
+    assert linear.strain <= 6
+    assert set(linear.each) == set(module.TESTS[:2])
+
+
+@pytest.mark.fast
+def test_the_interval_holds_the_rate() -> None:
+    found = FalseAlarms(samples=1_000_000, strain=100, each={"chi-square": 60, "largest |z|": 45})
+    assert found.rate == FALSE_ALARM_PROBABILITY
+    low, high = found.interval()
+    assert (low, high) == pytest.approx((81.4e-6, 121.6e-6), rel=1e-3)
+    assert found.lines()[-1].startswith(
+        "1000000 samples; stated 0.0001, found 1.00 times that (95 %: 0.81 to 1.22)"
+    )
+    assert FalseAlarms(samples=1000, strain=0, each={}).interval()[0] == 0.0
+
+
+@pytest.mark.fast
+def test_no_samples_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", str(tmp_path / "f.h5"), "--samples", "0"])
+    with pytest.raises(InputError, match="--samples from 1 on"):
+        module.main()
