@@ -27,7 +27,7 @@ from builder.truth.alarm_levels import alarm_ratios
 from builder.truth.flight_alarm_levels import ratios_and_health
 from builder.truth.flow_table import FlowTable, load_flow_table
 from builder.truth.flown_vehicles import drawn_vehicles
-from builder.truth.read_flights import CONDITIONS, read_flights
+from builder.truth.read_flights import CONDITIONS, ReadFlights, read_flights
 from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
@@ -102,11 +102,15 @@ def false_alarms(
     InputError
         ``table`` does not cover the map, or the Fourier model cannot do the vehicle.
     """
+    fly = partial(drawn_vehicles, vehicle, structure, table)
     conditions = min(CONDITIONS, max(1, samples // VEHICLES))
     blocks = -(-samples // (conditions * VEHICLES))
     flown, strain, each = 0, 0, Counter[str]()
     for block in range(blocks):
-        ratios, health = _of_block(inverse_map, vehicle, structure, table, [seed, block], conditions, search)
+        flights = read_flights(
+            inverse_map, vehicle, table, fly, seed=[seed, block], vehicles=VEHICLES, conditions=conditions
+        )
+        ratios, health = _tests(inverse_map, flights, search)
         above = ratios > 1.0
         flown, strain = flown + above.shape[1], strain + int(above.any(axis=0).sum())
         each.update({name: int(row.sum()) for name, row in zip(TESTS, above, strict=False)})
@@ -117,18 +121,8 @@ def false_alarms(
     return FalseAlarms(samples=flown, strain=strain, each=dict(each))
 
 
-def _of_block(
-    inverse_map: InverseMap,
-    vehicle: Vehicle,
-    structure: TrueStructure,
-    table: FlowTable,
-    seed: list[int],
-    conditions: int,
-    search: bool,
-) -> tuple[FloatArray, IntArray]:
+def _tests(inverse_map: InverseMap, flights: ReadFlights, search: bool) -> tuple[FloatArray, IntArray]:
     """Return tests over their levels (2 or 3, n) and health (n,); none of a linear map."""
-    fly = partial(drawn_vehicles, vehicle, structure, table)
-    flights = read_flights(inverse_map, vehicle, table, fly, seed=seed, vehicles=VEHICLES, conditions=conditions)
     if inverse_map.manifold is None:
         return np.stack(alarm_ratios(inverse_map, flights)), np.zeros(0, dtype=np.int64)
     return ratios_and_health(ManifoldEstimator(inverse_map), flights, search=search)
