@@ -6,11 +6,8 @@ a second thread receives. Results go to the bus first, then to ``on_result``, wh
 
 from __future__ import annotations
 
-import gc
-import sys
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from math import isfinite, nan
 from time import process_time
 from typing import Any
@@ -27,6 +24,7 @@ from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
 from strainfmu.can.bridge.result_layouts import STATUS_PERIOD
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.bridge.transmitter import Transmitter
+from strainfmu.can.bridge.undisturbed import undisturbed
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.core import BridgeCore
@@ -50,23 +48,6 @@ HAND_OVER = 5e-4
 _LONGEST_WAIT = 0.1
 _LATENCIES = 200_000
 """Number of latencies kept for the percentiles, the latest ones."""
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Keep Python from standing still: threads hand over soon, garbage is looked for among new objects alone.
-
-    To look among all that a run begins with takes 70 ms or more, twice a minute at 1 kHz.
-    """
-    hand_over = sys.getswitchinterval()
-    sys.setswitchinterval(min(HAND_OVER, hand_over))
-    gc.collect()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
-        sys.setswitchinterval(hand_over)
 
 
 class Bridge:
@@ -146,7 +127,7 @@ class Bridge:
         StrainfmuError
             The bus cannot be opened, is lost and cannot be opened again, or the FMU failed for good.
         """
-        with _undisturbed():
+        with undisturbed(HAND_OVER):
             self._connect()
             end = float("inf") if duration is None else self._clock() + duration
             try:
