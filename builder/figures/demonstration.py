@@ -9,6 +9,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.colours import beyond, colour_ends
 from builder.figures.gauge_marks import draw_strokes
 from builder.figures.unrolled import at_roll_angles
 from builder.vehicle.geometry import SurfaceGrid
@@ -43,17 +44,21 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
     conditions = snapshots.conditions()
     roll = np.degrees(np.append(surface.roll_angle, 2.0 * np.pi))
     for axis, index in zip(axes, three_conditions(snapshots), strict=True):
-        ratio = surface.as_map(snapshots.pressure[index]) / conditions[index].ambient_pressure
+        at_nodes = snapshots.pressure[index] / conditions[index].ambient_pressure
+        ratio = surface.as_map(at_nodes)
         closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
-        drawn = axis.pcolormesh(surface.x, roll, closed.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True)
+        ends = colour_ends(snapshots.surface, at_nodes)
+        drawn = axis.pcolormesh(
+            surface.x, roll, closed.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True, **ends
+        )
         leeward = degrees(conditions[index].leeward_roll_angle) % 360.0
         if conditions[index].total_incidence > 0.0:
             axis.axhline(leeward, color="white", linewidth=0.8, linestyle="--")
-            axis.text(0.01, leeward, " leeward", color="white", fontsize=8, va="bottom")
+            axis.text(surface.x[-1], leeward, "leeward ", color="white", fontsize=8, ha="right", va="bottom")
         axis.set_title(str(conditions[index]), fontsize=9)
         axis.set_ylabel("roll angle [deg]")
         axis.set_yticks([0, 90, 180, 270, 360])
-        figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
+        figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=beyond(drawn, ratio))
     axes[-1].set_xlabel("station x from the nose tip [m]")
     figure.suptitle(f"Surface pressure, unrolled: {title}")
     return figure
@@ -66,20 +71,25 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
     conditions = snapshots.conditions()
     for row, index in zip(axes, three_conditions(snapshots), strict=True):
         condition = conditions[index]
-        ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
+        at_nodes = snapshots.pressure[index] / condition.ambient_pressure
+        ratio = surface.as_map(at_nodes)
+        ends = colour_ends(snapshots.surface, at_nodes)
         for axis, side, towards in zip(row, ("leeward", "windward"), (0.0, np.pi), strict=True):
-            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards)
+            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards, ends)
             axis.set_title(f"{condition}, from {side}", fontsize=8)
         row[0].set_ylabel("across [mm]")
-        figure.colorbar(drawn, ax=row, label="$p/p_\\infty$ [1]", pad=0.01)
+        figure.colorbar(drawn, ax=row, label="$p/p_\\infty$ [1]", pad=0.01, extend=beyond(drawn, ratio))
     for axis in axes[-1]:
         axis.set_xlabel("station x from the nose tip [m]")
     figure.suptitle(f"Surface pressure on the body: {title}")
     return figure
 
 
-def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float) -> Any:
-    """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad]."""
+def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float, ends: dict[str, float]) -> Any:
+    """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad].
+
+    ``ends`` are those of the colours.
+    """
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
     shown = at_roll_angles(ratio, surface.roll_angle, np.mod(angle + facing, 2.0 * np.pi))
     across = 1e3 * np.outer(surface.radius, np.sin(angle))
@@ -90,9 +100,8 @@ def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float
         shown,
         shading="gouraud",
         cmap=COLOUR_MAP,
-        vmin=ratio.min(),
-        vmax=ratio.max(),
         rasterized=True,
+        **ends,
     )
 
 
@@ -103,11 +112,11 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
     draw_strokes(unrolled, position, direction, 14.0)
     unrolled.set_xlim(0.0, surface.x[-1])
-    unrolled.set_ylim(-20.0, 360.0)
+    unrolled.set_ylim(-20.0, 420.0)
     unrolled.set_yticks([0, 90, 180, 270, 360])
     unrolled.set_xlabel("station x from the nose tip [m]")
     unrolled.set_ylabel("roll angle from +z towards +y [deg]")
-    unrolled.legend(title="gauges", loc="upper left")
+    unrolled.legend(loc="upper center", ncols=3)
     unrolled.grid(alpha=0.3)
     circle = np.linspace(0.0, 2.0 * np.pi, 200)
     behind.plot(1e3 * surface.radius[-1] * np.sin(circle), 1e3 * surface.radius[-1] * np.cos(circle), color="grey")
@@ -128,13 +137,14 @@ def overview(
     body, *panels = figure.subplots(3, 1, height_ratios=(1.1, 1.0, 1.0))
     index = three_conditions(snapshots)[1]
     condition = snapshots.conditions()[index]
-    ratio = surface.as_map(snapshots.pressure[index]) / condition.ambient_pressure
+    at_nodes = snapshots.pressure[index] / condition.ambient_pressure
     facing = condition.leeward_roll_angle + np.pi
-    drawn = _draw_body(body, ratio, surface, facing)
-    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01)
+    ends = colour_ends(snapshots.surface, at_nodes)
+    drawn = _draw_body(body, surface.as_map(at_nodes), surface, facing, ends)
+    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01, extend=beyond(drawn, at_nodes))
     position = inverse_map.gauge_position
     away = np.arctan2(position[:, 1], position[:, 2]) - facing
-    front = np.cos(away) > 0.0
+    front = np.cos(away) > -1e-6  # with those on the outline
     radius = np.hypot(position[:, 1], position[:, 2])
     body.plot(
         position[front, 0],
@@ -145,7 +155,8 @@ def overview(
         markersize=4,
         label="strain gauges on the inner surface",
     )
-    body.legend(fontsize=8, loc="upper left")
+    body.set_ylim(*(np.array([-1.05e3, 1.05e3]) * surface.radius.max()))
+    body.legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.2, frameon=False)
     body.set_title(f"Air load: {condition}, seen from windward", fontsize=9, loc="left")
     body.set_xlabel("station x from the nose tip [m]")
     body.set_ylabel("across [mm]")

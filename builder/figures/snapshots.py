@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.colours import beyond, colour_ends
 from builder.figures.unrolled import at_roll_angles
 from strainfmu.arrays import FloatArray
 
@@ -33,8 +34,8 @@ def surface_maps(snapshots: Snapshots) -> Figure:
     for row, mach in zip(axes, machs, strict=True):
         here = np.flatnonzero(snapshots.condition[:, 0] == mach)
         for axis, index in zip(row, (here[incidence[here].argmin()], here[incidence[here].argmax()]), strict=True):
-            drawn = _draw_unrolled(axis, snapshots, int(index))
-            figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
+            drawn, extend = _draw_unrolled(axis, snapshots, int(index))
+            figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=extend)
             axis.set_title(f"{snapshots.conditions()[index]}", fontsize=8)
         row[0].set_ylabel("roll from leeward [deg]")
     for axis in axes[-1]:
@@ -44,23 +45,28 @@ def surface_maps(snapshots: Snapshots) -> Figure:
     return figure
 
 
-def _draw_unrolled(axis: Any, snapshots: Snapshots, index: int) -> Any:
-    """Draw one snapshot over x and the roll angle from its leeward meridian."""
+def _draw_unrolled(axis: Any, snapshots: Snapshots, index: int) -> tuple[Any, str]:
+    """Draw one snapshot over x and the roll angle from its leeward meridian.
+
+    Returns what was drawn, and which end of its colours has values beyond it.
+    """
     condition, grid = snapshots.conditions()[index], snapshots.grid
     ratio = snapshots.pressure[index] / condition.ambient_pressure
+    ends = colour_ends(snapshots.surface, ratio)
     axis.set_ylim(-180.0, 180.0)
     if grid is not None:
         away = np.linspace(-180.0, 180.0, 181)
         requested = np.mod(np.radians(away) + condition.leeward_roll_angle, 2.0 * np.pi)
         shown = at_roll_angles(grid.as_map(ratio), grid.roll_angle, requested)
-        return axis.pcolormesh(grid.x, away, shown.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True)
+        drawn = axis.pcolormesh(grid.x, away, shown.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True, **ends)
+        return drawn, beyond(drawn, ratio)
     x, y, z = snapshots.point.T
     away = np.degrees(np.arctan2(y, z) - condition.leeward_roll_angle)
     corner = np.mod(away[snapshots.triangle] + 180.0, 360.0) - 180.0
     inside = np.ptp(corner, axis=1) < 180.0  # a triangle across the seam would span the whole width
     number = np.arange(3 * int(inside.sum())).reshape(-1, 3)
     at_corner = snapshots.triangle[inside].ravel()
-    return axis.tripcolor(
+    drawn = axis.tripcolor(
         x[at_corner],
         corner[inside].ravel(),
         number,
@@ -68,7 +74,9 @@ def _draw_unrolled(axis: Any, snapshots: Snapshots, index: int) -> Any:
         shading="gouraud",
         cmap=COLOUR_MAP,
         rasterized=True,
+        **ends,
     )
+    return drawn, beyond(drawn, ratio)
 
 
 def centre_lines(snapshots: Snapshots) -> Figure:
