@@ -36,7 +36,6 @@ from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
-from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.native_package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names
@@ -45,6 +44,8 @@ STEP_SIZE = 0.01
 """Time between samples of the flight [s]: 100 Hz."""
 NOISE_SEED = 1
 LIMIT = "health.chi_square_limit"
+OF_ROLLING = (ROLLING, f"sigma.{ROLLING}")
+"""Outputs of FMUs whose map is in form "dynamic_pressure"."""
 
 
 def check_free_demo(vehicle_case: FreeCase, shape_kind: str) -> None:
@@ -131,8 +132,9 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
     rows, cost = [], []
     with (
         pipeline.reporter.stage("Flight: the estimator FMU") as progress,
-        FmuStep(pipeline.path("estimator.fmu"), tuple(further), (LIMIT,)) as step,
+        FmuStep(pipeline.path("estimator.fmu"), tuple(further), (LIMIT, *OF_ROLLING)) as step,
     ):
+        of_rolling = [name for name in OF_ROLLING if name in step.further_outputs]
         for i, condition in enumerate(flown.conditions):
             values = {"mach_number": condition.mach_number, "altitude": condition.altitude}
             begun = perf_counter()
@@ -144,37 +146,26 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
                     *result.coefficients_std,
                     result.health,
                     result.chi_square,
-                    result.further[LIMIT],
+                    *(result.further[name] for name in (LIMIT, *of_rolling)),
                 ]
             )
             if i % 100 == 0:
                 progress(i, len(strain))
-    # No output of the FMU: the same estimate by the estimator in Python.
-    estimates = Estimator(inverse_map).estimate(strain, stated)
     table = np.array([condition.as_row() for condition in flown.conditions])
     parameters = list(pipeline.vehicle.conditions.parameters)
-    plant = [*COEFFICIENT_NAMES, ROLLING, *strain_names(strain.shape[1]), "dynamic_pressure"]
+    rolling = [ROLLING] if of_rolling else []
+    plant = [*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1]), "dynamic_pressure"]
     plant += ["mach_number", "angle_of_attack", "sideslip_angle", "altitude", *parameters]
     estimator = [*COEFFICIENT_NAMES, *(f"sigma.{name}" for name in COEFFICIENT_NAMES)]
-    estimator += ["health.state", "health.chi_square", LIMIT, ROLLING, f"sigma.{ROLLING}"]
-    units = ["1"] * (6 + strain.shape[1]) + ["Pa", "1", "rad", "rad", "m"] + [""] * len(parameters)
-    units += ["1"] * 10 + ["", "1", "1", "1", "1"]
+    estimator += ["health.state", "health.chi_square", LIMIT, *of_rolling]
+    units = ["1"] * (5 + len(rolling) + strain.shape[1]) + ["Pa", "1", "rad", "rad", "m"] + [""] * len(parameters)
+    units += ["1"] * 10 + ["", "1", "1"] + ["1"] * len(of_rolling)
+    loads = [flown.coefficients, *([flown.rolling] if rolling else [])]
     return Recording(
         time=flown.time,
         names=(*(f"plant.{name}" for name in plant), *(f"estimator.{name}" for name in estimator)),
         units=tuple(units),
-        values=np.column_stack(
-            [
-                flown.coefficients,
-                flown.rolling,
-                strain,
-                stated,
-                table,
-                np.array(rows),
-                estimates.M_R,
-                estimates.sigma.M_R,
-            ]
-        ),
+        values=np.column_stack([*loads, strain, stated, table, np.array(rows)]),
         instances=("estimator",),
         step_cost=np.array(cost[1:])[:, None],
     )
