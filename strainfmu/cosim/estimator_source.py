@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from math import nan
 from pathlib import Path
 
+import numpy as np
+
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
 from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepResult
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
@@ -19,6 +21,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.interface.temperature_variables import temperature_names
 
 NAVIGATION = ("mach_number", "altitude")
 """Inputs of an estimator for health alone."""
@@ -44,7 +47,7 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        with FmuStep(source, NAVIGATION, (ENVELOPE_SCORE,)) as fmu:
+        with FmuStep(source, (*NAVIGATION, TEMPERATURE), (ENVELOPE_SCORE,)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
@@ -60,10 +63,11 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
 class MapStep:
     """The estimator of a map as the step of a bridge; a nonlinear one starts from the state of the step before."""
 
-    further_inputs = NAVIGATION
-
     def __init__(self, inverse_map: InverseMap, zeros: GaugeZeros | None = None) -> None:
         self._map = inverse_map
+        self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
+        self._temperatures = temperature_names(inverse_map.thermal)
+        self.further_inputs = (*NAVIGATION, *self._temperatures)
         self.set_zeros(zeros)
         self.noise_std = inverse_map.noise_std
 
@@ -80,9 +84,18 @@ class MapStep:
         *,
         mach_number: float = nan,
         altitude: float = nan,
+        **temperature: float,
     ) -> StepResult:
-        """Do one step; its result does not depend on ``step_size``."""
-        found = self._estimator.step(strain, dynamic_pressure, mach_number=mach_number, altitude=altitude)
+        """Do one step; its result does not depend on ``step_size``.
+
+        ``temperature`` [K] is by name of the FMU's input; one that is not given is not known.
+        """
+        warm = None
+        if temperature:
+            warm = np.array([temperature.get(name, nan) for name in self._temperatures])
+        found = self._estimator.step(
+            strain, dynamic_pressure, mach_number=mach_number, altitude=altitude, temperature=warm
+        )
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,

@@ -54,6 +54,14 @@ def further_inputs(step: Step) -> tuple[str, ...]:
     return tuple(getattr(step, "further_inputs", ()))
 
 
+def sensor_names_of(step: Step) -> tuple[str, ...]:
+    """Return the temperature sensors whose inputs ``temperature[k]`` are among :func:`further_inputs`, in order.
+
+    They are ``step``'s attribute ``sensor_names``; none where it has none.
+    """
+    return tuple(getattr(step, "sensor_names", ()))
+
+
 def noise_of(step: Step) -> FloatArray | None:
     """Return (n_d,) the standard deviations of the gauges' noise [m/m] by which the estimator was made.
 

@@ -22,7 +22,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configuration_of, profile_layout
-from strainfmu.cosim.step import Step
+from strainfmu.cosim.step import Step, sensor_names_of
 from strainfmu.errors import InputError
 
 UNPROTECTED_TEXT = (
@@ -142,14 +142,14 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
         Something needed is not installed, or the FMU cannot be loaded.
     """
     import_can()
-    from strainfmu.cosim.fmu_step import FmuStep
+    from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
     from strainfmu.cosim.step import ENVELOPE_SCORE
     from strainfmu.cosim.zeros_file import load_zeros
 
     taps = taps or Taps()
     bus = bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
-    with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE, *taps.outputs)) as step, ExitStack() as stack:
+    with FmuStep(fmu, (*NAVIGATION, TEMPERATURE), (ENVELOPE_SCORE, *taps.outputs)) as step, ExitStack() as stack:
         if options.zeros is not None:
             step.set_zeros(load_zeros(options.zeros, step.gauge_names))
         start = taps.clock()
@@ -221,7 +221,7 @@ def make_core(
         synchronised=options.synchronised,
         synchronised_shift=options.synchronised_shift,
     )
-    layout, configuration = input_layout(options, gauge_names)
+    layout, configuration = input_layout(options, gauge_names, sensor_names_of(step))
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
     options.identifiers.checked(1, len(results))
     own_keys = [frame.key for frame in results]
@@ -261,8 +261,12 @@ def _taring(
     return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
 
 
-def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
+def input_layout(
+    options: BridgeOptions, gauge_names: Sequence[str], sensor_names: Sequence[str] = ()
+) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
+
+    ``sensor_names`` are the temperature sensors of the estimator, which a mapping may name.
 
     Raises
     ------
@@ -290,6 +294,7 @@ def input_layout(options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[In
         load_mapping(options.mapping),
         gauge_names=gauge_names,
         name=str(options.mapping),
+        sensor_names=sensor_names,
     )
     return layout, configuration_of(options.dbc.name, gauge_names)
 

@@ -4,11 +4,12 @@ the run."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, isfinite, isnan, nan
 
 from strainfmu.can.cycle.assembler import Arrival
 from strainfmu.can.cycle.decoder import STATUS_DEGRADED
+from strainfmu.can.cycle.quality import Cause
 from strainfmu.can.cycle.restart_proof import SeenFrames
 from strainfmu.can.e2e.sample_clock import SenderClock
 from strainfmu.can.wire.cycle_plan import raw_ends
@@ -18,6 +19,7 @@ from strainfmu.can.wire.frame_layout import (
     MACH_NUMBER,
     FlowSignal,
     InputFrame,
+    is_temperature,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
 from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
@@ -28,6 +30,9 @@ _SENSIBLE = {
     ALTITUDE: (-2e3, 2e5),
 }
 """Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
+
+_SENSIBLE_TEMPERATURE = (1.0, 5e3)
+"""The same of a temperature [K]."""
 
 
 _NEW_FRAMES = 3
@@ -50,15 +55,17 @@ class FlowState:
     ----------
     dynamic_pressure : q_inf [Pa].
     mach_number, altitude : by navigation [1] and [m].
-    is_navigation_lost : Mach number or altitude was known before and is not any more.
+    lost : causes of what was known before and is not any more: navigation, a temperature.
+    temperature : of the sensors that frames hold [K], by name of the estimator's input; good until the next state.
     hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
     dynamic_pressure: float
     mach_number: float = nan
     altitude: float = nan
-    is_navigation_lost: bool = False
+    lost: Cause = Cause.NONE
     hides_delay: bool = False
+    temperature: dict[str, float] = field(default_factory=dict)
 
 
 class HeldValue:
@@ -86,7 +93,7 @@ class HeldValue:
         self._no_value = signal.no_value_codes
         self._low = -inf if signal.minimum is None else signal.minimum
         self._high = inf if signal.maximum is None else signal.maximum
-        self._smallest, self._largest = _SENSIBLE[source.quantity]
+        self._smallest, self._largest = _SENSIBLE.get(source.quantity, _SENSIBLE_TEMPERATURE)
         self._ends = raw_ends(signal) or ()
         self.quantity = source.quantity
         self.was_known = False
@@ -137,7 +144,7 @@ class HeldValue:
             self._accept(self._clock)
             self._shares_clock = agrees if strain_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
-        code, sampled, in_si = raw[index], time - delay, value * self._source.to_si
+        code, sampled, in_si = raw[index], time - delay, self._source.si(value)
         is_stated = isfinite(value) and not (self._has_no_value(code) or self._is_refused_by_sender(raw))
         is_usable = is_stated and not self._is_out_of_range(code, value)
         self._stated, self._stated_at = in_si if is_stated else nan, sampled
@@ -180,7 +187,7 @@ class HeldValue:
 
     def _is_out_of_range(self, code: int, value: float) -> bool:
         """Return whether a value is outside the limits, or at either end of its converter's range."""
-        is_sensible = self._smallest <= value * self._source.to_si <= self._largest
+        is_sensible = self._smallest <= self._source.si(value) <= self._largest
         # As of strains: a converter at either end is overdriven, or its wire is broken.
         return not (self._low <= value <= self._high and is_sensible) or code in self._ends
 
@@ -191,7 +198,7 @@ class HeldValue:
 
 
 class HeldFlow:
-    """Holds q_inf, Mach number and altitude, each for itself.
+    """Holds q_inf, Mach number, altitude and temperatures, each for itself.
 
     Parameters
     ----------
@@ -210,6 +217,8 @@ class HeldFlow:
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
+        self._sensors = [value for value in values if is_temperature(value.quantity)]
+        self._temperature: dict[str, float] = {}
 
     def reset(self) -> None:
         """Forget the sender."""
@@ -241,12 +250,20 @@ class HeldFlow:
             for value in self._values:
                 hides_delay = hides_delay or value.hides_delay
         mach_number, altitude = _at(self._mach_number, now), _at(self._altitude, now)
+        lost = Cause.NONE
+        if _is_lost(self._mach_number, mach_number) or _is_lost(self._altitude, altitude):
+            lost |= Cause.NAVIGATION
+        for held in self._sensors:
+            kelvin = self._temperature[held.quantity] = held.value(now)
+            if _is_lost(held, kelvin):
+                lost |= Cause.TEMPERATURE
         return FlowState(
             dynamic_pressure=pressure,
             mach_number=mach_number,
             altitude=altitude,
-            is_navigation_lost=_is_lost(self._mach_number, mach_number) or _is_lost(self._altitude, altitude),
+            lost=lost,
             hides_delay=hides_delay,
+            temperature=self._temperature,
         )
 
     def stated_pressure(self, now: float) -> float:

@@ -309,8 +309,7 @@ class CycleJudge:
         flow = self._flow.state(now)
         if isnan(flow.dynamic_pressure):
             causes |= Cause.DYNAMIC_PRESSURE
-        if flow.is_navigation_lost:
-            causes |= Cause.NAVIGATION
+        causes = causes | flow.lost if flow.lost else causes
         if flow.hides_delay:
             causes |= Cause.HIDDEN_DELAY
         # Without verdicts all gauges are valid.
@@ -354,6 +353,7 @@ class CycleJudge:
     ) -> tuple[StepResult | None, Quality, Cause]:
         """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
         further = self._further
+        further.update(flow.temperature)
         for name in self._navigation:
             further[name] = getattr(flow, name)
         try:

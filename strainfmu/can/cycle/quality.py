@@ -92,6 +92,8 @@ class Cause(IntFlag):
     """A tare was asked for, and loads are not known or the strains are no zeros: zeros are as before."""
     ZEROS_TAKEN = 1 << 22
     """The zeros of the gauges are new: strains of a tare are taken off from now on."""
+    TEMPERATURE = 1 << 23
+    """A temperature was known and is not any more: sigma is larger, the quality is as before."""
     NOT_AUTHENTIC = 1 << 24
     """Frames were refused whose authenticator does not fit, or whose freshness value is not new; the quality is as
     before, for what is used is authentic."""

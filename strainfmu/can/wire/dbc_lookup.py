@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from strainfmu.can.settings import checked_cycle_time
@@ -25,6 +25,7 @@ _TABLES = {
     "dynamic_pressure",
     "mach_number",
     "altitude",
+    "temperature",
     "units",
     "end_to_end",
     "sample_time",
@@ -106,7 +107,8 @@ class MappedDatabase:
 
     def check_timeouts(self) -> None:
         """Refuse a time-out of a frame that is not held."""
-        self.check_keys("timeout_ms", "frame of q_inf, navigation or slow strains", self._with_timeout)
+        held = "frame of q_inf, navigation, temperatures or slow strains"
+        self.check_keys("timeout_ms", held, self._with_timeout)
 
     def check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:
         """Refuse an entry for a frame or signal that is not in use: it would be ignored silently."""
@@ -156,7 +158,11 @@ class MappedDatabase:
     def factor(
         self, message: Any, signal: Any, units: Mapping[str, float], what: str, unless_stated: str = ""
     ) -> float:
-        """Return the factor to SI of a signal's unit; the mapping takes precedence over the DBC file.
+        """Return the factor to SI of a signal's unit, see :meth:`unit`."""
+        return units[self.unit(message, signal, tuple(units), what, unless_stated)]
+
+    def unit(self, message: Any, signal: Any, units: Sequence[str], what: str, unless_stated: str = "") -> str:
+        """Return a signal's unit, one of ``units``; the mapping takes precedence over the DBC file.
 
         A signal without a unit has that of ``unless_stated``.
         """
@@ -168,7 +174,7 @@ class MappedDatabase:
                 f"{self._name}: signal '{path}': unit: expected {what} ({', '.join(units)}), got {unit!r}; "
                 "state it under [units]"
             )
-        return units[unit.strip()]
+        return unit.strip()
 
     def protection(self, message: Any) -> Protection | None:
         """Return the end-to-end protection stated by the mapping, otherwise by the DBC file's attributes."""

@@ -22,11 +22,13 @@ from strainfmu.can.wire.frame_layout import (
     FrameLayout,
     InputFrame,
     InputLayout,
+    is_temperature,
+    temperature_name,
 )
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
-from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TEMPERATURE_UNITS, TIME_UNITS
 
 _Key = TypeVar("_Key")
 """What a signal is of: the number of a gauge, or the name of a quantity."""
@@ -39,31 +41,47 @@ _UNITS_OF = {
 """Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 
-def mapped_layout(database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> InputLayout:
+def mapped_layout(
+    database: Any,
+    mapping: Mapping[str, Any],
+    gauge_names: Sequence[str],
+    name: str,
+    sensor_names: Sequence[str] = (),
+) -> InputLayout:
     """Return the frames that ``mapping`` names in ``database``.
 
     Parameters
     ----------
     gauge_names : gauges in the order of the FMU's strains; the mapping may also call them strain[1], strain[2] ...
     name : of the mapping, for messages.
+    sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
 
     Raises
     ------
     InputError
         The mapping names what does not exist, leaves a gauge out, or a signal cannot be used.
     """
-    return _Mapper(database, mapping, gauge_names=gauge_names, name=name).layout()
+    return _Mapper(database, mapping, gauge_names=gauge_names, name=name, sensor_names=sensor_names).layout()
 
 
 class _Mapper:
     """Makes the layout of one mapping."""
 
-    def __init__(self, database: Any, mapping: Mapping[str, Any], gauge_names: Sequence[str], name: str) -> None:
+    def __init__(
+        self,
+        database: Any,
+        mapping: Mapping[str, Any],
+        gauge_names: Sequence[str],
+        name: str,
+        sensor_names: Sequence[str],
+    ) -> None:
         self._file = MappedDatabase(database, mapping, name)
         self._database, self._mapping, self._name = database, mapping, name
         self._gauges = {gauge: index for index, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         self._names = tuple(gauge_names)
+        numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
+        self._sensors = dict(zip(sensor_names, numbered, strict=True)) | {one: one for one in numbered}
         self._frames_in_use: set[str] = set()
 
     def layout(self) -> InputLayout:
@@ -133,18 +151,13 @@ class _Mapper:
         )
 
     def _flow_frames(self, cycle_time: float) -> tuple[InputFrame, ...]:
-        """Return the frames of q_inf, Mach number and altitude; quantities of one frame are decoded together.
+        """Return the frames of q_inf, navigation and temperatures; quantities of one frame are decoded together.
 
         Those of a frame that is slower than the cycle [s] are held for two of its own periods.
         """
         by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
-        for quantity in FLOW_QUANTITIES:
-            table = self._file.table(quantity, optional=True)
-            if not table:
-                continue
-            if set(table) != {"signal"}:
-                raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
-            message, signal = self._file.signal(table["signal"], quantity)
+        for quantity, path in (*self._flow_paths(), *self._temperature_paths()):
+            message, signal = self._file.signal(path, quantity)
             by_frame.setdefault((message.name, selector_value(signal, self._name)), []).append((quantity, signal))
         frames = [self._flow_frame(*key, items) for key, items in _with_every_page(by_frame).items()]
         timeouts = [self._file.timeout(frame, PERIODS_HELD) for frame in frames]
@@ -156,15 +169,45 @@ class _Mapper:
             for frame, timeout in zip(frames, timeouts, strict=True)
         )
 
+    def _flow_paths(self) -> list[tuple[str, Any]]:
+        """Return the quantities of the flow that are mapped, and "Message.Signal" of each."""
+        found = []
+        for quantity in FLOW_QUANTITIES:
+            table = self._file.table(quantity, optional=True)
+            if not table:
+                continue
+            if set(table) != {"signal"}:
+                raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
+            found.append((quantity, table["signal"]))
+        return found
+
+    def _temperature_paths(self) -> list[tuple[str, Any]]:
+        """Return the temperatures that are mapped, and "Message.Signal" of each."""
+        found: dict[str, Any] = {}
+        for sensor, path in self._file.table("temperature", optional=True).items():
+            if sensor not in self._sensors:
+                known = ", ".join(self._sensors)[:200] or "none, the estimator has no temperature sensors"
+                raise InputError(f"{self._name}: temperature: expected a sensor ({known}), got '{sensor}'")
+            quantity = self._sensors[sensor]
+            if quantity in found:
+                raise InputError(f"{self._name}: temperature: expected one signal for '{sensor}', got 2")
+            found[quantity] = path
+        return list(found.items())
+
     def _flow_frame(self, message_name: str, selector: int | None, items: list[tuple[str, Any]]) -> InputFrame:
         """Return one frame of quantities of the flow."""
         message = self._database.get_message_by_name(message_name)
         used = [signal for _, signal in items]
         flow = []
         for index, (quantity, signal) in enumerate(items):
-            units, what, unless_stated = _UNITS_OF[quantity]
-            factor = self._file.factor(message, signal, units=units, what=what, unless_stated=unless_stated)
-            flow.append(FlowSignal(quantity=quantity, index=index, to_si=factor))
+            if is_temperature(quantity):
+                unit = self._file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")
+                factor, offset = TEMPERATURE_UNITS[unit]
+            else:
+                units, what, unless_stated = _UNITS_OF[quantity]
+                factor = self._file.factor(message, signal, units=units, what=what, unless_stated=unless_stated)
+                offset = 0.0
+            flow.append(FlowSignal(quantity=quantity, index=index, to_si=factor, offset=offset))
         if len({signal.name for signal in used}) < len(used):
             names = " and ".join(quantity for quantity, _ in items)
             raise InputError(f"{self._name}: {names}: signal '{message_name}.{used[-1].name}' found for both")

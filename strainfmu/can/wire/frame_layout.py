@@ -14,7 +14,21 @@ LITTLE, BIG = "little", "big"
 DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE = "dynamic_pressure", "mach_number", "altitude"
 NAVIGATION = (MACH_NUMBER, ALTITUDE)
 FLOW_QUANTITIES = (DYNAMIC_PRESSURE, *NAVIGATION)
-"""What the bridge takes from the bus beside strains, by the names of the FMU's inputs; only q_inf is needed."""
+"""What the bridge takes from the bus beside strains, by the names of the FMU's inputs; only q_inf is needed.
+
+Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
+
+_TEMPERATURE = "temperature["
+
+
+def temperature_name(number: int) -> str:
+    """Return the name of the input for the temperature sensor ``number``, from 1."""
+    return f"{_TEMPERATURE}{number}]"
+
+
+def is_temperature(quantity: str) -> bool:
+    """Return whether ``quantity`` is the temperature of a sensor."""
+    return quantity.startswith(_TEMPERATURE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,18 +117,23 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowSignal:
-    """A signal that holds a quantity of the flow or of navigation.
+    """A signal that holds a quantity of the flow or of navigation, or a temperature.
 
     Attributes
     ----------
-    quantity : one of :data:`FLOW_QUANTITIES`.
+    quantity : one of :data:`FLOW_QUANTITIES`, or :func:`temperature_name`.
     index : of the signal in its frame.
-    to_si : factor from the signal's unit to Pa, 1 or m.
+    to_si, offset : factor from the signal's unit to Pa, 1, m or K, and what is added then.
     """
 
     quantity: str
     index: int
     to_si: float = 1.0
+    offset: float = 0.0
+
+    def si(self, value: float) -> float:
+        """Return ``value`` of the signal in SI units."""
+        return value * self.to_si + self.offset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +146,7 @@ class InputFrame:
     indices : (k,) indices of the strain signals.
     gauges : (k,) gauge of each, from 0.
     to_strain : (k,) factor from the signal's unit to m/m.
-    flow : its signals of flow and navigation.
+    flow : its signals of flow, navigation and temperature.
     sample_time : index of the sender's clock, or None; ``tick`` its unit [s], its range is its length in bits.
     status : index of the sender's own status (0 good, 1 degraded, others: do not use), or None.
     configuration : index of the number that must equal its signal's ``initial``, or None.
@@ -161,7 +180,7 @@ class InputLayout:
     name : of the profile or the DBC file.
     n_gauges : n_d; every gauge has one signal.
     strain_frames : one cycle of strains.
-    flow_frames : the frames of q_inf, Mach number and altitude; each of these is in one of them or in none.
+    flow_frames : the frames of q_inf, Mach number, altitude and temperatures; each is in one of them or in none.
     trailer : the frame that ends a cycle, or None.
     command : the frame of commands to the bridge, or None.
     cycle_time : nominal period [s].
@@ -190,15 +209,15 @@ class InputLayout:
 
     @property
     def optional_keys(self) -> frozenset[int]:
-        """Keys of the frames that need not come in every cycle: navigation alone, held strains, commands."""
-        alone = [frame for frame in self.flow_frames if all(s.quantity in NAVIGATION for s in frame.flow)]
+        """Keys of the frames that need not come in every cycle: without q_inf, held strains, commands."""
+        alone = [f for f in self.flow_frames if all(s.quantity != DYNAMIC_PRESSURE for s in f.flow)]
         alone += [frame for frame in self.strain_frames if frame.hold is not None]
         alone += [] if self.command is None else [self.command]
         needed = {frame.layout.key for frame in self.frames if frame not in alone}
         return frozenset(frame.layout.key for frame in alone) - needed
 
     def frame_of(self, quantity: str) -> InputFrame | None:
-        """Return the frame that holds a quantity of :data:`FLOW_QUANTITIES`, or None."""
+        """Return the frame that holds a quantity, as :class:`FlowSignal` names it, or None."""
         for frame in self.flow_frames:
             if any(signal.quantity == quantity for signal in frame.flow):
                 return frame

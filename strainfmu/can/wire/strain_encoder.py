@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
@@ -19,6 +20,7 @@ from strainfmu.can.wire.frame_layout import (
     FrameLayout,
     InputFrame,
     InputLayout,
+    temperature_name,
 )
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
@@ -39,7 +41,7 @@ class _Sample:
 class StrainEncoder:
     """Composes the frames of successive cycles in the order of their transmission: flow, strains, trailer.
 
-    A frame of navigation is left out until something in it was known; from then on it is sent every cycle.
+    A frame without q_inf is left out until something in it was known; from then on it is sent every cycle.
 
     Parameters
     ----------
@@ -71,6 +73,7 @@ class StrainEncoder:
         *,
         mach_number: float = nan,
         altitude: float = nan,
+        temperature: Sequence[float] = (),
         tare_request: int | None = None,
     ) -> list[Frame]:
         """Return the frames of one cycle.
@@ -83,6 +86,7 @@ class StrainEncoder:
         sample_time : sender's clock [s].
         status : 0 good, 1 degraded, 2 do not use.
         mach_number, altitude : by navigation [1] and [m], NaN for "not available".
+        temperature : of the first sensors [K], NaN for "not available", as all others are.
         tare_request : number of the command's frame; None leaves that out.
 
         Raises
@@ -90,16 +94,17 @@ class StrainEncoder:
         InputError
             A value does not fit into its signal, and the signal has no "not available".
         """
+        warm = {temperature_name(k): value for k, value in enumerate(temperature, start=1)}
         sample = _Sample(
             strain=np.asarray(strain, dtype=float),
-            flow={DYNAMIC_PRESSURE: dynamic_pressure, MACH_NUMBER: mach_number, ALTITUDE: altitude},
+            flow={DYNAMIC_PRESSURE: dynamic_pressure, MACH_NUMBER: mach_number, ALTITUDE: altitude, **warm},
             sample_time=sample_time,
             status=status,
             request=tare_request or 0,
         )
         layout, frames, covered = self._layout, [], b""
         for number, item in enumerate(layout.flow_frames):
-            self._sent[number] |= any(isfinite(sample.flow[signal.quantity]) for signal in item.flow)
+            self._sent[number] |= any(isfinite(sample.flow.get(signal.quantity, nan)) for signal in item.flow)
             if self._sent[number]:
                 frames.append(self._frame(self._first_of_flow + number, sample, cycle))
         for slot, item in enumerate(layout.strain_frames):
@@ -122,7 +127,7 @@ class StrainEncoder:
         if item.indices:
             values[list(item.indices)] = sample.strain[list(item.gauges)] / np.array(item.to_strain)
         for signal in item.flow:
-            values[signal.index] = sample.flow[signal.quantity] / signal.to_si
+            values[signal.index] = (sample.flow.get(signal.quantity, nan) - signal.offset) / signal.to_si
         if item.request is not None:
             values[item.request] = sample.request
         if item.status is not None:
