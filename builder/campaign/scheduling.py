@@ -17,8 +17,9 @@ from builder.reporting import Note
 from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.files import fingerprint
 
-FEW_FLOWS = 32
-"""Fewer flows than this are solved in threads: starting local processes takes longer than they save."""
+FEW_FLOWS = 200
+"""Fewer flows than this are solved in threads: each local process starts, and where the solver is not compiled yet
+compiles it, which takes longer than they save."""
 
 
 @dataclass(frozen=True)

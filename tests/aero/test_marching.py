@@ -331,11 +331,10 @@ def tiny_flows(interpreted: bool) -> tuple[np.ndarray, int, list[str]]:
 
 
 def test_compiled_solver_is_the_interpreted_one() -> None:
-    """The same without machine code: forces to 1e-8, single pressures to 1e-7: limiters make round-off grow."""
+    """The same without machine code, to 1e-7: limiters and the extrapolation of the start make round-off grow."""
     compiled, steps, refused = tiny_flows(interpreted=False)
     interpreted, steps_interpreted, refused_interpreted = tiny_flows(interpreted=True)
-    np.testing.assert_allclose(interpreted[:4], compiled[:4], rtol=1e-8)
-    np.testing.assert_allclose(interpreted[4:], compiled[4:], rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(interpreted, compiled, rtol=1e-7, atol=1e-12)
     assert steps == steps_interpreted > 5
     assert refused == refused_interpreted
     assert len(refused) == 2

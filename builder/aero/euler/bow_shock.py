@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from builder.aero.euler.compiled import compiled
+from builder.aero.euler.compiled import compiled, inlined
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays, norm
 from builder.aero.euler.reconstruction import Stream, limited
@@ -16,7 +16,7 @@ SMOOTHING = 0.5
 """Fraction of the second difference of the boundary's radius that is taken out per unit of ln x."""
 
 
-@compiled
+@inlined
 def shock_slope(pressure: float, axial: float, normal: float) -> float:
     """Return the slope dn/dx of the shock that raises the free stream to ``pressure``, a Mach wave at least.
 

@@ -21,3 +21,8 @@ def compiled(function: Function) -> Function:
         return cast(Function, njit(cache=True, nogil=True, error_model="numpy")(function))
     except RuntimeError:
         return cast(Function, njit(nogil=True, error_model="numpy")(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile ``function`` into each of its callers: a loop that calls functions gets no vector instructions."""
+    return cast(Function, njit(nogil=True, error_model="numpy", forceinline=True)(function))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from builder.aero.euler.compiled import compiled
+from builder.aero.euler.compiled import compiled, inlined
 from builder.aero.euler.flux import hll
 from builder.aero.euler.gas import GAMMA, wall_pressure
 from builder.aero.euler.grid import Rays, Step, face_area, norm
@@ -21,7 +21,7 @@ from builder.aero.euler.reconstruction import (
 from strainfmu.arrays import FloatArray, IntArray
 
 
-@compiled
+@inlined
 def _flow_through(left: State, right: State, sx: float, sy: float, sz: float) -> tuple[float, float, float, float]:
     """Return the flow through the vector area (sx, sy, sz) from left to right."""
     length = norm(sy, sz)
@@ -86,21 +86,25 @@ def add_radial_fluxes(
     n_phi, n_r = change.shape[1], change.shape[2]
     half = np.empty(change.shape)
     radial_slopes(wave, half)
-    free_stream = (1.0 / GAMMA, 1.0, stream.u, stream.v, stream.w)
+    flux = np.empty((4, n_r + 1))
+    flux[0, 0] = flux[1, 0] = flux[2, 0] = flux[3, 0] = 0.0
+    unfit = 0
     for j in range(n_phi):
         ray = (rays.cell_sine[j], rays.cell_cosine[j])
-        for i in range(1, n_r + 1):
+        for i in range(1, n_r):
             sx, sy, sz = face_area(step, j + 1, i, j, i)
-            if i < n_r:
-                left = reconstruct(wave, half, j, i - 1, side=1.0, ray=ray, stream=stream, repairs=repairs)
-                right = reconstruct(wave, half, j, i, side=-1.0, ray=ray, stream=stream, repairs=repairs)
-            else:
-                left = right = free_stream
-            flux = _flow_through(left, right, sx, sy, sz)
-            for k in range(4):
-                change[k, j, i - 1] -= flux[k]
-                if i < n_r:
-                    change[k, j, i] += flux[k]
+            left, unfit_left = reconstruct(wave, half, j, i - 1, 1.0, ray, stream)
+            right, unfit_right = reconstruct(wave, half, j, i, -1.0, ray, stream)
+            unfit += unfit_left + unfit_right
+            flux[0, i], flux[1, i], flux[2, i], flux[3, i] = _flow_through(left, right, sx, sy, sz)
+        sx, sy, sz = face_area(step, j + 1, n_r, j, n_r)
+        through, p = stream.u * sx + stream.v * sy + stream.w * sz, 1.0 / GAMMA
+        flux[0, n_r], flux[1, n_r] = through, through * stream.u + p * sx
+        flux[2, n_r], flux[3, n_r] = through * stream.v + p * sy, through * stream.w + p * sz
+        for k in range(4):
+            for i in range(n_r):
+                change[k, j, i] += flux[k, i] - flux[k, i + 1]
+    repairs[0] += unfit
 
 
 @compiled
@@ -116,25 +120,27 @@ def add_circumferential_fluxes(
     n_phi, n_r = change.shape[1], change.shape[2]
     half = np.empty(change.shape)
     circumferential_slopes(wave, rays.step, half)
+    flux = np.empty((4, n_r))
+    unfit = 0
     for j in range(n_phi if rays.closed else n_phi + 1):
         ray = (rays.sine[j], rays.cosine[j])
         behind, ahead = j - 1, j
         if rays.closed and j == 0:
             behind = n_phi - 1
+        # Across the symmetry plane (y = 0) lies the mirror image.
+        left_cell, left_side, left_y = (behind, 1.0, 1.0) if behind >= 0 else (ahead, -1.0, -1.0)
+        right_cell, right_side, right_y = (ahead, -1.0, 1.0) if ahead < n_phi else (behind, 1.0, -1.0)
         for i in range(n_r):
             sx, sy, sz = face_area(step, j, i, j, i + 1)
-            # Across the symmetry plane (y = 0) lies the mirror image.
-            if behind >= 0:
-                left = reconstruct(wave, half, behind, i, side=1.0, ray=ray, stream=stream, repairs=repairs)
-            if ahead < n_phi:
-                right = reconstruct(wave, half, ahead, i, side=-1.0, ray=ray, stream=stream, repairs=repairs)
-            else:
-                right = (left[0], left[1], left[2], -left[3], left[4])
-            if behind < 0:
-                left = (right[0], right[1], right[2], -right[3], right[4])
-            flux = _flow_through(left, right, sx, sy, sz)
-            for k in range(4):
+            (pl, rl, ul, vl, wl), unfit_left = reconstruct(wave, half, left_cell, i, left_side, ray, stream)
+            (pr, rr, ur, vr, wr), unfit_right = reconstruct(wave, half, right_cell, i, right_side, ray, stream)
+            unfit += (unfit_left if left_y > 0.0 else 0) + (unfit_right if right_y > 0.0 else 0)
+            left, right = (pl, rl, ul, left_y * vl, wl), (pr, rr, ur, right_y * vr, wr)
+            flux[0, i], flux[1, i], flux[2, i], flux[3, i] = _flow_through(left, right, sx, sy, sz)
+        for k in range(4):
+            for i in range(n_r):
                 if behind >= 0:
-                    change[k, behind, i] -= flux[k]
+                    change[k, behind, i] -= flux[k, i]
                 if ahead < n_phi:
-                    change[k, ahead, i] += flux[k]
+                    change[k, ahead, i] += flux[k, i]
+    repairs[0] += unfit

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from builder.aero.euler.compiled import compiled
+from builder.aero.euler.compiled import compiled, inlined
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 
 GAMMA = HEAT_CAPACITY_RATIO
@@ -25,31 +25,39 @@ def total_enthalpy(mach_number: float) -> float:
     return 1.0 / (GAMMA - 1.0) + 0.5 * mach_number * mach_number
 
 
-@compiled
+@inlined
 def axial_velocity(pressure: float, density: float, v: float, w: float, enthalpy: float) -> float:
     """Return u from constant total enthalpy, or 0 where none is left for it."""
-    square = 2.0 * (enthalpy - GAMMA / (GAMMA - 1.0) * pressure / density) - v * v - w * w
-    return math.sqrt(square) if square > 0.0 else 0.0
+    square = 2.0 * (enthalpy - GAMMA / (GAMMA - 1.0) * (pressure / density)) - v * v - w * w
+    return math.sqrt(max(square, 0.0))
 
 
-@compiled
+@inlined
+def is_supersonic(pressure: float, density: float, v: float, w: float, enthalpy: float) -> bool:
+    """Return whether a state of constant total enthalpy has an axial velocity above its speed of sound."""
+    # Times the density: no division.
+    square = density * (2.0 * enthalpy - v * v - w * w) - 2.0 * GAMMA / (GAMMA - 1.0) * pressure
+    return (pressure > 0.0) & (square > GAMMA * pressure)
+
+
+@inlined
 def primitive(
     mass: float, momentum: float, lateral_y: float, lateral_z: float, enthalpy: float
 ) -> tuple[float, float, float, float, float]:
     """Return (p, rho, u, v, w) of E = (mass, momentum, lateral_y, lateral_z).
 
     Total enthalpy makes u the larger root of a quadratic; where the axial Mach number falls to 1 the
-    roots meet, and beyond there is no state: u = 0 is returned then.
+    roots meet, and beyond there is no state: p = u = 0 is returned then.
     """
-    v = lateral_y / mass
-    w = lateral_z / mass
+    per_mass = 1.0 / mass
+    v = lateral_y * per_mass
+    w = lateral_z * per_mass
     a = 0.5 * (GAMMA + 1.0) / (GAMMA - 1.0)
-    b = GAMMA / (GAMMA - 1.0) * momentum / mass
+    b = GAMMA / (GAMMA - 1.0) * momentum * per_mass
     discriminant = b * b - 4.0 * a * (enthalpy - 0.5 * (v * v + w * w))
-    if not discriminant > 0.0:
-        return 0.0, 0.0, 0.0, v, w
-    u = (b + math.sqrt(discriminant)) / (2.0 * a)
-    return momentum - mass * u, mass / u, u, v, w
+    u = (b + math.sqrt(max(discriminant, 0.0))) * (0.5 / a)
+    exists = discriminant > 0.0
+    return momentum - mass * u if exists else 0.0, mass / u, u if exists else 0.0, v, w
 
 
 @compiled
@@ -69,14 +77,15 @@ def expanded_pressure_ratio(mach_number: float, turning: float) -> float:
     target = prandtl_meyer_angle(mach_number) + turning
     if target >= VACUUM_ANGLE:
         return MIN_PRESSURE_RATIO
-    m = mach_number
+    m, error = mach_number, turning
     for _ in range(30):
-        error = target - prandtl_meyer_angle(m)
         slope = math.sqrt(max(m * m - 1.0, 1e-12)) / (m * (1.0 + 0.5 * (GAMMA - 1.0) * m * m))
         step = error / slope
         m = min(m + step, 10.0 * m)
-        if abs(step) < 1e-12 * m:
+        # The step after this one would be about its square.
+        if abs(step) < 1e-7 * m:
             break
+        error = target - prandtl_meyer_angle(m)
     before = 1.0 + 0.5 * (GAMMA - 1.0) * mach_number * mach_number
     after = 1.0 + 0.5 * (GAMMA - 1.0) * m * m
     return max((before / after) ** (GAMMA / (GAMMA - 1.0)), MIN_PRESSURE_RATIO)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from builder.aero.euler.compiled import compiled
+from builder.aero.euler.compiled import compiled, inlined
 from strainfmu.arrays import FloatArray
 
 
@@ -90,7 +90,7 @@ def find_wall(x: float, wall: Wall, radius: FloatArray, slope: FloatArray) -> No
         slope[j] = 6.0 * s * t * (r1 - r0) / length + s * (1.0 - 3.0 * t) * d0 + t * (1.0 - 3.0 * s) * d1
 
 
-@compiled
+@inlined
 def norm(y: float, z: float) -> float:
     """Return the length of (y, z); several times faster than ``math.hypot``, whose guards are not needed here."""
     return math.sqrt(y * y + z * z)
@@ -138,7 +138,7 @@ class Step(NamedTuple):
     dx: float
 
 
-@compiled
+@inlined
 def face_area(step: Step, j: int, i: int, j_next: int, i_next: int) -> tuple[float, float, float]:
     """Return the vector area (x, y, z) that the edge from vertex (j, i) to (j_next, i_next) sweeps in a step.
 

@@ -38,14 +38,14 @@ def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, 
     beyond the first and last ray: mirror images across the symmetry plane, or the cells at the other end.
     """
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
+    subsonic = 0
     for j in range(n_phi):
         sine, cosine = rays.cell_sine[j], rays.cell_cosine[j]
         for i in range(n_r):
             p, rho, u, v, w = primitive(
                 conserved[0, j, i], conserved[1, j, i], conserved[2, j, i], conserved[3, j, i], stream.enthalpy
             )
-            if not p > 0.0 or not u * u > MIN_AXIAL_MACH_NUMBER**2 * GAMMA * p / rho:
-                return False
+            subsonic += 0 if (p > 0.0) & (u * u * rho > MIN_AXIAL_MACH_NUMBER**2 * GAMMA * p) else 1
             cell[0, j, i] = p
             cell[1, j, i] = rho
             cell[2, j, i] = u
@@ -55,6 +55,8 @@ def decode(conserved: FloatArray, rays: Rays, stream: Stream, cell: FloatArray, 
             wave[1, j + 1, i] = rho
             wave[2, j + 1, i] = (v - stream.v) * sine + (w - stream.w) * cosine
             wave[3, j + 1, i] = (v - stream.v) * cosine - (w - stream.w) * sine
+    if subsonic:
+        return False
     for k in range(4):
         sign = -1.0 if k == 3 and not rays.closed else 1.0
         for i in range(n_r):
@@ -113,6 +115,16 @@ def crossing_steps(
             radial = max(high - slope, slope - low) / height
             low, high = characteristic_slopes(p, rho, u, v * cosine - w * sine)
             step[j, i] = 1.0 / (radial + max(high, -low) / width)
+
+
+@compiled
+def shortest(step: FloatArray) -> float:
+    """Return the smallest value of step (n_phi, n_r)."""
+    found = step[0, 0]
+    for j in range(step.shape[0]):
+        for i in range(step.shape[1]):
+            found = min(found, step[j, i])
+    return found
 
 
 @compiled
@@ -197,10 +209,11 @@ def march(
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
     cell, wave = np.empty((5, n_phi, n_r)), np.empty((4, n_phi + 2, n_r))
     before, after = np.empty((2, n_phi + 1, n_r + 1)), np.empty((2, n_phi + 1, n_r + 1))
-    area_before, area_after, crossing = np.empty((3, n_phi, n_r))
-    first, second, guess = np.empty_like(conserved), np.empty_like(conserved), np.empty_like(conserved)
+    area_before, area_after, crossing = np.empty((n_phi, n_r)), np.empty((n_phi, n_r)), np.empty((n_phi, n_r))
+    first, second, guess = np.empty(conserved.shape), np.empty(conserved.shape), np.empty(conserved.shape)
     wall_first, wall_second = np.empty(n_phi), np.empty(n_phi)
-    growth, last_growth, radius, slope = np.empty((4, n_phi + 1))
+    growth, last_growth = np.empty(n_phi + 1), np.empty(n_phi + 1)
+    radius, slope = np.empty(n_phi + 1), np.empty(n_phi + 1)
     x, last_dx = x_start, 0.0
     find_wall(x, wall, radius, slope)
     place_vertices(radius, outer, spacing, rays, before)
@@ -210,7 +223,7 @@ def march(
             return cause_of_end(conserved, stream.enthalpy, AXIAL_SONIC), number, x
         outer_boundary_growth(x, before, outer, wave, rays, stream, growth=growth)
         crossing_steps(before, cell, spacing, rays, wall_slope=slope, growth=growth, step=crossing)
-        dx = courant * crossing.min()
+        dx = courant * shortest(crossing)
         last = x + dx >= x_end * (1.0 - 1e-12)
         if last:
             dx = x_end - x
@@ -232,7 +245,8 @@ def march(
         if not find_fluxes(step, cell, wave, rays, stream, second, wall_pressure=wall_second, repairs=repairs):
             return cause_of_end(guess, stream.enthalpy, WALL_DETACHED), number, x
         advance_cells(conserved, area_before, first, second, area_after, conserved)
-        pressures[number] = 0.5 * (wall_first + wall_second)
+        for j in range(n_phi):
+            pressures[number, j] = 0.5 * (wall_first[j] + wall_second[j])
         stations[number] = x + 0.5 * dx
         add_wall_force(step, pressures[number], force)
         before, after = after, before

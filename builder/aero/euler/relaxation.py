@@ -38,6 +38,15 @@ NEAR = 0.01
 
 
 @compiled
+def copy_values(values: FloatArray, into: FloatArray) -> None:
+    """Copy (4, n_phi, n_r); an assignment to a slice takes seconds to compile, for its messages."""
+    for k in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for i in range(values.shape[2]):
+                into[k, j, i] = values[k, j, i]
+
+
+@compiled
 def step_cells(
     start: FloatArray,
     present: FloatArray,
@@ -51,12 +60,12 @@ def step_cells(
     """Fill ``result`` (4, n_phi, n_r) with E after ``fraction`` of each cell's own step from ``start``.
 
     ``inflow`` (4, n_phi, n_r) flows into the cells, and their area grows, over a step of PROBE at the E
-    ``present``; ``step`` (n_phi, n_r) are the cells' own.
+    ``present``; ``step`` (n_phi, n_r) are the times of crossing, of which a cell's own step is COURANT.
     """
     for k in range(start.shape[0]):
         for j in range(start.shape[1]):
             for i in range(start.shape[2]):
-                probes = fraction * step[j, i] / PROBE
+                probes = fraction * COURANT * step[j, i] / PROBE
                 growth = area_after[j, i] - area[j, i]
                 gain = inflow[k, j, i] - present[k, j, i] * growth
                 result[k, j, i] = start[k, j, i] + probes * gain / (area[j, i] + probes * growth)
@@ -84,12 +93,15 @@ def sweep(
     n_phi, n_r = conserved.shape[1], conserved.shape[2]
     cell, wave = np.empty((5, n_phi, n_r)), np.empty((4, n_phi + 2, n_r))
     before, after = np.empty((2, n_phi + 1, n_r + 1)), np.empty((2, n_phi + 1, n_r + 1))
-    area, area_after, step = np.empty((3, n_phi, n_r))
-    present, inflow = conserved.copy(), np.empty_like(conserved)
-    growth, outer_start, outer_step = np.empty((3, n_phi + 1))
+    area, area_after, step = np.empty((n_phi, n_r)), np.empty((n_phi, n_r)), np.empty((n_phi, n_r))
+    present, inflow = np.empty(conserved.shape), np.empty(conserved.shape)
+    copy_values(conserved, present)
+    growth, outer_start, outer_step = np.empty(n_phi + 1), np.empty(n_phi + 1), np.empty(n_phi + 1)
+    slope_after, outer_after = np.empty(n_phi + 1), np.empty(n_phi + 1)
     repairs = np.zeros(1, dtype=np.int64)
     for _ in range(ROUND):
-        outer_start[:] = outer
+        for j in range(n_phi + 1):
+            outer_start[j] = outer[j]
         for stage in range(2):
             fraction = FIRST_STAGE if stage == 0 else 1.0
             if not decode(present, rays, stream, cell, wave):
@@ -99,13 +111,14 @@ def sweep(
             outer_boundary_growth(1.0, before, outer, wave, rays, stream, growth=growth)
             if stage == 0:
                 crossing_steps(before, cell, spacing, rays, wall_slope=slope, growth=growth, step=step)
-                step *= COURANT
                 for j in range(n_phi + 1):
                     behind, ahead = max(j - 1, 0), min(j, n_phi - 1)
                     if rays.closed and (j == 0 or j == n_phi):
                         behind, ahead = n_phi - 1, 0
-                    outer_step[j] = min(step[behind, n_r - 1], step[ahead, n_r - 1])
-            place_vertices(slope * (1.0 + PROBE), outer + PROBE * growth, spacing, rays, after)
+                    outer_step[j] = COURANT * min(step[behind, n_r - 1], step[ahead, n_r - 1])
+            for j in range(n_phi + 1):
+                slope_after[j], outer_after[j] = slope[j] * (1.0 + PROBE), outer[j] + PROBE * growth[j]
+            place_vertices(slope_after, outer_after, spacing, rays, after)
             cell_areas(after, area_after)
             probe = Step(before, after, PROBE)
             if not find_fluxes(probe, cell, wave, rays, stream, inflow, wall_pressure=pressure, repairs=repairs):
@@ -113,7 +126,7 @@ def sweep(
             step_cells(conserved, present, area, area_after, inflow, step=step, fraction=fraction, result=present)
             for j in range(n_phi + 1):
                 outer[j] = outer_start[j] + fraction * outer_step[j] * (growth[j] - outer[j])
-        conserved[:] = present
+        copy_values(present, conserved)
     return REACHED_END
 
 
