@@ -12,7 +12,7 @@ import numpy as np
 
 from builder.aero.euler.compiled import compiled, inlined
 from builder.aero.euler.gas import GAMMA, axial_velocity, is_supersonic
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import FloatArray
 
 State = tuple[float, float, float, float, float]
 """p, rho, u, v, w."""
