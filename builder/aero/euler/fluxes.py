@@ -93,8 +93,8 @@ def add_radial_fluxes(
         ray = (rays.cell_sine[j], rays.cell_cosine[j])
         for i in range(1, n_r):
             sx, sy, sz = face_area(step, j + 1, i, j, i)
-            left, unfit_left = reconstruct(wave, half, j, i - 1, 1.0, ray, stream)
-            right, unfit_right = reconstruct(wave, half, j, i, -1.0, ray, stream)
+            left, unfit_left = reconstruct(wave, half, j, i - 1, side=1.0, ray=ray, stream=stream)
+            right, unfit_right = reconstruct(wave, half, j, i, side=-1.0, ray=ray, stream=stream)
             unfit += unfit_left + unfit_right
             flux[0, i], flux[1, i], flux[2, i], flux[3, i] = _flow_through(left, right, sx, sy, sz)
         sx, sy, sz = face_area(step, j + 1, n_r, j, n_r)
@@ -132,8 +132,12 @@ def add_circumferential_fluxes(
         right_cell, right_side, right_y = (ahead, -1.0, 1.0) if ahead < n_phi else (behind, 1.0, -1.0)
         for i in range(n_r):
             sx, sy, sz = face_area(step, j, i, j, i + 1)
-            (pl, rl, ul, vl, wl), unfit_left = reconstruct(wave, half, left_cell, i, left_side, ray, stream)
-            (pr, rr, ur, vr, wr), unfit_right = reconstruct(wave, half, right_cell, i, right_side, ray, stream)
+            (pl, rl, ul, vl, wl), unfit_left = reconstruct(
+                wave, half, left_cell, i, side=left_side, ray=ray, stream=stream
+            )
+            (pr, rr, ur, vr, wr), unfit_right = reconstruct(
+                wave, half, right_cell, i, side=right_side, ray=ray, stream=stream
+            )
             unfit += (unfit_left if left_y > 0.0 else 0) + (unfit_right if right_y > 0.0 else 0)
             left, right = (pl, rl, ul, left_y * vl, wl), (pr, rr, ur, right_y * vr, wr)
             flux[0, i], flux[1, i], flux[2, i], flux[3, i] = _flow_through(left, right, sx, sy, sz)
