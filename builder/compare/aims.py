@@ -26,6 +26,9 @@ COVERAGE = 99.0
 OF_LINEAR = 0.5
 """Largest rms error over that of the better linear map, with errors of the hardware."""
 
+OF_LINEAR_IN_A_TENTH = 1.1
+"""Largest rms error in a tenth of the flights over that of the better linear map there, given q_inf alone."""
+
 LINEAR = ("linear Case 1", "linear Case 2")
 
 
@@ -85,7 +88,26 @@ def aims(entries: Sequence[Mapping[str, Any]], is_shipped: bool) -> list[Aim]:
         linear = min(entry(which, HARDWARE, GIVEN)["rms"][one] for which in LINEAR)
         what = f"rms {one} over that of the better linear map, hardware"
         found.append(Aim(what=what, limit=OF_LINEAR, found=value / linear))
+    for errors in (GAUGE_NOISE, HARDWARE):
+        of_linear = [entry(one, errors, PRESSURE_ALONE)["rms_of_tenths"] for one in LINEAR]
+        for by, of_name in entry(name, errors, PRESSURE_ALONE)["rms_of_tenths"].items():
+            what = f"rms over that of the better linear map, {errors}, q_inf only, worst tenth by {_words(by)}"
+            worst = _worst_ratio(of_name, [of[by] for of in of_linear])
+            found.append(Aim(what=what, limit=OF_LINEAR_IN_A_TENTH, found=worst))
     return found
+
+
+def _worst_ratio(
+    rms: Mapping[str, list[float | None]], others: Sequence[Mapping[str, list[float | None]]]
+) -> float | None:
+    """Return the largest of ``rms`` by coefficient and tenth over the smallest of ``others`` there."""
+    ratios = [
+        value / min(known)
+        for name, values in rms.items()
+        for value, *beside in zip(values, *(other[name] for other in others), strict=True)
+        if value is not None and (known := [one for one in beside if one])
+    ]
+    return max(ratios, default=None)
 
 
 def _words(key: str) -> str:

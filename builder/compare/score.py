@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,14 +12,23 @@ from builder.compare.candidate import AIR_DATA, Answer, Candidate
 from builder.compare.field import field_errors
 from builder.compare.flights import Readings
 from builder.truth.strain import TrueFlights
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.flight_condition import FlightCondition
 
 SIGMAS = 3.0
 """Standard deviations that coverage counts within."""
 
 PERCENTILES = tuple(range(0, 101, 5))
 """Percentiles of the field error in an entry."""
+
+TENTHS = 10
+"""Parts of the flights, by total incidence and by Mach number, whose rms errors are given."""
+
+TENTHS_BY: dict[str, Callable[[FlightCondition], float]] = {
+    "total_incidence": lambda one: one.total_incidence,
+    "mach_number": lambda one: one.mach_number,
+}
 
 AIR_DATA_KEYS = (
     "angle_of_attack_deg",
@@ -33,17 +42,23 @@ AIR_DATA_KEYS = (
 
 @dataclass(eq=False, kw_only=True)
 class Tally:
-    """Errors of one estimator, block after block: coefficients, whether inside the band, field, air data."""
+    """Errors of one estimator, block after block: coefficients, whether inside the band, field, air data.
+
+    ``tenths`` holds the tenth of every flight, 0 to 9: by total incidence and by Mach number.
+    """
 
     error: list[FloatArray] = field(default_factory=list)
     covered: list[FloatArray] = field(default_factory=list)
     of_field: list[FloatArray] = field(default_factory=list)
     air: list[FloatArray] = field(default_factory=list)
+    tenths: dict[str, list[IntArray]] = field(default_factory=lambda: {name: [] for name in TENTHS_BY})
 
     def add(self, answer: Answer, flights: TrueFlights, true_field: FloatArray) -> None:
         """Count ``answer`` to ``flights`` of k conditions, whose field is ``true_field`` (k, ..) [Pa]."""
         error = answer.coefficients - flights.coefficients
         self.error.append(error)
+        for name, by in TENTHS_BY.items():
+            self.tenths[name].append(tenths(np.array([by(one) for one in flights.conditions])))
         with np.errstate(invalid="ignore"):
             inside = np.abs(error) <= SIGMAS * answer.std  # false where there is no estimate
         self.covered.append(inside.astype(np.float64))
@@ -60,6 +75,9 @@ class Tally:
         air = np.concatenate(self.air) if self.air else np.full((1, len(AIR_DATA)), np.nan)
         return {
             "rms": _named(COEFFICIENT_NAMES, rms),
+            "rms_of_tenths": {
+                name: rms_of_tenths(error, np.concatenate(number)) for name, number in self.tenths.items()
+            },
             "coverage_percent": _named(COEFFICIENT_NAMES, 100.0 * covered.mean(axis=0)),
             "field_median_percent": _percentile(of_field, 50),
             "field_p95_percent": _percentile(of_field, 95),
@@ -69,6 +87,25 @@ class Tally:
             "air_data_p95": _named(AIR_DATA_KEYS, np.quantile(np.abs(air), 0.95, axis=0)),
             "samples": len(error),
         }
+
+
+def tenths(values: FloatArray) -> IntArray:
+    """Return in which tenth of ``values`` (k,), in increasing order, each of them is: 0 to 9."""
+    rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
+    return np.asarray(rank * TENTHS // max(len(values), 1), dtype=np.int64)
+
+
+def rms_of_tenths(error: FloatArray, tenth: IntArray) -> dict[str, list[float | None]]:
+    """Return the rms of ``error`` (n, 5) over the samples of each ``tenth`` (n,), by coefficient."""
+    square = np.full((TENTHS, error.shape[1]), np.nan)
+    for number in range(TENTHS):
+        of_tenth = error[tenth == number]
+        if np.isfinite(of_tenth).any():
+            square[number] = np.nanmean(of_tenth * of_tenth, axis=0)
+    return {
+        name: [rounded(one) for one in values]
+        for name, values in zip(COEFFICIENT_NAMES, np.sqrt(square).T.tolist(), strict=True)
+    }
 
 
 def air_data_errors(found: FloatArray, flights: TrueFlights) -> FloatArray:

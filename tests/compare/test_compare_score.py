@@ -24,7 +24,7 @@ from builder.compare.flights import (
     with_errors,
 )
 from builder.compare.run import table_csv
-from builder.compare.score import AIR_DATA_KEYS, Tally
+from builder.compare.score import AIR_DATA_KEYS, Tally, rms_of_tenths, tenths
 from builder.figures.compare import compare_figure
 from builder.truth.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
@@ -84,6 +84,15 @@ def test_what_an_estimator_has_not_is_none_and_what_it_does_not_answer_is_not_co
     assert found["air_data_p95"] == dict.fromkeys(AIR_DATA_KEYS)
 
 
+def test_rms_of_tenths_is_that_of_the_flights_in_increasing_order() -> None:
+    incidence = np.random.default_rng(1).permutation(20).astype(float)
+    error = np.tile(incidence[:, None], (1, 5))
+    found = rms_of_tenths(error, tenths(incidence))
+    assert found["C_N"] == pytest.approx([np.hypot(k, k + 1) / np.sqrt(2.0) for k in range(0, 20, 2)], rel=1e-4)
+    few = rms_of_tenths(error[:3], tenths(incidence[:3]))["C_A"]
+    assert few.count(None) == 7
+
+
 def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
     """Return entries of the nonlinear estimator of ``rms`` and ``coverage``, and of linear maps of rms 1e-3."""
     common: dict[str, Any] = {
@@ -102,6 +111,10 @@ def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
             "errors": errors,
             "navigation": navigation,
             "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "manifold" else 1e-3),
+            "rms_of_tenths": {
+                by: {one: [2.0 * rms if name == "manifold" else 1e-3, *([None] * 9)] for one in COEFFICIENT_NAMES}
+                for by in ("total_incidence", "mach_number")
+            },
             **common,
         }
         for errors in (GAUGE_NOISE, HARDWARE)
@@ -113,9 +126,9 @@ def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
 def test_aims_are_met_or_named() -> None:
     met = {aim.what: aim.is_met for aim in aims(entries(3e-4), is_shipped=True)}
     assert [what for what, is_met in met.items() if not is_met] == ["field p95 [%]"]
-    assert len(met) == 5 + 3 + 3 + 6 + 5
+    assert len(met) == 5 + 3 + 3 + 6 + 5 + 4
     other = aims(entries(6e-4, coverage=98.0), is_shipped=False)
-    assert len(other) == 6 + 5
+    assert len(other) == 6 + 5 + 4
     assert not any(aim.is_met for aim in other)
     assert other[0].line.startswith(
         "MISSED: least 3 sigma coverage [%], gauge noise, navigation given: 98, at least"
