@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from flight_maps import flight_map
 
+from builder.compare import rival_costs
 from builder.compare.candidate import GIVEN, PRESSURE_ALONE
 from builder.compare.flights import Readings
-from builder.compare.rivals import LEVEL, RivalCandidate, conformal_half_width
+from builder.compare.rivals import LEVEL, RIVALS, RivalCandidate, conformal_half_width
 from builder.compare.training import TrainingFlights, training_flights, with_drawn_errors
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
 from strainfmu.estimator.manifold.flight_tables import evaluate
@@ -76,3 +77,12 @@ def test_a_rival_learns_loads_and_angles(name: str) -> None:
     assert np.all((answer.air_data[:, :2] - flown.target[:, 5:]).std(axis=0) < np.radians(2.5))
     assert np.isnan(answer.air_data[:, 2:]).all()
     assert answer.field is None
+
+
+def test_the_cost_of_a_step_of_each_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sklearn")
+    monkeypatch.setattr(rival_costs, "TRAINING", 200)
+    costs = list(rival_costs.rival_costs(flight_map(hardware=True)).values())
+    assert len(costs) == len(RIVALS)
+    tree, forest, *_ = costs
+    assert 0.0 < tree < forest < 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -206,6 +207,8 @@ def bench(
 ) -> None:
     """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
 
+    With the extra `rivals`, learning estimators of scikit-learn beside them.
+
     Or run the CAN bridge, with page and recorder, against a sender whose own lateness is measured and taken out,
     and python-can's own loop of receiving and counting after it: processor time, and what became of each cycle.
 
@@ -250,12 +253,28 @@ def bench(
     from strainfmu.cli.bench import bench_loop
 
     rows = bench_loop(folder / "map.h5", folder / "estimator.fmu", folder / "plant.fmu")
+    rows |= _rival_costs(folder / "map.h5")
     table = Table(title=escape(f"One step, {folder}: median of repeated runs in one process"))
     for heading in ("what", "time per step", "of the bare product"):
         table.add_column(heading, justify="left" if heading == "what" else "right")
     for name, seconds in rows.items():
         table.add_row(name, f"{1e6 * seconds:.2f} us", f"{seconds / next(iter(rows.values())):.1f} x")
     Console().print(table)
+
+
+def _rival_costs(map_path: Path) -> dict[str, float]:
+    """Return the time per step [s] of learning estimators; none without tables or without scikit-learn."""
+    from strainfmu.estimator.inverse_map import load_inverse_map
+
+    manifold = load_inverse_map(map_path).manifold
+    if manifold is None:
+        return {}
+    if find_spec("sklearn") is None:
+        print("learning estimators: not timed, they need strainfmu[rivals]")
+        return {}
+    from builder.compare.rival_costs import rival_costs
+
+    return rival_costs(manifold)
 
 
 def _compare_meshes(vehicle: Path, snapshots: Path | None, output: Path, solver: str | None) -> None:
