@@ -18,7 +18,7 @@ KNOWN_OF_LINEAR = {
     ("local pressure, windward", "+100 % of p_inf"): 16.0,
 }
 """Kinds beyond the envelope whose silent share is above 5 % with the linear map, and what it may be at most [%].
-Measured: 10.7, 17.4, 31.8 and 13.2. The five states of the map fit their strain within the stated errors of the
+Measured: 10.4, 17.4, 31.8 and 13.4. The five states of the map fit their strain within the stated errors of the
 hardware."""
 
 
