@@ -25,6 +25,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 
 MIN_FLOWS = (2, 4)
@@ -78,7 +79,7 @@ def manifold_map(
     flows = flow_amplitudes(snapshots)
     _check_flows(flows)
     overpressure = np.repeat(flows.overpressure(), grid.n_roll)
-    operator = np.vstack([problem.strain_operator, problem.load_operator])
+    operator = _operator(problem)
     fixed = np.zeros(len(operator))
     inside = vehicle.structure.internal_pressure_Pa
     if inside == "ambient":
@@ -88,22 +89,24 @@ def manifold_map(
     response = ring_response(operator, grid, flows.amplitude.shape[-1])
     knots, coefficients = _tables(flows, response)
     terms, n_d = _scaled_errors(vehicle, problem, flows, grid, response), len(problem.strain_operator)
+    n = n_d + 5
     terms |= _scaled_nuisance(nuisance, problem)
     if vehicle.map.discrepancy_of_overpressure_percent > 0.0:
         level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * (operator @ overpressure)
         terms["fraction of the overpressure"] = level[:, None]
-    error = _compressed(np.hstack(list(terms.values())))
+    errors = np.hstack(list(terms.values()))
+    error = _compressed(errors[:n])
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     products, common = followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
     found = ManifoldMap(
         mach_knots=flows.mach,
         incidence_knots=knots,
-        response=coefficients,
-        fixed_response=fixed,
+        response=coefficients[:, :, :n],
+        fixed_response=fixed[:n],
         gauge_covariance=_fixed_covariance(problem),
         error_strain=error[:n_d],
-        error_load=error[n_d:],
+        error_load=error[n_d:n],
         gauge_gain_std=0.01 * noise.gauge_gain_percent,
         common_gain_std=0.01 * noise.common_gain_percent,
         gauge_error_product=products,
@@ -116,10 +119,32 @@ def manifold_map(
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
+        further=_further(coefficients[:, :, n:], fixed[n:], errors[n:], errors[:n_d]),
         pressure_field=flight_field(vehicle, snapshots, problem, grid) if vehicle.map.keep_field else None,
     )
     found = replace(found, discrepancy_shapes=tested_shapes(found))
     return found, _terms_of(terms, problem.ensemble, n_d)
+
+
+def _operator(problem: Problem) -> FloatArray:
+    """Return (n_d + 5 + m, n_p) strains [1/Pa], loads and further loads [m2, m3] per pressure."""
+    further = problem.further_operator
+    parts = [problem.strain_operator, problem.load_operator, *([] if further is None else [further])]
+    return np.vstack(parts)
+
+
+def _further(
+    coefficients: FloatArray, fixed: FloatArray, of_load: FloatArray, of_strain: FloatArray
+) -> FurtherTables | None:
+    """Return the tables of m further loads, None for m = 0; errors are (m, k) and (n_d, k) per p_inf."""
+    if not len(fixed):
+        return None
+    return FurtherTables(
+        response=coefficients,
+        fixed_response=fixed,
+        strain_covariance=of_load @ of_strain.T,
+        variance=np.sum(of_load**2, axis=1),
+    )
 
 
 def _terms_of(terms: dict[str, FloatArray], ensemble: Ensemble, n_gauges: int) -> list[dict[str, Any]]:
@@ -157,9 +182,9 @@ def _fixed_covariance(problem: Problem) -> FloatArray:
 def _scaled_errors(
     vehicle: Vehicle, problem: Problem, flows: FlowAmplitudes, grid: SurfaceGrid, response: FloatArray
 ) -> dict[str, FloatArray]:
-    """Return columns (n_d + 5, k) per p_inf of pressure off the tables and of the internal pressure, by name."""
+    """Return columns (n_d + 5 + m, k) per p_inf: pressure off the tables and the internal pressure, by name."""
     entry, noise = vehicle.map, vehicle.noise
-    operator = np.vstack([problem.strain_operator, problem.load_operator])
+    operator = _operator(problem)
     found = {"interpolation": interpolation_errors(flows, response).T}
     if entry.discrepancy_percent > 0.0:
         along, around = gaussian_process_shapes(
@@ -188,12 +213,15 @@ def _compressed(columns: FloatArray) -> FloatArray:
 
 
 def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:
-    """Return columns (n_d + 5, k) per p_inf of the further terms that scale, by name."""
+    """Return columns (n_d + 5 + m, k) per p_inf of the further terms that scale, by name."""
     ensemble = problem.ensemble
     pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
     found = {}
     for term in nuisance:
         if term.scales:
-            load = np.zeros((5, term.strain.shape[1])) if term.load is None else term.load
-            found[term.name] = np.vstack([term.strain, load]) / pressure
+            columns, further = term.strain.shape[1], problem.further_operator
+            load = np.zeros((5, columns)) if term.load is None else term.load
+            none = np.zeros((0 if further is None else len(further), columns))
+            found[term.name] = np.vstack([term.strain, load, none if term.further is None else term.further])
+            found[term.name] /= pressure
     return found

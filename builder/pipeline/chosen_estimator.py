@@ -25,7 +25,6 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
         found = {
             "map.form": (entry.form, "dynamic_pressure"),
             "map.symmetry": (entry.symmetry, "full"),
-            "map.section_stations_m": (list(entry.section_stations_m), []),
             "sensors": ("some" if vehicle.sensors is not None else "none", "none"),
             "a shape by": (vehicle.shape_kind, "profile"),
         }

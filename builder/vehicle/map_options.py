@@ -26,7 +26,7 @@ class MapEntry(Section):
     ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
     conditions with their signs. ``section_stations_m`` are the stations, rising, whose section loads (axial force,
-    shear, bending, torsion of the air on the part ahead) the map gives besides; for the linear estimator.
+    shear, bending, torsion of the air on the part ahead) the map gives besides.
     ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
     model with hardware errors drawn, where engine and structure allow; "nominal" leaves those of the theory.
 
@@ -83,8 +83,6 @@ class MapEntry(Section):
         stations = self.section_stations_m
         if any(not first < second for first, second in pairwise(stations)):
             raise ValueError(f"section_stations_m: expected rising numbers, got {list(stations)}")
-        if stations and self.estimator == "manifold":
-            raise ValueError("section_stations_m: expected estimator 'linear', got 'manifold'")
         if self.form == "dynamic_pressure" and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
         if self.estimator == "manifold" and (self.form, self.symmetry) != ("dynamic_pressure", "full"):

@@ -91,6 +91,7 @@ def export(
 
         strainfmu export results/map.h5 -o estimator.fmu --estimator linear
     """
+    from strainfmu.estimator.inverse_map import load_inverse_map
     from strainfmu.fmu.export import ExportOptions, export_estimator
 
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
@@ -100,6 +101,9 @@ def export(
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "manifold":
         note = "note: for co-simulation alone; --estimator linear has model exchange and derivatives"
+        Console().print(note, highlight=False, markup=False, soft_wrap=True)
+    if found == "manifold" and load_inverse_map(inverse_map).further is not None:
+        note = "note: without the map's section loads; --estimator linear has them as outputs"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
         from strainfmu.fmu.documentation import PYTHON_FOLDERS

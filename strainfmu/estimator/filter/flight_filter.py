@@ -22,10 +22,10 @@ from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_samp
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator, without_navigation
+from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.flight_tables import N_STATES
-from strainfmu.estimator.manifold.gauss_newton import Samples
+from strainfmu.estimator.manifold.gauss_newton import Samples, without_navigation
 from strainfmu.estimator.manifold.navigation import NAVIGATION, inconsistent_navigation, state_measurement
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
@@ -87,7 +87,18 @@ class FlightFilter:
     def __init__(
         self, estimator: ManifoldEstimator, settings: FilterSettings, track: FilterTrack | None = None
     ) -> None:
-        """Begin with ``track``; None searches the tables in the first step."""
+        """Begin with ``track``; None searches the tables in the first step.
+
+        Raises
+        ------
+        InputError
+            The map holds section loads, which no filter of the nonlinear estimator gives.
+        """
+        if estimator.manifold.further is not None:
+            raise InputError(
+                "inverse map: expected no section loads (map.section_stations_m) with a filter of the nonlinear "
+                "estimator, got some; take them without a filter, or filter the linear estimator"
+            )
         self.estimator, self.settings = estimator, settings
         self.model: FlightModel = flight_model(estimator.inverse_map, estimator.manifold, settings)
         self.track = track or FilterTrack()

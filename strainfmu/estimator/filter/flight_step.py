@@ -112,6 +112,7 @@ def flight_solution(
     of_coefficients = scale[:, None] * of_loads - np.outer(coefficients, of_pressure)
     of_rest = scale[:, None] * remaining * scale
     chi_square, of_gauges, of_navigation = quality
+    none = np.zeros((1, 0))  # a filter refuses maps with section loads
     return FlightSolution(
         state=state[None],
         state_covariance=covariance[None, :N_STATES, :N_STATES],
@@ -123,4 +124,8 @@ def flight_solution(
         standardised_residual=of_gauges[None],
         navigation_residual=of_navigation[None],
         shape_residual=np.zeros((1, manifold.shapes.shape[1])),  # the filter estimates them
+        further_loads=none,
+        further_variance=none,
+        further_coefficients=none,
+        further_coefficient_variance=none,
     )

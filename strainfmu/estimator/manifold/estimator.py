@@ -21,11 +21,10 @@ from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates, se
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData, air_data
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import flight_health
-from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
+from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples, without_navigation
 from strainfmu.estimator.manifold.navigation import (
     NAVIGATION,
     Navigation,
-    doubted_precision,
     inconsistent_navigation,
     prior,
     state_measurement,
@@ -52,6 +51,10 @@ _OF_LOADS = (
     "coefficients_std",
     "load_covariance",
     "coefficient_covariance",
+    "further_loads",
+    "further_loads_std",
+    "further_coefficients",
+    "further_coefficients_std",
 )
 
 
@@ -340,7 +343,8 @@ class ManifoldEstimator:
 
     def _loads(self, found: FlightSolution, used: BoolArray, field_inputs: FieldInputs | None) -> LoadEstimates:
         """Return estimates with loads and coefficients of ``found`` at the references of the settings."""
-        out = empty_estimates(len(used), used.shape[1], field_inputs=field_inputs)
+        sections = None if self.inverse_map.further is None else self.inverse_map.further.section_station
+        out = empty_estimates(len(used), used.shape[1], field_inputs=field_inputs, section_station=sections)
         turn = self._transfer * self.manifold.references / self._reference[:, None]
         of_load = self._transfer @ found.load_covariance @ self._transfer.T
         of_coefficient = turn @ found.coefficient_covariance @ turn.T
@@ -349,7 +353,17 @@ class ManifoldEstimator:
         out.loads_std[:] = np.sqrt(np.diagonal(of_load, axis1=1, axis2=2))
         out.coefficients[:], out.coefficient_covariance[:] = found.coefficients @ turn.T, of_coefficient
         out.coefficients_std[:] = np.sqrt(np.diagonal(of_coefficient, axis1=1, axis2=2))
+        self._write_further(out, found)
         return out
+
+    def _write_further(self, out: LoadEstimates, found: FlightSolution) -> None:
+        further, m, settings = self.manifold.further, self.manifold, self.settings
+        if further is not None:
+            turn = further.references(m.reference_area, m.reference_length)
+            turn = turn / further.references(settings.reference_area, settings.reference_length)
+            out.further_loads[:], out.further_loads_std[:] = found.further_loads, np.sqrt(found.further_variance)
+            out.further_coefficients[:] = turn * found.further_coefficients
+            out.further_coefficients_std[:] = turn * np.sqrt(found.further_coefficient_variance)
 
     def _air_data(self, found: FlightSolution, used: BoolArray, predicted: bool) -> AirData:
         """Return the air data; NaN where no gauge is used, since they would be those of navigation, unless
@@ -383,10 +397,3 @@ class ManifoldEstimator:
                 getattr(out, name)[rows[known]] = getattr(linear, name)[known]
             is_linear[rows[known]] = True
         return is_linear
-
-
-def without_navigation(samples: Samples, residual: FloatArray, dropped: BoolArray) -> Samples:
-    """Return ``samples`` without the ``dropped`` (k, 3) quantities of navigation, of ``residual`` (k, 3)."""
-    precision = samples.measured.precision.copy()
-    precision[:, :3] = doubted_precision(precision[:, :3], residual, dropped)
-    return replace(samples, measured=replace(samples.measured, precision=precision))

@@ -6,7 +6,7 @@ at an earlier state: S follows the state slowly, and its decomposition is most o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, Response, U, evaluate
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.navigation import StateMeasurement, predicted
+from strainfmu.estimator.manifold.navigation import StateMeasurement, doubted_precision, predicted
 from strainfmu.estimator.manifold.triangular import forward_substituted
 
 LARGEST_STEP = np.array([0.5, 0.05, 0.05, 0.3])
@@ -166,3 +166,10 @@ def kept_in_reach(manifold: ManifoldMap, state: FloatArray) -> FloatArray:
     low, high = np.log(manifold.pressure_range)
     out[:, LOG_PRESSURE] = np.clip(state[:, LOG_PRESSURE], low - 1.0, high + 1.0)
     return out
+
+
+def without_navigation(samples: Samples, residual: FloatArray, dropped: BoolArray) -> Samples:
+    """Return ``samples`` without the ``dropped`` (k, 3) quantities of navigation, of ``residual`` (k, 3)."""
+    precision = samples.measured.precision.copy()
+    precision[:, :3] = doubted_precision(precision[:, :3], residual, dropped)
+    return replace(samples, measured=replace(samples.measured, precision=precision))

@@ -12,6 +12,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.manifold.flight_field import UNITS as FIELD_UNITS
 from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.flight_tables import FlightTables
+from strainfmu.estimator.manifold.further_tables import UNITS as FURTHER_UNITS
+from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.records import inner_record
 
 
@@ -43,6 +45,7 @@ class ManifoldMap:
     shape_limit : standardised size of a shape from which strain does not fit the tables, from data of an
         independent model; None for that of the theory.
     pressure_field : pressure on the surface over the flight state; None where the map does not hold it.
+    further : loads of sections over the flight state; None for none.
     """
 
     mach_knots: FloatArray
@@ -69,6 +72,7 @@ class ManifoldMap:
     discrepancy_shapes: FloatArray | None = None
     shape_limit: float | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
+    further: FurtherTables | None = field(default=None, metadata=inner_record(FurtherTables, FURTHER_UNITS))
 
     def __post_init__(self) -> None:
         n_d, k = self.tables.n_gauges, self.error_strain.shape[1]
@@ -88,6 +92,8 @@ class ManifoldMap:
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise InputError(f"{name}: expected finite values of shape {shape}, got {value.shape}")
         self._check_field()
+        if self.further is not None:
+            self.further.check(self.tables)
 
     def _check_field(self) -> None:
         held = self.pressure_field

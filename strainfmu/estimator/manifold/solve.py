@@ -13,6 +13,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH
+from strainfmu.estimator.manifold.further_estimate import StateErrors, further_estimate
 from strainfmu.estimator.manifold.gauss_newton import (
     Linearised,
     Samples,
@@ -40,6 +41,8 @@ class FlightSolution:
     standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
     navigation_residual : (k, 3) the same of M, p_inf and q_inf; 0 where not known.
     shape_residual : (k, n_s) standardised size of each shape of pressure off the tables in the residual.
+    further_loads, further_variance : (k, m) further loads of the map [N, N m], m = 0 for none.
+    further_coefficients, further_coefficient_variance : (k, m) the same over q S, moments over q S L [1].
     """
 
     state: FloatArray
@@ -52,6 +55,10 @@ class FlightSolution:
     standardised_residual: FloatArray
     navigation_residual: FloatArray
     shape_residual: FloatArray
+    further_loads: FloatArray
+    further_variance: FloatArray
+    further_coefficients: FloatArray
+    further_coefficient_variance: FloatArray
 
     def with_rows(self, rows: IntArray, other: FlightSolution) -> FlightSolution:
         """Return the estimates with those of ``other`` as the samples ``rows``."""
@@ -117,6 +124,14 @@ def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSo
     of_log = np.sqrt(np.einsum("kx,kxy,ky->k", of_pressure, covariance, of_pressure))
     wider = (lognormal_std(of_log) / of_log)[:, None, None] ** 2
     coefficients_by_state = scale[:, :, None] * by_state - coefficients[:, :, None] * of_pressure[:, None, :]
+    errors = StateErrors(
+        covariance=covariance,
+        square=square,
+        dynamic_pressure=dynamic,
+        of_pressure=of_pressure,
+        wider=wider[:, 0],
+    )
+    further = further_estimate(manifold, at, used, errors)
     return FlightSolution(
         state=at.state,
         state_covariance=covariance,
@@ -129,6 +144,10 @@ def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSo
         standardised_residual=_gauge_residuals(at, covariance, used),
         navigation_residual=_navigation_residuals(at, covariance),
         shape_residual=_shape_residuals(manifold, at, covariance, used),
+        further_loads=further.loads,
+        further_variance=further.variance,
+        further_coefficients=further.coefficients,
+        further_coefficient_variance=further.coefficient_variance,
     )
 
 

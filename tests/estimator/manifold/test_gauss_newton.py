@@ -83,7 +83,9 @@ def test_samples_of_one_start_have_the_solution_of_each() -> None:
     )
     for entry in fields(FlightSolution):
         one, other = getattr(together, entry.name), getattr(each, entry.name)
-        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9 * np.max(np.abs(other)), err_msg=entry.name)
+        np.testing.assert_allclose(
+            one, other, rtol=1e-6, atol=1e-9 * np.max(np.abs(other), initial=0.0), err_msg=entry.name
+        )
 
 
 def test_a_rolled_wind_gives_the_rolled_answer() -> None:

@@ -1,0 +1,135 @@
+"""Section loads by the nonlinear estimator: flights between the snapshots, sums, lost gauges, the fall back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from builder.aero.section_loads import further_load_operator
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
+from builder.structure.fourier.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.settings import default_settings
+from strainfmu.interface.further_variables import has_further_outputs
+
+STATIONS = (0.6, 1.2, 1.75, 2.5, 3.6)
+
+
+class Flights(NamedTuple):
+    """Strain of flights between the snapshots, their q_inf and Mach number, and section loads (k, n_s, 6)."""
+
+    strain: FloatArray
+    dynamic_pressure: FloatArray
+    mach_number: FloatArray
+    truth: FloatArray
+
+
+@pytest.fixture(scope="module")
+def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
+    entry = {"estimator": "manifold", "section_stations_m": STATIONS}
+    changed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update=entry)})
+    return with_manifold(build_inverse_map(changed, snapshots, structure), changed, snapshots, structure)
+
+
+@pytest.fixture(scope="module")
+def flights(vehicle: Vehicle, structure: StructuralModel, held_out: Snapshots, inverse_map: InverseMap) -> Flights:
+    operator = further_load_operator(structure.surface, STATIONS, vehicle.reference_quantities().moment_station)
+    assert operator is not None
+    net = held_out.pressure - held_out.internal_pressure[:, None]
+    strain = net @ structure.strain_operator(vehicle.gauges.layout).T
+    strain = strain + inverse_map.noise_std * np.random.default_rng(2).standard_normal(strain.shape)
+    conditions = held_out.conditions()
+    return Flights(
+        strain=strain,
+        dynamic_pressure=np.array([one.dynamic_pressure for one in conditions]),
+        mach_number=np.array([one.mach_number for one in conditions]),
+        truth=np.swapaxes((net @ operator.T)[:, 1:].reshape(-1, 6, 5), 1, 2),
+    )
+
+
+def estimate(estimator: ManifoldEstimator, flights: Flights, valid: np.ndarray | None = None) -> FlightEstimates:
+    found = estimator.estimate(
+        flights.strain, flights.dynamic_pressure, valid, mach_number=flights.mach_number, altitude=20e3
+    )
+    assert isinstance(found, FlightEstimates)
+    return found
+
+
+def test_section_loads_between_the_snapshots(inverse_map: InverseMap, flights: Flights) -> None:
+    """Within 3 sigma but for 1 %, nearer than the linear map's; at the base the whole loads with their sigmas."""
+    estimator = ManifoldEstimator(inverse_map)
+    found = estimate(estimator, flights)
+    assert found.fits.all()
+    error = found.section_loads.loads - flights.truth
+    assert np.mean(np.abs(error) <= 3.0 * found.section_loads.std) >= 0.99
+    linear = estimator.linear.estimate(flights.strain, flights.dynamic_pressure)
+    rms, of_linear = (
+        np.sqrt(np.mean((one - flights.truth)[:, :, 1:5] ** 2))
+        for one in (found.section_loads.loads, linear.section_loads.loads)
+    )
+    print(f"rms of shear and bending {rms:.3g}, of the linear map {of_linear:.3g} [N, N m]")
+    assert rms < of_linear
+    base, of_base = found.section_loads.loads[:, -1], found.section_loads.std[:, -1]
+    np.testing.assert_allclose(base[:, :3], found.loads[:, :3], rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(of_base[:, :3], found.loads_std[:, :3], rtol=1e-6)
+    np.testing.assert_array_equal(found.section_loads.torsion, 0.0)
+    np.testing.assert_array_equal(found.M_R, 0.0)
+
+
+def test_sigmas_are_wider_with_fewer_gauges_and_still_hold(inverse_map: InverseMap, flights: Flights) -> None:
+    valid = np.ones(flights.strain.shape, dtype=bool)
+    valid[:, ::3] = False
+    estimator = ManifoldEstimator(inverse_map)
+    all_of_them, fewer = estimate(estimator, flights), estimate(estimator, flights, valid)
+    assert np.mean(fewer.section_loads.std[:, :, :5] >= all_of_them.section_loads.std[:, :, :5]) > 0.95
+    error = np.abs(fewer.section_loads.loads - flights.truth)
+    assert np.mean(error <= 3.0 * fewer.section_loads.std) >= 0.99
+
+
+def test_coefficients_follow_the_references(inverse_map: InverseMap, flights: Flights) -> None:
+    first = default_settings(inverse_map)
+    other = replace(
+        first, reference_area=2.0 * first.reference_area, reference_length=3.0 * first.reference_length
+    )
+    one, two = (estimate(ManifoldEstimator(inverse_map, each), flights) for each in (first, other))
+    np.testing.assert_array_equal(two.further_loads, one.further_loads)
+    ratio = np.array([1.0, *np.repeat([1.0, 1.0, 1.0, 3.0, 3.0, 1.0], 5)]) * 2.0
+    np.testing.assert_allclose(two.further_coefficients * ratio, one.further_coefficients, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(two.further_coefficients_std * ratio, one.further_coefficients_std, rtol=1e-12)
+
+
+def test_strain_off_the_tables_gets_the_section_loads_of_the_linear_map(
+    inverse_map: InverseMap, flights: Flights
+) -> None:
+    estimator = ManifoldEstimator(inverse_map)
+    spoiled = flights.strain[:4] * np.where(np.arange(flights.strain.shape[1]) % 2, 1.6, 0.5)
+    q = flights.dynamic_pressure[:4]
+    found = estimator.estimate(spoiled, q, mach_number=flights.mach_number[:4])
+    linear = estimator.linear.estimate(spoiled, q, dynamic_pressure_std=0.03 * q)
+    assert found.is_linear.all()
+    np.testing.assert_allclose(found.section_loads.loads, linear.section_loads.loads, rtol=1e-9)
+
+
+def test_files_filters_and_fmus(inverse_map: InverseMap, flights: Flights, tmp_path: Path) -> None:
+    """A file gives the same loads; a filter refuses the map in one line; an FMU of it has no section loads."""
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    read = load_inverse_map(tmp_path / "map.h5")
+    one, two = (estimate(ManifoldEstimator(each), flights) for each in (inverse_map, read))
+    np.testing.assert_array_equal(two.further_loads, one.further_loads)
+    with pytest.raises(InputError, match="expected no section loads"):
+        FlightFilter(ManifoldEstimator(read), FilterSettings(time_constant=1.0))
+    assert not has_further_outputs(read)
+    assert has_further_outputs(replace(read, manifold=None))
