@@ -76,6 +76,7 @@ class _Slot:
 
 
 _NOTHING_TO_CHECK = TrailerVerdict()
+_OK = E2EStatus.OK
 _ALL_BITS = (1 << 64) - 1
 """Of a number that a plan returns as int64."""
 
@@ -142,7 +143,16 @@ class Reception:
         )
         if slot.index == self.trailer:
             return arrival  # its CRC covers frames that may not have come yet
-        return self._refused(slot, frame, configuration) or arrival
+        if self.authentication is not None:
+            forged = self._not_authentic(slot.index, data)
+            if forged is not None:
+                return forged
+        check = slot.check
+        found = _OK if check is None else check.check(data)
+        if found is _OK and (configuration is None or configuration & _ALL_BITS == slot.configuration):
+            slot.machine.add(_OK)
+            return arrival
+        return self._refused(slot, frame, configuration, found) or arrival
 
     def _selected(self, slots: Sequence[_Slot], data: bytes) -> _Slot | None:
         """Return the slot of a frame by its multiplexer's value."""
@@ -151,14 +161,11 @@ class Reception:
                 return slot
         return None
 
-    def _refused(self, slot: _Slot, frame: Frame, configuration: int | None) -> FrameClass | None:
-        """Check a frame by itself; return its class if it is refused."""
-        if self.authentication is not None:
-            forged = self._not_authentic(slot.index, frame.data)
-            if forged is not None:
-                return forged
+    def _refused(
+        self, slot: _Slot, frame: Frame, configuration: int | None, status: E2EStatus
+    ) -> FrameClass | None:
+        """Take in the ``status`` of a frame by itself; return its class if it is refused."""
         check = slot.check
-        status = E2EStatus.OK if check is None else check.check(frame.data)
         wrong = (
             configuration is not None
             and status is not E2EStatus.ERROR

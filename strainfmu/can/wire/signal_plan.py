@@ -57,7 +57,11 @@ class SignalPlan:
         if len(plain) < 2 or any(b - a < 32 for a, b in pairwise(starts)):
             plain = []
         self._plain_floats = _FloatGroup(layout, plain) if plain else None
-        self._others = [pair for pair in enumerate(self._encoders) if pair[0] not in plain]
+        self._others = [
+            (index, one.raw, one.mask, one.shift, one.is_big)
+            for index, one in enumerate(self._encoders)
+            if index not in plain
+        ]
         # The last bit stays 0: it pads unsigned numbers.
         self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
 
@@ -118,12 +122,12 @@ class SignalPlan:
             raise ValueError(f"expected {len(self._encoders)} values, got {len(numbers)}")
         if self._plain_floats is not None:
             little = self._plain_floats.encoded(numbers)
-        for index, encoder in self._others:
-            placed = (encoder.raw(numbers[index]) & encoder.mask) << encoder.shift
-            if encoder.is_big:
-                big |= placed
-            else:
-                little |= placed
+        for index, raw_of, mask, shift, is_big in self._others:
+            raw = raw_of(numbers[index])
+            if raw and is_big:
+                big |= (raw & mask) << shift
+            elif raw:
+                little |= (raw & mask) << shift
         if big:
             little |= int.from_bytes(big.to_bytes(self.length, "big"), "little")
         return little.to_bytes(self.length, "little")
