@@ -1,26 +1,18 @@
-"""The map of a vehicle as built: its strain operator, and what the test left unknown as a term of the noise.
-
-The remaining error of the hardware is mean_j J_j C J_j' over the pressure fields j of the map, with C the
-covariance of the parameters after the test: a full matrix, correlated between gauges.
-"""
+"""The map of a vehicle as built: its strain operator, and what the test left unknown as errors of the map."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from builder.calibration.as_built_parameters import AsBuiltParameters, slices
+from builder.calibration.as_built_parameters import AsBuiltParameters
 from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.estimate import Estimate
-from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives
+from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem, on_structure
-from builder.inverse.ensemble import Ensemble, ensemble_of, rolled_modes
-from builder.inverse.noise_model import NoiseTerm
-from builder.inverse.pod import proper_orthogonal_decomposition
+from builder.inverse.ensemble import ensemble_of
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
@@ -37,23 +29,6 @@ CALIBRATED = (
     "wall_thickness_percent",
 )
 """Entries of [noise] that the test takes the place of."""
-
-NEGLIGIBLE = 1e-12
-"""Variance relative to the largest below which a column of the remaining error is left out."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Remaining:
-    """What of the hardware is not known.
-
-    Attributes
-    ----------
-    parameters : the vehicle as built.
-    covariance : (n, n) of its vector.
-    """
-
-    parameters: AsBuiltParameters
-    covariance: FloatArray
 
 
 def remaining_after(found: Estimate) -> Remaining:
@@ -88,7 +63,7 @@ def calibrated_map(
     structure: AsBuiltStructure,
     remaining: Remaining,
     others: Mapping[str, FloatArray] | None = None,
-    terms: list[NoiseTerm] | None = None,
+    left: LeftByTest | None = None,
 ) -> InverseMap:
     """Build the map of the vehicle as built by the section [map], with tables where it asks for them.
 
@@ -99,7 +74,7 @@ def calibrated_map(
     structure : with what may differ from the drawing.
     remaining : what the test says.
     others : operators (n_d, n_p) of further layouts that the section [noise] names.
-    terms : noise of what the test left, by :func:`remaining_terms`; found here by default.
+    left : what the test left, by :func:`~builder.calibration.left_by_test.left_by_test`; found here by default.
 
     Raises
     ------
@@ -109,71 +84,13 @@ def calibrated_map(
     known = calibrated_vehicle(vehicle)
     mapped = calibrated_structure(structure, remaining.parameters, vehicle.gauges.layout, others or {})
     snapshots = on_structure(snapshots, mapped)
-    if terms is None:
-        terms = remaining_terms(structure, remaining, ensemble_of(known, snapshots))
-    problem = inverse_problem(known, snapshots, mapped, terms)
-    found = build_inverse_map(known, snapshots, mapped, terms, problem)
+    if left is None:
+        left = left_by_test(structure, remaining, ensemble_of(known, snapshots))
+    problem = inverse_problem(known, snapshots, mapped, left.zeros, left.errors)
+    found = build_inverse_map(known, snapshots, mapped, left.zeros, problem)
     if vehicle.map.estimator == "manifold":
-        found = with_manifold(found, known, snapshots, mapped, terms, problem)
+        found = with_manifold(found, known, snapshots, mapped, left.zeros, problem)
     return found
-
-
-def remaining_terms(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> list[NoiseTerm]:
-    """Return the noise terms of what the test left: of the hardware, which follows strain, and of the zeros.
-
-    There are none where everything is known.
-    """
-    if not remaining.covariance.any():
-        return []
-    where = slices(structure.n_gauges, structure.n_regions)
-    zero = remaining.covariance[where["zero"], where["zero"]]
-    hardware = hardware_covariance(structure, remaining, pressure_factor(ensemble))
-    return [
-        NoiseTerm("left by the ground test", _factor(hardware), scales=True, hardware=True),
-        NoiseTerm("zeros after the ground test", _factor(zero), hardware=True),
-    ]
-
-
-def pressure_factor(ensemble: Ensemble) -> FloatArray:
-    """Return F (n_p, k) whose F F' is the mean of p p' over the flows at all roll angles [Pa^2]."""
-    if ensemble.grid is None:
-        modes = proper_orthogonal_decomposition(ensemble.pressure, None)
-    else:
-        modes = rolled_modes(ensemble, None)
-    return np.column_stack([modes.mean - ensemble.fixed_pressure, modes.modes * modes.coefficient_std()])
-
-
-def hardware_covariance(structure: AsBuiltStructure, remaining: Remaining, pressure: FloatArray) -> FloatArray:
-    """Return (n_d, n_d) the mean of J C J' over pressure fields whose factor is ``pressure`` (n_p, k) [1]."""
-    strain = parameter_derivatives(lambda one: structure.strain_operator(one) @ pressure, remaining.parameters)
-    return propagated(strain, remaining.covariance, structure)
-
-
-def propagated(
-    strain: Mapping[Key, FloatArray], covariance: FloatArray, structure: AsBuiltStructure
-) -> FloatArray:
-    """Return (n_d, n_d) sums of J C J' of derivatives (n_d, k) by key, over the k fields."""
-    n_d = structure.n_gauges
-    where = slices(n_d, structure.n_regions)
-
-    def rows(key: Key) -> slice:
-        first = where[key[0]].start
-        return slice(first, first + n_d) if of_gauges(key) else slice(first + key[1], first + key[1] + 1)
-
-    total = np.zeros((n_d, n_d))
-    for one, left in strain.items():
-        for other, right in strain.items():
-            # A parameter of the whole vehicle is the same one for every gauge: its block is one number.
-            total += (left @ right.T) * covariance[rows(one), rows(other)]
-    return np.asarray(0.5 * (total + total.T))
-
-
-def _factor(covariance: FloatArray) -> FloatArray:
-    value, vector = np.linalg.eigh(covariance)
-    kept = value > NEGLIGIBLE * max(float(value[-1]), 0.0)
-    if not kept.any():
-        return np.zeros((len(covariance), 1))
-    return np.asarray(vector[:, kept] * np.sqrt(value[kept]))
 
 
 def with_provenance(inverse_map: InverseMap, facts: Mapping[str, Any]) -> InverseMap:

@@ -23,10 +23,11 @@ import numpy as np
 
 from builder.aero.loads import coefficient_scales_at
 from builder.calibration.as_built_parameters import AsBuiltParameters, drawn
-from builder.calibration.calibrated_map import Remaining, calibrated_map, remaining_after, remaining_terms
+from builder.calibration.calibrated_map import calibrated_map, remaining_after
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import calibrate_with_faults
 from builder.calibration.ground_test import WINDOW, TestedStructure, ground_test
+from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.load_equations import load_equations
 from builder.calibration.load_test import LoadErrors
 from builder.calibration.outside_errors import OUTSIDE, outside_vehicle
@@ -34,7 +35,6 @@ from builder.calibration.score_setup import READING_STD, Setup, SetupOptions, ro
 from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise_model import NoiseTerm
 from builder.truth.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
@@ -59,14 +59,14 @@ OUTSIDE_KINDS = (*OUTSIDE, UNAVERAGED)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Knowledge:
-    """What is known of a vehicle, and its noise terms; ``strain`` (k, n_d) is read in the flights [m/m].
+    """What is known of a vehicle; ``left`` is not, and ``strain`` (k, n_d) is read in the flights [m/m].
 
     ``found`` is the estimate of a test; None without one.
     """
 
     state: str
     remaining: Remaining
-    terms: list[NoiseTerm]
+    left: LeftByTest | None
     strain: FloatArray
     found: Estimate | None = None
     facts: dict[str, Any]
@@ -101,8 +101,8 @@ class Score:
         nominal = Remaining(parameters=setup.structure.exactly_built(), covariance=every)
         exact = Remaining(parameters=built, covariance=none)
         known = [
-            Knowledge(state=EXACT, remaining=exact, terms=[], strain=strain, facts={}),
-            Knowledge(state=BEFORE, remaining=nominal, terms=[], strain=strain, facts={}),
+            Knowledge(state=EXACT, remaining=exact, left=None, strain=strain, facts={}),
+            Knowledge(state=BEFORE, remaining=nominal, left=None, strain=strain, facts={}),
         ]
         samples = self._samples(truth, built, number)
         known += [self._tested(count, samples.mean(axis=1), strain, built) for count in setup.models]
@@ -135,7 +135,7 @@ class Score:
         return Knowledge(
             state=f"{count} cases" + (f", {kind}" if kind else ""),
             remaining=remaining,
-            terms=remaining_terms(setup.structure, remaining, self._ensemble),
+            left=left_by_test(setup.structure, remaining, self._ensemble),
             strain=strain + built.zero - found.parameters.zero,
             found=found,
             facts={
@@ -150,7 +150,7 @@ class Score:
         entry = setup.vehicle.map.model_copy(update=KINDS[kind])
         vehicle = setup.vehicle.model_copy(update={"map": entry})
         if known.state != BEFORE:
-            return calibrated_map(vehicle, setup.snapshots, setup.structure, known.remaining, terms=known.terms)
+            return calibrated_map(vehicle, setup.snapshots, setup.structure, known.remaining, left=known.left)
         if kind not in self._drawing:
             self._drawing[kind] = calibrated_map(vehicle, setup.snapshots, setup.structure, known.remaining)
         return self._drawing[kind]

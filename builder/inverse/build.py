@@ -122,7 +122,11 @@ def build_inverse_map(
 
 
 def inverse_problem(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, nuisance: Sequence[NoiseTerm] = ()
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    nuisance: Sequence[NoiseTerm] = (),
+    left: Sequence[HardwareError] = (),
 ) -> Problem:
     """Return what the map of the layout in use is solved from.
 
@@ -132,6 +136,7 @@ def inverse_problem(
     snapshots : surface pressure at the flight conditions.
     structure : strain per pressure.
     nuisance : further noise terms, such as thermal strain.
+    left : further errors in proportion to strain, such as what a ground test left.
 
     Raises
     ------
@@ -144,6 +149,7 @@ def inverse_problem(
     mesh = _mesh_error(vehicle, snapshots, structure, ensemble)
     thermal = thermal_map(vehicle)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
+    errors += left
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [

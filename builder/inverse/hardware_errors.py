@@ -101,13 +101,15 @@ def hardware_terms(
 
 
 def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTerm]:
-    """Return the noise terms of ``errors``, averaged over the ensemble."""
-    terms = []
+    """Return the noise terms of ``errors``, averaged over the ensemble; those of one name are one term."""
+    terms: dict[str, NoiseTerm] = {}
     for error in errors:
         term = common_error if error.common else gauge_errors
         found = term(error.name, error.strain, 1.0, ensemble.member_weight)
-        terms.append(replace(found, hardware=not error.of_mesh))
-    return terms
+        if error.name in terms:
+            found = replace(found, strain=np.hstack([terms[error.name].strain, found.strain]))
+        terms[error.name] = replace(found, hardware=not error.of_mesh)
+    return list(terms.values())
 
 
 def rms_ambient_pressure(ensemble: Ensemble) -> float:

@@ -38,11 +38,12 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, Flo
         if error.name in ("gauge gain", "common gain"):
             continue
         slope, left = _regressed(error, c, pressure, root)
+        # What no load follows is counted gauge by gauge, also of an error that all have in common.
+        square += left * left
         if error.common:
             common.append(slope)
             continue
         products += _TWICE[:, None] * slope[_FIRST] * slope[_SECOND]
-        square += left * left
     return products + squares_fitted(c, square, ensemble.member_weight), np.array(common).reshape(-1, 6, n_d)
 
 

@@ -17,9 +17,10 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.calibrated_map import Remaining, calibrated_map
+from builder.calibration.calibrated_map import calibrated_map
 from builder.calibration.candidate_cases import Candidate
 from builder.calibration.ground_test import ground_test, write_ground_test
+from builder.calibration.left_by_test import Remaining
 from builder.calibration.load_test import LoadErrors, LoadTest
 from builder.calibration.load_test_file import load_test_file
 from builder.calibration.plant_gauges import plant_gauges

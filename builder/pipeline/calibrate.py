@@ -11,11 +11,12 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import prior_std, slices
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.calibrated_map import Remaining, calibrated_map, remaining_after, with_provenance
+from builder.calibration.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.cross_validation import cross_validation
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, calibrate_with_faults
 from builder.calibration.flown_after_test import allowed_vehicles
+from builder.calibration.left_by_test import Remaining
 from builder.calibration.load_equations import load_equations
 from builder.calibration.load_test import LoadTest
 from builder.calibration.load_test_file import LoadTestFile, load_test_file

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from as_built_case import strain_covariance
 
 from builder.calibration.as_built_parameters import drawn, prior_std
 from builder.calibration.as_built_structure import AsBuiltStructure
-from builder.calibration.calibrated_map import Remaining, calibrated_vehicle, hardware_covariance
+from builder.calibration.calibrated_map import calibrated_vehicle
 from builder.calibration.flown_after_test import allowed_vehicles, net_pressure
+from builder.calibration.left_by_test import Remaining
 from builder.truth.flow_table import FlowTable
 from builder.truth.flown_vehicles import drawn_vehicles
 from builder.truth.held_out import held_out_conditions
@@ -69,7 +71,7 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
         pressure = net_pressure(as_built, true_model, table, drawing)[number]
         nominal = as_built.strain_operator(as_built.exactly_built()) @ pressure
         np.testing.assert_allclose(nominal, plain[0], atol=0.05 * np.abs(plain).max())  # the mesh
-        expected = hardware_covariance(as_built, tested, pressure[:, None])
+        expected = strain_covariance(as_built, tested.parameters, tested.covariance, pressure)
         expected += tested.covariance[5 * n : 6 * n, 5 * n : 6 * n]
         scale = np.sqrt(np.diag(expected))
         np.testing.assert_allclose(

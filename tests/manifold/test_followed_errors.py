@@ -44,13 +44,13 @@ def test_errors_of_gauges_grow_with_incidence_as_those_of_the_flows(
     vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots
 ) -> None:
     problem = inverse_problem(vehicle, snapshots, structure)
-    products, _ = followed_errors(vehicle, problem)
+    products, common = followed_errors(vehicle, problem)
     ensemble, reference = problem.ensemble, vehicle.reference_quantities()
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
     c = np.hstack([np.ones((len(pressure), 1)), ensemble.responses(problem.load_operator) / pressure / scale])
-    found = (c[:, FIRST] * c[:, SECOND]) @ products
-    each = [one.strain for one in problem.errors if not one.common and one.name != "gauge gain"]
+    found = (c[:, FIRST] * c[:, SECOND]) @ products + np.sum((c @ common) ** 2, axis=0)
+    each = [one.strain for one in problem.errors if one.name not in ("gauge gain", "common gain")]
     true = np.sum([(strain / pressure) ** 2 for strain in each], axis=0)
     across = np.hypot(c[:, 2], c[:, 3])
     for low, high in ((0.3, 0.6), (0.6, 0.8), (0.8, 1.0)):

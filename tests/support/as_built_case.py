@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from builder.calibration.as_built_parameters import AsBuiltParameters, slices
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
 
@@ -15,3 +18,21 @@ LAYOUT = "configuration_2"
 @pytest.fixture(scope="session")
 def as_built(vehicle: Vehicle) -> AsBuiltStructure:
     return as_built_structure(vehicle, LAYOUT, properties=TITANIUM, max_harmonic=12)
+
+
+def strain_covariance(
+    structure: AsBuiltStructure, parameters: AsBuiltParameters, covariance: np.ndarray, pressure: np.ndarray
+) -> np.ndarray:
+    """J C J' (n_d, n_d) under one pressure field (n_p,), J by differences of every single parameter."""
+    n_d = structure.n_gauges
+    jacobian = np.zeros((n_d, len(covariance)))
+    where = slices(n_d, structure.n_regions)
+    for (kind, region), slope in parameter_derivatives(
+        lambda one: structure.strain_operator(one) @ pressure, parameters
+    ).items():
+        start = where[kind].start
+        if of_gauges((kind, region)):
+            jacobian[np.arange(n_d), start + np.arange(n_d)] = slope
+        else:
+            jacobian[:, start + region] = slope
+    return jacobian @ covariance @ jacobian.T

@@ -1,0 +1,136 @@
+"""What a ground test left unknown, as errors in proportion to strain of the map.
+
+The strain of a flow errs by J d: d is the error of the parameters, of the covariance after the test, J the
+derivatives of the strain in that flow. It follows the flow, as the error of a vehicle does. A map knows errors
+that all gauges have in common, and errors of each gauge on its own. So the directions of d that strain most, over
+all flows and gauges, become common errors; what they leave becomes errors of each gauge, one for each pattern over
+the flows. The mean variance of every gauge is kept, covariances as far as the common errors hold them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.calibration.as_built_parameters import AsBuiltParameters, slices
+from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.inverse.ensemble import Ensemble
+from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.noise_model import NoiseTerm
+from strainfmu.arrays import FloatArray
+
+NAME = "left by the ground test"
+
+COMMON = 6
+"""Errors that all gauges have in common."""
+
+PATTERNS = 5
+"""Patterns over the flows of what each gauge errs by on its own."""
+
+NEGLIGIBLE = 1e-12
+"""Variance relative to the largest below which a column of a covariance is left out."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Remaining:
+    """What of the hardware is not known.
+
+    Attributes
+    ----------
+    parameters : the vehicle as built.
+    covariance : (n, n) of its vector.
+    """
+
+    parameters: AsBuiltParameters
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeftByTest:
+    """The same as the map holds it: errors that follow strain, and the term of the zeros."""
+
+    errors: tuple[HardwareError, ...] = ()
+    zeros: tuple[NoiseTerm, ...] = ()
+
+
+def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> LeftByTest:
+    """Return what a test left, for the flows of ``ensemble``; nothing where everything is known."""
+    if not remaining.covariance.any():
+        return LeftByTest()
+    where = slices(structure.n_gauges, structure.n_regions)
+    zero = remaining.covariance[where["zero"], where["zero"]]
+    return LeftByTest(
+        errors=tuple(_errors(structure, remaining, ensemble)),
+        zeros=(NoiseTerm("zeros after the ground test", _factor(zero), hardware=True),),
+    )
+
+
+def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
+    by_key = parameter_derivatives(structure.strain_operator, remaining.parameters)
+    n_d, where = structure.n_gauges, slices(structure.n_gauges, structure.n_regions)
+    factor = _factor(remaining.covariance)
+    # (n_d, n_keys, r): what one deviation of column r changes of the parameters that gauge g reads with.
+    change = np.stack(
+        [
+            factor[where[key[0]]]
+            if of_gauges(key)
+            else np.broadcast_to(factor[where[key[0]].start + key[1]], (n_d, factor.shape[1]))
+            for key in by_key
+        ],
+        axis=1,
+    )
+    operator = np.stack(list(by_key.values()))  # n_keys, n_d, n_p
+    strain = ensemble.responses(operator.reshape(-1, operator.shape[-1])).reshape(-1, *operator.shape[:2])
+    product = np.einsum("j,jkg,jlg->gkl", ensemble.member_weight, strain, strain, optimize=True)
+
+    def error(weight: FloatArray, common: bool) -> HardwareError:
+        """Return the error of ``weight`` (n_d, n_keys) in the parameters."""
+        return HardwareError(
+            name=NAME,
+            operator=np.einsum("gk,kgp->gp", weight, operator),
+            strain=np.einsum("gk,jkg->jg", weight, strain),
+            common=common,
+        )
+
+    direction = _strongest(change, product)
+    common = change @ direction
+    rest = change - common @ direction.T
+    own = _patterns(rest @ np.swapaxes(rest, 1, 2), product)
+    return [
+        *(error(common[:, :, i], common=True) for i in range(common.shape[2])),
+        *(error(own[:, :, i], common=False) for i in range(own.shape[2])),
+    ]
+
+
+def _strongest(change: FloatArray, product: FloatArray) -> FloatArray:
+    """Return (r, COMMON) orthonormal directions that strain most, by mean squares over flows and gauges."""
+    gram = np.einsum("gkr,gkl,gls->rs", change, product, change, optimize=True)
+    _, vector = np.linalg.eigh(gram)
+    return np.asarray(vector[:, ::-1][:, :COMMON])
+
+
+def _patterns(covariance: FloatArray, product: FloatArray) -> FloatArray:
+    """Return (n_d, n_keys, PATTERNS) independent changes of each gauge's parameters, the strongest first.
+
+    The last ones stand for all that are weaker: the mean variance of every gauge is kept.
+    """
+    found = np.zeros((*covariance.shape[:2], PATTERNS))
+    for gauge, (own, seen) in enumerate(zip(covariance, product, strict=True)):
+        root = _factor(own)
+        value, vector = np.linalg.eigh(root.T @ seen @ root)
+        value, vector = np.maximum(value[::-1], 0.0), vector[:, ::-1]
+        kept = min(PATTERNS, len(value))
+        size = np.sqrt(value.sum() / max(float(value[:kept].sum()), 1e-300))
+        found[gauge, :, :kept] = size * (root @ vector[:, :kept])
+    return found
+
+
+def _factor(covariance: FloatArray) -> FloatArray:
+    """Return the columns (n, k) whose product with their transpose is ``covariance``, negligible ones left out."""
+    value, vector = np.linalg.eigh(covariance)
+    kept = value > NEGLIGIBLE * max(float(value[-1]), 0.0)
+    if not kept.any():
+        return np.zeros((len(covariance), 1))
+    return np.asarray(vector[:, kept] * np.sqrt(value[kept]))
