@@ -92,6 +92,7 @@ def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensembl
             operator=np.einsum("gk,kgp->gp", weight, operator),
             strain=np.einsum("gk,jkg->jg", weight, strain),
             common=common,
+            with_rest=True,
         )
 
     direction = _strongest(change, product)

@@ -33,6 +33,7 @@ class HardwareError:
     strain : (n, n_d) its strain at the members of the ensemble [m/m].
     common : whether all gauges have the same error, or each its own.
     of_mesh : whether it is an error of the structure's mesh, not of the hardware.
+    with_rest : whether the nonlinear estimator counts, gauge by gauge, what no load follows of a common error.
     """
 
     name: str
@@ -40,6 +41,7 @@ class HardwareError:
     strain: FloatArray
     common: bool
     of_mesh: bool = False
+    with_rest: bool = False
 
 
 def hardware_errors(

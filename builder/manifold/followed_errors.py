@@ -38,8 +38,8 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, Flo
         if error.name in ("gauge gain", "common gain"):
             continue
         slope, left = _regressed(error, c, pressure, root)
-        # What no load follows is counted gauge by gauge, also of an error that all have in common.
-        square += left * left
+        if not error.common or error.with_rest:
+            square += left * left
         if error.common:
             common.append(slope)
             continue
