@@ -65,13 +65,14 @@ class FrameQueue:
     def put(self, items: Iterable[Frame | BusFault]) -> int:
         """Add ``items`` and wake the waiting thread; return the number of frames dropped for them."""
         with self._ready:
-            dropped = 0
+            dropped, waiting, capacity = 0, self._items, self._capacity
             for item in items:
-                if self._counted >= self._capacity or len(self._items) >= 2 * self._capacity:
+                if self._counted >= capacity or len(waiting) >= 2 * capacity:
                     dropped += sum(isinstance(old, Frame) for old in self._oldest_cycle())
-                self._items.append(item)
+                waiting.append(item)
                 self._counted += self._counts(item)
-                self.highest = max(self.highest, len(self._items))
+                if len(waiting) > self.highest:
+                    self.highest = len(waiting)
             self._ready.notify()
         return dropped
 
@@ -90,11 +91,13 @@ class FrameQueue:
     def _oldest_cycle(self) -> list[Frame | BusFault]:
         """Take out the oldest cycle; the lock must be held."""
         items: list[Frame | BusFault] = []
-        left = self._cycle
-        while self._items and left:
-            items.append(self._items.popleft())
-            counts = self._counts(items[-1])
-            left, self._counted = left - counts, self._counted - counts
+        waiting, left = self._items, self._cycle
+        while waiting and left:
+            item = waiting.popleft()
+            items.append(item)
+            if self._counts(item):
+                left -= 1
+                self._counted -= 1
         return items
 
     def _counts(self, item: Frame | BusFault) -> bool:

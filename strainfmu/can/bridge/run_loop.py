@@ -101,6 +101,7 @@ class Bridge:
         self._shed = 0
         self._stop = self._is_confirmed = False
         self._qualities: Counter[Quality] = Counter()
+        self._answered = 0
         self._latency: deque[float] = deque(maxlen=_LATENCIES)
         self._last_valid: CycleResult | None = None
         self._last: CycleResult | None = None
@@ -177,18 +178,20 @@ class Bridge:
             self._core.confirm_sender()
         begin = self._clock()
         is_answered = not items or self._backlog.is_answered(begin - items[-1].time)
-        n_answered = sum(self._qualities.values())
+        n_answered = self._answered
         for item in items:
             if isinstance(item, BusFault):
                 self._lose_bus(item.reason, item.time)
                 continue
             if self._on_frame is not None:
                 self._on_frame(item)
-            self._publish(self._core.receive(item, is_answered))
+            if results := self._core.receive(item, is_answered):
+                self._publish(results)
         if items and is_answered:
-            self._note_answer(self._clock() - begin, sum(self._qualities.values()) - n_answered)
+            self._note_answer(self._clock() - begin, self._answered - n_answered)
         # Only up to the time by which all frames are known, so that a recording gives the same results.
-        self._publish(self._core.advance(known))
+        if results := self._core.advance(known):
+            self._publish(results)
         now = self._clock()
         if now >= self._next_status:
             self._send_status(now)
@@ -214,6 +217,7 @@ class Bridge:
     def _publish(self, results: list[CycleResult]) -> None:
         """Send results, then count them and pass them on."""
         limit = self._core.settings.max_age * self._core.layout.cycle_time
+        self._answered += len(results)
         for judged in results:
             result = published(judged, self._clock(), limit)
             working = self._transmitter.send(self._frames.of_result(result))
@@ -246,7 +250,7 @@ class Bridge:
             bus_state=self._core.bus_state,
             last_valid=self._last_valid,
             account=self.account(),
-            cycles=sum(self._qualities.values()),
+            cycles=self._answered,
             send_failures=self._transmitter.failures,
             reconnects=self._back_off.reconnects,
             drift_ppm=self._core.drift_ppm,
