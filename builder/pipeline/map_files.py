@@ -48,6 +48,9 @@ from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 
+MAP_METHOD_VERSION = 2
+"""Raised whenever the same files give another map, so that maps are made again."""
+
 
 def run_build(
     vehicle_path: Path,
@@ -208,6 +211,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     inputs = {
         "schema_version": inverse_map_file.SCHEMA_VERSION,
+        "method_version": MAP_METHOD_VERSION,
         "independent flows": pipeline.made_from(FLOWS) if calibrates else [],
         "snapshots": pipeline.made_from(SNAPSHOTS),
         "resolution": vehicle.resolution.map.model_dump(),
