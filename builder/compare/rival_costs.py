@@ -10,7 +10,7 @@ from builder.compare.rivals import RIVALS, RivalCandidate
 from builder.compare.training import training_flights
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 
-TRAINING = 2000
+TRAINING = 500
 """Flights that each learns from: fewer than in a comparison, which its time per step hardly depends on."""
 
 
