@@ -143,7 +143,7 @@ def main() -> None:
     parser.add_argument(
         "--estimator", choices=("linear", "manifold"), help="linear: the linear map of a file of both"
     )
-    parser.add_argument("--search", action="store_true", help="find each flight anew, not from its state")
+    parser.add_argument("--search", action="store_true", help="find each flight from the tables alone")
     options = parser.parse_args()
     if options.samples < 1 or options.seed < 0:
         raise InputError("expected --samples from 1 on and --seed from 0 on")

@@ -49,7 +49,7 @@ def on_range(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestRan
     try:
         check_multicast(private_port())
     except StrainfmuError as error:
-        pytest.skip(str(error))
+        pytest.skip(str(error))  # some containers have no multicast; the error says what fails
     folder = tmp_path_factory.mktemp("range")
     save_inverse_map(synthetic_inverse_map(1, N_GAUGES), folder / "map.h5")
     export_estimator(folder / "map.h5", folder / "estimator.fmu")

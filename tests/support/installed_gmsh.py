@@ -15,4 +15,4 @@ def gmsh_or_skip() -> Any:
     try:
         return load_gmsh()
     except StrainfmuError as error:
-        pytest.skip(str(error))
+        pytest.skip(str(error))  # an extra, whose system libraries not every machine has; the error names them

@@ -11,6 +11,7 @@ planes, each run to its steady state with local time steps, the last plane of on
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from math import cos, pi, sin, sqrt
@@ -27,7 +28,7 @@ OVERLAP = 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FlowCase:
+class FlowCase(ABC):
     """One flow in the plane y = 0 of symmetry, and the mesh of half a body.
 
     Attributes
@@ -63,9 +64,9 @@ class FlowCase:
         step = pi / self.n_circumferential
         return sqrt(step / sin(step))
 
+    @abstractmethod
     def sides(self) -> tuple[FloatArray, FloatArray]:
         """Return y and z [m] of wall and outer boundary, each (n_x + 1, n_phi + 1, 2), leeward to windward."""
-        raise NotImplementedError
 
     @cached_property
     def vertices(self) -> FloatArray:

@@ -42,33 +42,20 @@ def write_case(
     """
     write_mesh(vertices, directory / "constant" / "polyMesh")
     n_planes = len(vertices) - 1
-    _write_field(
-        directory=directory,
-        name="p",
-        dimensions="[1 -1 -2 0 0 0 0]",
-        plane=plane.pressure,
-        free_stream=(1.0,),
-        n_planes=n_planes,
-        wall="zeroGradient",
-    )
-    _write_field(
-        directory=directory,
-        name="T",
-        dimensions="[0 0 0 1 0 0 0]",
-        plane=plane.temperature,
-        free_stream=(1.0,),
-        n_planes=n_planes,
-        wall="zeroGradient",
-    )
-    _write_field(
-        directory=directory,
-        name="U",
-        dimensions="[0 1 -1 0 0 0 0]",
-        plane=plane.velocity,
-        free_stream=u,
-        n_planes=n_planes,
-        wall="slip",
-    )
+    for name, dimensions, values, free_stream, wall in (
+        ("p", "[1 -1 -2 0 0 0 0]", plane.pressure, (1.0,), "zeroGradient"),
+        ("T", "[0 0 0 1 0 0 0]", plane.temperature, (1.0,), "zeroGradient"),
+        ("U", "[0 1 -1 0 0 0 0]", plane.velocity, u, "slip"),
+    ):
+        _write_field(
+            directory=directory,
+            name=name,
+            dimensions=dimensions,
+            plane=values,
+            free_stream=free_stream,
+            n_planes=n_planes,
+            wall=wall,
+        )
     for name, text in (DICTIONARIES | {"system/controlDict": _control(iterations)}).items():
         _write(directory / name, "dictionary", text)
 

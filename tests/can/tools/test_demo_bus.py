@@ -22,7 +22,7 @@ def folder(synthetic: SyntheticFiles, tmp_path: Path) -> Path:
     try:
         check_multicast(private_port())
     except StrainfmuError as error:
-        pytest.skip(str(error))
+        pytest.skip(str(error))  # some containers have no multicast; the error says what fails
     for path, name in (
         (synthetic.map_1, "map.h5"),
         (synthetic.estimator_1, "estimator.fmu"),
