@@ -34,7 +34,7 @@ from strainfmu.files import write_bytes_atomically
 
 FLOWS, JSON, CSV, FIGURE = "compare_flows.h5", "compare.json", "compare.csv", "compare.png"
 
-VERSION = 4
+VERSION = 5
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 

@@ -10,8 +10,8 @@
 
 #define ALIGNMENT 64
 
-/* Of a value of navigation: a smaller error says no more. */
-#define MIN_RELATIVE_STD 1e-4
+/* Of a value of navigation: LEAST_RELATIVE_STD of navigation.py. */
+#define MIN_RELATIVE_STD 1e-3
 
 int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     Flight *flight = &e->flight;

@@ -383,6 +383,7 @@ static void set_shape_residual(FlightSolver *solver) {
     }
 }
 
+/* Of the innovation at the minimum of the linearised problem. */
 static void set_navigation_residuals(FlightSolver *solver) {
     Solution *found = &solver->solution;
     for (size_t m = 0; m < N_NAVIGATION; m++) {
@@ -391,7 +392,9 @@ static void set_navigation_residuals(FlightSolver *solver) {
         measurement_row(solver, m, row);
         const double reached = quadratic(N_STATES, row, found->state_covariance, row);
         const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
-        found->navigation_residual[m] = variance > 0.0 ? solver->innovation[m] / sqrt(variance) : 0.0;
+        const double remaining =
+            solver->innovation[m] - quadratic(N_STATES, row, found->state_covariance, solver->gradient);
+        found->navigation_residual[m] = variance > 0.0 ? remaining / sqrt(variance) : 0.0;
     }
 }
 

@@ -23,6 +23,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightE
 from strainfmu.estimator.manifold.flight_health import flight_health
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples, without_navigation
 from strainfmu.estimator.manifold.navigation import (
+    LEAST_RELATIVE_STD,
     NAVIGATION,
     Navigation,
     inconsistent_navigation,
@@ -260,8 +261,7 @@ class ManifoldEstimator:
                 m.dynamic_pressure_error * value[:, 2],
             ]
         )
-        # A smaller error says no more, and its weight would leave no digits to the test of navigation.
-        return np.maximum(np.where(np.isnan(std), own, std), 1e-4 * np.abs(value))
+        return np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
 
     def search(self, samples: Samples, rows: IntArray | None = None) -> Linearised:
         """Return the solution of ``samples`` from a search of the tables, whichever ``rows`` they are."""

@@ -17,6 +17,9 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
 """Quantities of navigation, in this order."""
 
+LEAST_RELATIVE_STD = 1e-3
+"""Least standard deviation of a quantity of navigation over its value. A smaller one would say no more of the
+loads, and the iterations would have to end that near to the value of navigation."""
 
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
 """Rates at which correct values of them are named inconsistent. M and p_inf: at a lower rate 5 sigma would pass.

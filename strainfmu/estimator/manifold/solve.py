@@ -187,9 +187,15 @@ def _shape_residuals(manifold: ManifoldMap, at: Linearised, covariance: FloatArr
 
 
 def _navigation_residuals(at: Linearised, covariance: FloatArray) -> FloatArray:
-    """Return (k, 3) each innovation over its standard deviation, the state estimated without it."""
+    """Return (k, 3) each innovation over its standard deviation, the state estimated without it.
+
+    The innovation is that at the minimum of the linearised problem. A quantity with a small error draws the state
+    to its value: what is left is far smaller than the last steps of the iterations.
+    """
     jacobian, precision = at.measurement_jacobian[:, :3], at.precision[:, :3]
-    reached = np.einsum("kix,kxy,kiy->ki", jacobian, covariance, jacobian)
+    turned = jacobian @ covariance
+    reached = np.einsum("kix,kix->ki", turned, jacobian)
+    innovation = at.innovation[:, :3] - np.einsum("kix,kx->ki", turned, at.gradient)
     variance = np.where(precision > 0.0, 1.0 / np.where(precision > 0.0, precision, 1.0) - reached, 0.0)
     known = variance > 0.0
-    return np.where(known, at.innovation[:, :3] / np.sqrt(np.where(known, variance, 1.0)), 0.0)
+    return np.where(known, innovation / np.sqrt(np.where(known, variance, 1.0)), 0.0)
