@@ -26,7 +26,8 @@ class Structure(Section):
 
     ``strain_per_snapshot`` is a table of strains that another structural code found under the snapshots'
     pressures, ``influence`` one of strains under unit forces, ``influence_facets`` the facets between its nodes
-    where it is a CSV file (:mod:`builder.structure.external`). They take the place of any model. ``checked_by`` is
+    where it is a CSV file (:mod:`builder.structure.external`). They take the place of any model. Strains of either
+    may stand in ``nastran_results``, OP2 or punch files, by the elements of ``nastran_gauges``. ``checked_by`` is
     a second mesh of the solid model, whose difference is the error of the first. ``mesh`` is the volume mesh, or
     the STEP file, of a vehicle given by a surface; it and ``checked_by`` are in ``mesh_length_unit``, and the
     wall's thickness is the nominal one. ``mesh_materials`` gives regions of the mesh other materials of
@@ -52,6 +53,8 @@ class Structure(Section):
     strain_per_snapshot: FileName | None = None
     influence: FileName | None = None
     influence_facets: FileName | None = None
+    nastran_results: list[FileName] = Field(default_factory=list, max_length=1000)
+    nastran_gauges: FileName | None = None
     checked_by: FileName | None = None
 
     @property
@@ -92,6 +95,14 @@ class Structure(Section):
     def _facets_are_of_a_matrix(self) -> Structure:
         if self.influence_facets is not None and self.influence is None:
             raise ValueError("influence_facets: expected influence beside it, got none")
+        return self
+
+    @model_validator(mode="after")
+    def _results_are_of_a_table(self) -> Structure:
+        if bool(self.nastran_results) != (self.nastran_gauges is not None):
+            raise ValueError("nastran_results, nastran_gauges: expected both or neither, got one")
+        if self.nastran_results and self.external is None:
+            raise ValueError(f"nastran_results: expected {' or '.join(EXTERNAL_STRUCTURES)} beside it, got none")
         return self
 
     @model_validator(mode="after")

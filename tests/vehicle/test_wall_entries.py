@@ -72,6 +72,14 @@ FAULTS = {
     ),
     "both codes": ('influence = "z.h5"\nstrain_per_snapshot = "s.csv"', "expected one of strain_per_snapshot and"),
     "facets alone": ('influence_facets = "f.csv"', "influence_facets: expected influence beside it"),
+    "results without gauges": (
+        'influence = "z.csv"\nnastran_results = ["a.op2"]',
+        "nastran_results, nastran_gauges: expected both or neither, got one",
+    ),
+    "results of no table": (
+        'nastran_results = ["a.op2"]\nnastran_gauges = "g.csv"',
+        "nastran_results: expected strain_per_snapshot or influence beside it, got none",
+    ),
     "code and model": ('influence = "z.h5"', r"model: expected none beside influence, got 'fourier'"),
     "code and second mesh": (
         'influence = "z.h5"\nchecked_by = "b.msh"',

@@ -12,6 +12,7 @@ from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.influence_checks import check_equilibrium
 from builder.structure.external.influence_file import Influence, read_influence
 from builder.structure.external.operator_of_file import structure_of_operator
+from builder.structure.external.strain_table import SubcaseStrains
 from builder.structure.external.thinned_nodes import thinned
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.gauge_rows import Gauges
@@ -25,7 +26,11 @@ MODEL = "influence"
 
 
 def structure_of_influence(
-    path: Path, facets: Path | None, vehicle: Vehicle, layouts: Mapping[str, Gauges]
+    path: Path,
+    facets: Path | None,
+    vehicle: Vehicle,
+    layouts: Mapping[str, Gauges],
+    results: SubcaseStrains | None = None,
 ) -> Structure:
     """Return the structure behind the influence matrix of ``path``, on the surface of its loaded nodes.
 
@@ -36,13 +41,14 @@ def structure_of_influence(
     path, facets : the file, and that of the facets beside a CSV file.
     vehicle : gives body and support.
     layouts : those a map needs; displaced ones may be missing.
+    results : strains by subcase, where the file names subcases in place of strains.
 
     Raises
     ------
     InputError
         A file is wrong, does not fit the gauges, or its strains are out of equilibrium with its forces.
     """
-    influence = read_influence(path, facets)
+    influence = read_influence(path, facets, results)
     kept = columns_found(path, influence.column, layouts, vehicle.gauges.layout)
     index = [influence.column.index(name) for names in kept.values() for name in names]
     strain = influence.strain_per_force[index]

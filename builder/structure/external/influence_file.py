@@ -14,7 +14,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from builder.structure.external.strain_table import UNIT_COLUMN, strain_factor, table_number
+from builder.structure.external.strain_table import (
+    SubcaseStrains,
+    refuse_hdf5_results,
+    strain_cells,
+    table_number,
+)
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_hdf5_atomically
@@ -90,8 +95,10 @@ class Influence:
             raise InputError(f"{self.path}: expected each column once, got '{twice}' again")
 
 
-def read_influence(path: Path, facets: Path | None = None) -> Influence:
+def read_influence(path: Path, facets: Path | None = None, results: SubcaseStrains | None = None) -> Influence:
     """Read an influence matrix; ``facets`` is the file of facets beside a CSV file.
+
+    With ``results`` each row of the CSV file names the subcase of its force in place of strains.
 
     Raises
     ------
@@ -103,7 +110,8 @@ def read_influence(path: Path, facets: Path | None = None) -> Influence:
     if path.suffix.lower() == ".csv":
         if facets is None:
             raise InputError(f"{path}: expected structure.influence_facets beside a CSV file, got none")
-        return _from_csv(path, facets)
+        return _from_csv(path, facets, results)
+    refuse_hdf5_results(path, results)
     if facets is not None:
         raise InputError(
             f"structure.influence_facets: expected none beside {path}, which holds them, got {facets}"
@@ -151,14 +159,14 @@ def _from_hdf5(path: Path) -> Influence:
         raise InputError(f"{path}: damaged, or not an HDF5 file of an influence matrix: {error}") from error
 
 
-def _from_csv(path: Path, facets: Path) -> Influence:
+def _from_csv(path: Path, facets: Path, results: SubcaseStrains | None) -> Influence:
     header, rows = _rows(path)
-    needed = (*PLACE_COLUMNS, FORCE_COLUMN, UNIT_COLUMN)
+    needed = (*PLACE_COLUMNS, FORCE_COLUMN)
     for name in needed:
         if name not in header:
             raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
     place = {name: header.index(name) for name in needed}
-    gauges = [k for k, name in enumerate(header) if name not in needed]
+    cells = strain_cells(path, header, needed, results)
     number: dict[str, int] = {}
     points: list[list[float]] = []
     found: dict[tuple[int, int], list[float]] = {}
@@ -179,9 +187,8 @@ def _from_csv(path: Path, facets: Path) -> Influence:
         key = (number[label], "xyz".index(direction))
         if key in found:
             raise InputError(f"{where}: expected node {label} along {direction} once, got it again")
-        factor = strain_factor(row[place[UNIT_COLUMN]], where) / force
-        found[key] = [factor * table_number(row[k], f"{where}, column '{header[k]}'") for k in gauges]
-    strain = np.empty((len(gauges), len(points), 3))
+        found[key] = [value / force for value in cells.values(row, where)]
+    strain = np.empty((len(cells.column), len(points), 3))
     for label, node in number.items():
         for axis in range(3):
             if (node, axis) not in found:
@@ -191,7 +198,7 @@ def _from_csv(path: Path, facets: Path) -> Influence:
         path=path,
         node=np.array(points),
         facet=_facets(facets, number),
-        column=tuple(header[k] for k in gauges),
+        column=cells.column,
         strain_per_force=strain,
     )
 

@@ -15,7 +15,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.load_cases import LoadCases, load_cases
 from builder.structure.external.operator_of_file import structure_of_operator
-from builder.structure.external.strain_table import StrainTable, read_strain_table
+from builder.structure.external.strain_table import StrainTable, SubcaseStrains, read_strain_table
 from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
@@ -39,12 +39,17 @@ ALIKE = 0.02
 
 
 def structure_of_strains(
-    path: Path, vehicle: Vehicle, snapshots: Snapshots, layouts: Mapping[str, Gauges]
+    path: Path,
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    layouts: Mapping[str, Gauges],
+    results: SubcaseStrains | None = None,
 ) -> Structure:
     """Return the structure behind the strains of ``path``, on the surface of ``snapshots``.
 
     ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.displaced_gauges`) may be
-    missing: placement errors of gauges must then be 0.
+    missing: placement errors of gauges must then be 0. With ``results`` the table names subcases in place of
+    strains.
 
     Raises
     ------
@@ -56,7 +61,7 @@ def structure_of_strains(
             f"map.symmetry: expected 'listed' with structure.strain_per_snapshot, got '{vehicle.map.symmetry}': "
             "strains are known under the listed conditions alone"
         )
-    table, cases = read_strain_table(path), load_cases(vehicle, snapshots)
+    table, cases = read_strain_table(path, results), load_cases(vehicle, snapshots)
     kept = columns_found(path, table.column, layouts, vehicle.gauges.layout)
     strain = _strain_of_cases(table, cases)[:, [table.column.index(name) for one in kept.values() for name in one]]
     operator = smallest_operator(cases.pressure, strain, _names(table, cases))

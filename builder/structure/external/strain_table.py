@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
+from typing import Protocol
 
 import h5py
 import numpy as np
@@ -19,10 +20,86 @@ CONDITION_COLUMNS = ("mach_number", "angle_of_attack_deg", "sideslip_angle_deg",
 """For the reader of the table; cases are told apart by ``load_id``."""
 UNIT_COLUMN = "strain_unit"
 FIRST_COLUMNS = ("case", "load_id", *CONDITION_COLUMNS, UNIT_COLUMN)
-NEEDED_COLUMNS = ("case", "load_id", UNIT_COLUMN)
+NEEDED_COLUMNS = ("case", "load_id")
+SUBCASE_COLUMN = "subcase"
+"""In place of strains and their unit, where those stand in the results of Nastran."""
 
 LARGEST_STRAIN = 0.05
 """Above this [m/m] a strain is in another unit than stated: linear elasticity ends long before."""
+
+
+class SubcaseStrains(Protocol):
+    """Strains of gauges in another file, by the number of a subcase."""
+
+    @property
+    def column(self) -> tuple[str, ...]:
+        """Names of the gauges' columns."""
+
+    def row(self, subcase: int) -> list[float]:
+        """Return the strain of each column [m/m]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StrainCells:
+    """Where a row of a CSV file has its strains: in cells of its own, or in the results of a subcase.
+
+    Attributes
+    ----------
+    column : k names of gauges' columns.
+    cells : their places in a row; empty with ``results``.
+    unit : place of the unit, or of the number of the subcase.
+    results : the results, or None.
+    """
+
+    column: tuple[str, ...]
+    cells: tuple[int, ...]
+    unit: int
+    results: SubcaseStrains | None
+
+    def values(self, row: Sequence[str], where: str) -> list[float]:
+        """Return the strains of a row [m/m]."""
+        text = row[self.unit]
+        if self.results is not None:
+            if not text.isdigit():
+                raise InputError(f"{where}: {SUBCASE_COLUMN}: expected its number, got '{text}'")
+            return self.results.row(int(text))
+        factor = strain_factor(text, where)
+        return [
+            factor * table_number(row[k], f"{where}, column '{name}'")
+            for k, name in zip(self.cells, self.column, strict=True)
+        ]
+
+
+def strain_cells(
+    path: Path, header: Sequence[str], others: Sequence[str], results: SubcaseStrains | None
+) -> StrainCells:
+    """Return where the rows below ``header`` have their strains; ``others`` are its columns beside them.
+
+    Raises
+    ------
+    InputError
+        The columns do not fit ``results``; the message begins with ``path``.
+    """
+    known = (*others, UNIT_COLUMN, SUBCASE_COLUMN)
+    gauges = tuple(k for k, name in enumerate(header) if name not in known)
+    if results is None:
+        if SUBCASE_COLUMN in header:
+            raise InputError(
+                f"{path}: column '{SUBCASE_COLUMN}': expected structure.nastran_results with it, got none"
+            )
+        _needed(path, header, UNIT_COLUMN)
+        return StrainCells(
+            column=tuple(header[k] for k in gauges), cells=gauges, unit=header.index(UNIT_COLUMN), results=None
+        )
+    _needed(path, header, SUBCASE_COLUMN)
+    if gauges:
+        raise InputError(f"{path}: expected no strains beside nastran_results, got a column '{header[gauges[0]]}'")
+    return StrainCells(column=results.column, cells=(), unit=header.index(SUBCASE_COLUMN), results=results)
+
+
+def _needed(path: Path, header: Sequence[str], name: str) -> None:
+    if name not in header:
+        raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,11 +121,11 @@ class StrainTable:
     strain: FloatArray
 
 
-def read_strain_table(path: Path) -> StrainTable:
+def read_strain_table(path: Path, results: SubcaseStrains | None = None) -> StrainTable:
     """Read strains per load case: ``.csv``, or ``.h5`` with the datasets case, load_id, column and strain (n, k).
 
     In a .csv every row names its unit in the column ``strain_unit``; in an .h5 the dataset ``strain`` has it as
-    attribute ``unit``.
+    attribute ``unit``. With ``results`` a .csv names a subcase in every row instead.
 
     Raises
     ------
@@ -57,7 +134,11 @@ def read_strain_table(path: Path) -> StrainTable:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; `strainfmu structure VEHICLE --export-loads DIR` makes the table")
-    table = _from_hdf5(path) if path.suffix.lower() in (".h5", ".hdf5") else _from_csv(path)
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        refuse_hdf5_results(path, results)
+        table = _from_hdf5(path)
+    else:
+        table = _from_csv(path, results)
     _refuse_repeated(path, "case", table.case)
     _refuse_repeated(path, "column", table.column)
     large = np.argwhere(np.abs(table.strain) > LARGEST_STRAIN)
@@ -70,30 +151,35 @@ def read_strain_table(path: Path) -> StrainTable:
     return table
 
 
-def _from_csv(path: Path) -> StrainTable:
+def refuse_hdf5_results(path: Path, results: SubcaseStrains | None) -> None:
+    """Refuse the results of subcases beside a file that holds strains itself."""
+    if results is not None:
+        raise InputError(
+            f"structure.nastran_results: expected a .csv with a column '{SUBCASE_COLUMN}', got {path}"
+        )
+
+
+def _from_csv(path: Path, results: SubcaseStrains | None) -> StrainTable:
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             header, *rows = [[cell.strip() for cell in row] for row in csv.reader(stream) if row] or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a CSV file: {error}") from error
     for name in NEEDED_COLUMNS:
-        if name not in header:
-            raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
-    gauges = [k for k, name in enumerate(header) if name not in FIRST_COLUMNS]
+        _needed(path, header, name)
+    cells = strain_cells(path, header, FIRST_COLUMNS, results)
     place = {name: header.index(name) for name in NEEDED_COLUMNS}
-    strain = np.empty((len(rows), len(gauges)))
+    strain = np.empty((len(rows), len(cells.column)))
     for number, row in enumerate(rows):
         where = f"{path}, line {number + 2}"
         if len(row) != len(header):
             raise InputError(f"{where}: expected {len(header)} values, got {len(row)}")
-        factor = strain_factor(row[place[UNIT_COLUMN]], where)
-        for column, k in enumerate(gauges):
-            strain[number, column] = factor * table_number(row[k], f"{where}, column '{header[k]}'")
+        strain[number] = cells.values(row, where)
     return StrainTable(
         path=path,
         case=tuple(row[place["case"]] for row in rows),
         load_id=tuple(row[place["load_id"]] for row in rows),
-        column=tuple(header[k] for k in gauges),
+        column=cells.column,
         strain=strain,
     )
 

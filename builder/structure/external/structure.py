@@ -8,6 +8,7 @@ from pathlib import Path
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external import strain_per_snapshot
 from builder.structure.external.influence import structure_of_influence
+from builder.structure.external.nastran.table import nastran_strains
 from builder.structure.solid.case import solid_case
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
@@ -23,9 +24,11 @@ def external_inputs(vehicle: Vehicle) -> list[str]:
     InputError
         The file is missing.
     """
-    facets = vehicle.structure.influence_facets
-    beside = [] if facets is None or not vehicle.beside(facets).is_file() else [vehicle.beside(facets)]
-    return [sha256(path.read_bytes()).hexdigest() for path in (external_file(vehicle), *beside)]
+    entry = vehicle.structure
+    named = [entry.influence_facets, entry.nastran_gauges, *entry.nastran_results]
+    beside = [vehicle.beside(name) for name in named if name is not None]
+    found = [path for path in beside if path.is_file()]
+    return [sha256(path.read_bytes()).hexdigest() for path in (external_file(vehicle), *found)]
 
 
 def external_file(vehicle: Vehicle) -> Path:
@@ -53,7 +56,9 @@ def external_structure(vehicle: Vehicle, snapshots: Snapshots) -> Structure:
         The file is missing or wrong, or does not fit snapshots or gauges.
     """
     layouts, path = solid_case(vehicle, used_layouts(vehicle)).layouts, external_file(vehicle)
+    results = nastran_strains(vehicle, layouts)
     if vehicle.structure.external == strain_per_snapshot.MODEL:
-        return strain_per_snapshot.structure_of_strains(path, vehicle, snapshots, layouts)
-    facets = vehicle.structure.influence_facets
-    return structure_of_influence(path, None if facets is None else vehicle.beside(facets), vehicle, layouts)
+        return strain_per_snapshot.structure_of_strains(path, vehicle, snapshots, layouts, results)
+    named = vehicle.structure.influence_facets
+    facets = None if named is None else vehicle.beside(named)
+    return structure_of_influence(path, facets, vehicle, layouts, results)

@@ -1,0 +1,186 @@
+"""Element strains of one or several Nastran files, by subcase and element."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from builder.structure.external.nastran.element_rows import (
+    CURVATURE,
+    PLATE,
+    PLY,
+    ROD,
+    SOLID,
+    ElementRows,
+    along,
+    plate_strain,
+    solid_strain,
+)
+from builder.structure.external.nastran.gauges import NastranPoint
+from builder.structure.external.nastran.op2 import read_op2_strains
+from builder.structure.external.nastran.punch import read_punch_strains
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+_USED = {ROD: (), PLATE: ("node", "side", "angle_deg"), PLY: ("side", "angle_deg"), SOLID: ("node", "direction")}
+READERS = {".op2": read_op2_strains, ".pch": read_punch_strains, ".pun": read_punch_strains}
+
+
+@dataclass(frozen=True, eq=False)
+class NastranResults:
+    """Element strains.
+
+    Attributes
+    ----------
+    paths : the files.
+    blocks : of each subcase its blocks, an element in one of them.
+    """
+
+    paths: tuple[Path, ...]
+    blocks: dict[int, list[ElementRows]]
+
+    @property
+    def name(self) -> str:
+        """The files, for messages."""
+        return ", ".join(map(str, self.paths))
+
+    def strain(self, subcase: int, point: NastranPoint) -> float:
+        """Return the strain along the direction of ``point`` [m/m].
+
+        Raises
+        ------
+        InputError
+            The file does not hold it; the message says what is missing.
+        """
+        where = f"{self.name}: subcase {subcase}, gauge '{point.column}'"
+        if subcase not in self.blocks:
+            held = sorted(self.blocks)
+            raise InputError(f"{where}: expected strains of this subcase, got {_listed(held)}")
+        found = [block for block in self.blocks[subcase] if np.any(block.element == point.element)]
+        usable = [block for block in found if len(block.words)]
+        if not usable:
+            kinds = sorted({block.element_type for block in found})
+            got = f"a type of element that is not read ({_listed(kinds)})" if found else "none"
+            raise InputError(f"{where}: element {point.element}: expected its strain, got {got}")
+        return _of_element(usable, point, where)
+
+
+def read_nastran_results(paths: Sequence[Path]) -> NastranResults:
+    """Read OP2 files and punch files.
+
+    Raises
+    ------
+    InputError
+        A file is missing, of another kind or damaged, or holds no element strains.
+    """
+    blocks: dict[int, list[ElementRows]] = {}
+    for path in paths:
+        if path.suffix.lower() not in READERS:
+            raise InputError(f"{path}: expected a file .op2, .pch or .pun, got '{path.suffix}'")
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+        found = READERS[path.suffix.lower()](path)
+        if not found:
+            raise InputError(f"{path}: expected element strains, got none; request STRAIN(FIBER,PLOT) = ALL")
+        for block in found:
+            blocks.setdefault(block.subcase, []).append(block)
+    return NastranResults(tuple(paths), blocks)
+
+
+def _of_element(blocks: list[ElementRows], point: NastranPoint, where: str) -> float:
+    where = f"{where}: element {point.element}"
+    wants_ply = point.ply is not None
+    fitting = [one for one in blocks if (one.layout is not None and one.layout.kind == PLY) == wants_ply]
+    if not fitting:
+        expected = "plies, got none" if wants_ply else f"side 'ply N' of its plies, got '{point.side}'"
+        raise InputError(f"{where}: expected {expected}")
+    if len(fitting) > 1:
+        raise InputError(f"{where}: expected its strain once, got it {len(fitting)} times; statics alone?")
+    block = fitting[0]
+    layout = block.layout
+    assert layout is not None
+    rows = block.words[block.element == point.element]
+    if wants_ply:
+        rows = rows[rows[:, 1] == point.ply]
+    if len(rows) != 1:
+        what = f"ply {point.ply}" if wants_ply else "its strain"
+        raise InputError(f"{where}: expected {what} once, got it {len(rows)} times")
+    words = rows[0]
+    _refuse_unused(layout.kind, point, where)
+    if layout.kind == ROD:
+        value = float(words[1])
+    elif layout.kind == PLY:
+        value = along(words[2:5], _in_plane(point, where))
+    else:
+        start = _start(block, words, point, where)
+        value = (
+            _of_plate(words, start, point, where)
+            if layout.kind == PLATE
+            else _of_solid(words, start, point, where)
+        )
+    if not np.isfinite(value):
+        raise InputError(f"{where}: expected a finite strain, got {value}")
+    return value
+
+
+def _start(block: ElementRows, words: FloatArray, point: NastranPoint, where: str) -> int:
+    """Return the word at which the point begins: its fibre distance in a plate, its node in a solid."""
+    layout = block.layout
+    assert layout is not None
+    starts = [layout.first + layout.each * k for k in range(layout.points)]
+    chosen = starts[0]
+    if point.node is not None:
+        nodes = [int(words[start]) for start in starts[1:]] if layout.has_nodes else []
+        if point.node not in nodes:
+            got = f"strain at nodes {_listed(nodes)}" if nodes else "strain at the centre alone"
+            raise InputError(f"{where}: node {point.node}: expected its strain, got {got}")
+        chosen = starts[1 + nodes.index(point.node)]
+    return chosen + 1 if layout.kind == PLATE and layout.has_nodes else chosen
+
+
+def _refuse_unused(kind: str, point: NastranPoint, where: str) -> None:
+    """Refuse entries of the table that this kind of element has no use for."""
+    given = {
+        "node": point.node is not None,
+        "side": bool(point.side),
+        "angle_deg": point.angle is not None,
+        "direction": point.direction is not None,
+    }
+    for name, is_given in given.items():
+        if is_given and name not in _USED[kind]:
+            raise InputError(f"{where}: {name}: expected none for a {kind}, got one")
+
+
+def _in_plane(point: NastranPoint, where: str) -> FloatArray:
+    if point.angle is None:
+        raise InputError(f"{where}: expected angle_deg from the plate's x axis to the gauge, got none")
+    return np.array([np.cos(point.angle), np.sin(point.angle)])
+
+
+def _of_plate(words: FloatArray, start: int, point: NastranPoint, where: str) -> float:
+    if point.side not in ("z1", "z2"):
+        raise InputError(f"{where}: side: expected z1 or z2 of a plate, got '{point.side}'")
+    if words[start] == 0.0 and words[start + 8] == CURVATURE:
+        raise InputError(f"{where}: expected strain at the sides, got strain and curvature: STRAIN(FIBER)")
+    return along(plate_strain(words, start, point.side), _in_plane(point, where))
+
+
+def _of_solid(words: FloatArray, start: int, point: NastranPoint, where: str) -> float:
+    if point.direction is not None:
+        return along(solid_strain(words, start), point.direction)
+    if words[1] != 0.0:
+        raise InputError(
+            f"{where}: expected direction_x, direction_y, direction_z in coordinate system {words[1]:.0f}, in "
+            "which its strain is given, got none"
+        )
+    return along(solid_strain(words, start), point.body_direction)
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    if not numbers:
+        return "none"
+    shown = ", ".join(map(str, numbers[:8]))
+    return shown if len(numbers) <= 8 else f"{shown}, .. ({len(numbers)})"
