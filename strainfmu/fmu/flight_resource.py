@@ -27,6 +27,7 @@ from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import MIN_GAIN, MIN_INCIDENCE_SCORE
 from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, RANGE_TOLERANCE, shape_threshold
 from strainfmu.estimator.manifold.flight_tables import MIN_INCIDENCE
+from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
@@ -35,6 +36,7 @@ from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
 from strainfmu.fmu.resource_sections import section, sized_numbers
 
 SECTION = b"FLIGHT\0\0"
+LOADS_SECTION = b"FLOADS\0\0"
 
 ROUND_OFF = 1e-13
 """Difference of two tables, in parts of their largest value, that counts as none."""
@@ -57,15 +59,31 @@ class ChannelTables:
     cosine: FloatArray
     sine: FloatArray
 
+    @property
+    def arrays(self) -> tuple[FloatArray, ...]:
+        """In the order of the C structure ``TableMap``, behind the knots."""
+        return self.table, self.row, self.channel, self.cosine, self.sine
+
 
 def flight_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
     """Return the section of the tables of ``inverse_map``."""
-    channels = channel_tables(manifold, np.arctan2(*inverse_map.gauge_position[:, 1:].T))
+    channels = channel_tables(manifold.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))
     n_channels, n_m = channels.table.shape[2:]
     sizes = (len(manifold.mach_knots), len(manifold.incidence_knots), n_m, n_channels)
     errors = (len(manifold.common_error), manifold.shapes.shape[1])
     numbers = (_scalars(manifold), *_arrays(manifold, channels))
     return section(SECTION, sized_numbers((*sizes, len(channels.row), *errors), numbers))
+
+
+def flight_loads_section(further: FurtherTables) -> bytes:
+    """Return the section of the m ``further`` loads over the flight state: sizes, tables, errors per p_inf^2.
+
+    ``fmus/native/estimator/flight_further.h`` describes it to the C code.
+    """
+    channels = channel_tables(further.response, np.zeros(0))
+    numbers = (*channels.arrays, further.fixed_response, further.strain_covariance, further.variance)
+    sizes = (len(further.variance), channels.table.shape[2], len(channels.row))
+    return section(LOADS_SECTION, sized_numbers(sizes, numbers))
 
 
 def _scalars(manifold: ManifoldMap) -> FloatArray:
@@ -121,11 +139,7 @@ def _arrays(manifold: ManifoldMap, channels: ChannelTables) -> tuple[FloatArray,
     return (
         manifold.mach_knots,
         manifold.incidence_knots,
-        channels.table,
-        channels.row,
-        channels.channel,
-        channels.cosine,
-        channels.sine,
+        *channels.arrays,
         manifold.fixed_response,
         manifold.gauge_covariance,
         product(strain, strain.T),
@@ -138,9 +152,11 @@ def _arrays(manifold: ManifoldMap, channels: ChannelTables) -> tuple[FloatArray,
     )
 
 
-def channel_tables(manifold: ManifoldMap, roll_angle: FloatArray) -> ChannelTables:
-    """Return the tables of ``manifold`` without repetition; ``roll_angle`` (n_d,) of its gauges [rad]."""
-    response = manifold.response
+def channel_tables(response: FloatArray, roll_angle: FloatArray) -> ChannelTables:
+    """Return the tables ``response`` (n_M + 2, n_a + 2, n_r, n_m, 2) without repetition.
+
+    ``roll_angle`` (n_d,) is that of the gauges [rad], the first n_d of the n_r rows.
+    """
     found: list[FloatArray] = []
     terms: list[tuple[int, int, FloatArray, FloatArray]] = []
     for row in range(response.shape[2]):

@@ -46,7 +46,7 @@ from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
 from strainfmu.estimator.zeros import LARGEST_ZERO
-from strainfmu.fmu.flight_resource import flight_section
+from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
 from strainfmu.fmu.thermal_resource import thermal_section
 from strainfmu.interface.further_variables import has_further_outputs
@@ -111,6 +111,8 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
     if inverse_map.thermal is not None:
         sections.append(thermal_section(inverse_map, inverse_map.thermal))
     if has_further_outputs(inverse_map) and inverse_map.further is not None:
+        if inverse_map.manifold is not None and inverse_map.manifold.further is not None:
+            sections.append(flight_loads_section(inverse_map.manifold.further))
         _, load, unseen = _spread(inverse_map)
         parts = decompose(inverse_map)
         sections.append(further_section(inverse_map.further, parts, load[:, 5:], np.diag(unseen)[5:]))

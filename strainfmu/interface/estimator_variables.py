@@ -93,9 +93,8 @@ def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[fl
     ``with_further`` for maps that have loads beside the five as outputs
     (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
     """
-    if isinstance(estimate, FlightEstimate):
-        return [*_linear_outputs(estimate), *flight_outputs(estimate)]
-    return [*_linear_outputs(estimate), *(further_outputs(estimate) if with_further else ())]
+    of_flight = flight_outputs(estimate) if isinstance(estimate, FlightEstimate) else ()
+    return [*_linear_outputs(estimate), *of_flight, *(further_outputs(estimate) if with_further else ())]
 
 
 def _linear_outputs(estimate: LoadEstimate) -> list[float]:

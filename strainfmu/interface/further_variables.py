@@ -24,10 +24,10 @@ _STD = "Standard deviation of "
 
 
 def has_further_outputs(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of the map state such loads: in form "dynamic_pressure", by the linear estimator."""
-    return (
-        inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and inverse_map.manifold is None
-    )
+    """Return whether FMUs of the map state such loads: in form "dynamic_pressure", and its tables hold them."""
+    manifold = inverse_map.manifold
+    by_tables = manifold is None or manifold.further is not None
+    return inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and by_tables
 
 
 def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, fromstring
 from zipfile import ZipFile
 
+import numpy as np
 import pytest
-from flight_fmu import whole_map
+from flight_fmu import N_D, fresh_tracker, random_flight, tracked, whole_map
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS
+from fmu_host import OPTIONS, loaded
+from further_maps import STATIONS, with_further_tables
 
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.integrity import damaged_entries
+from strainfmu.interface.further_variables import further_outputs
 
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("flights")
-    save_inverse_map(whole_map(), folder / "map.h5")
+    save_inverse_map(with_further_tables(whole_map()), folder / "map.h5")
     paths = {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
     for kind, options in OPTIONS.items():
         export_estimator(folder / "map.h5", paths[kind], options)
@@ -62,3 +66,23 @@ def test_names_and_units_of_the_air_data(flights: dict[str, Path]) -> None:
             for prefix in ("air_data", "sigma.air_data", "identified.air_data"):
                 assert f"{prefix}.{name}" in found, kind
         assert {"navigation_used.mach_number", "health.linear_loads", "static_pressure_std"} <= set(found)
+
+
+@pytest.mark.parametrize("kind", ["native", "python"])
+def test_section_loads_step_by_step(flights: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    held = with_further_tables(whole_map())
+    tracker = fresh_tracker(held)
+    with loaded(flights[kind], tmp_path / kind) as host:
+        host.initialize()
+        names = list(host.references)
+        further = names[names.index("M_R") :][: 4 + 12 * len(STATIONS)]
+        assert further[-1] == f"sigma.section.torsion[{len(STATIONS)}]"
+        for k, sample in enumerate(random_flight(held, 5, seed=41)):
+            valid = np.arange(N_D) != k
+            host.set([f"strain[{i + 1}]" for i in range(N_D)], sample.strain)
+            host.set_booleans([f"valid[{i + 1}]" for i in range(N_D)], valid.tolist())
+            host.set(list(sample.flow), list(sample.flow.values()))
+            host.fmu.doStep(0.01 * k, 0.01)
+            expected = further_outputs(tracked(tracker, replace(sample, valid=valid)))
+            rtol = 0.0 if kind == "python" else 1e-10
+            np.testing.assert_allclose(host.get(further), expected, rtol=rtol, atol=0.0)

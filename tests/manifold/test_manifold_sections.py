@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from fmu_host import loaded
 
 from builder.aero.section_loads import further_load_operator
 from builder.campaign.snapshots import Snapshots
@@ -19,11 +20,12 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.further_loads import further_names
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.settings import default_settings
-from strainfmu.interface.further_variables import has_further_outputs
+from strainfmu.fmu.export import export_estimator
 
 STATIONS = (0.6, 1.2, 1.75, 2.5, 3.6)
 
@@ -124,12 +126,20 @@ def test_strain_off_the_tables_gets_the_section_loads_of_the_linear_map(
 
 
 def test_files_filters_and_fmus(inverse_map: InverseMap, flights: Flights, tmp_path: Path) -> None:
-    """A file gives the same loads; a filter refuses the map in one line; an FMU of it has no section loads."""
+    """A file gives the same loads; a filter refuses the map in one line; an FMU gives the loads of the file."""
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     read = load_inverse_map(tmp_path / "map.h5")
     one, two = (estimate(ManifoldEstimator(each), flights) for each in (inverse_map, read))
     np.testing.assert_array_equal(two.further_loads, one.further_loads)
     with pytest.raises(InputError, match="expected no section loads"):
         FlightFilter(ManifoldEstimator(read), FilterSettings(time_constant=1.0))
-    assert not has_further_outputs(read)
-    assert has_further_outputs(replace(read, manifold=None))
+    export_estimator(tmp_path / "map.h5", tmp_path / "map.fmu")
+    one = ManifoldEstimator(read).estimate(flights.strain[0], flights.dynamic_pressure[0])
+    with loaded(tmp_path / "map.fmu", tmp_path / "fmu") as host:
+        host.initialize()
+        host.set([f"strain[{i + 1}]" for i in range(read.n_gauges)], flights.strain[0])
+        host.set(["dynamic_pressure"], [flights.dynamic_pressure[0]])
+        for prefix, expected in (("", one.further_loads), ("sigma.", one.further_loads_std)):
+            found = host.get([f"{prefix}{name}" for name in further_names(np.array(STATIONS))[1:]])
+            scale = np.repeat(np.abs(expected[1:]).reshape(2, -1).max(axis=1), len(found) // 2)
+            assert np.max(np.abs(found - expected[1:]) / scale) < 1e-11

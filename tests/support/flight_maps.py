@@ -55,13 +55,22 @@ def exact_response(mach: float, u: float, w: float, pressure: float) -> FloatArr
     return pressure * np.einsum("nms,m,ms->n", channel_factors(), amplitudes(mach, incidence), wind)
 
 
+def table_coefficients(factors: FloatArray) -> FloatArray:
+    """Return the spline coefficients (n_M + 2, n_a + 2, n, 3, 2) of responses with ``factors`` (n, 3, 2)."""
+    return _knots_and_coefficients(factors)[1]
+
+
+def _knots_and_coefficients(factors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values = np.array([[amplitudes(m, a) for a in INCIDENCE] for m in MACH])
+    zero = np.array([amplitudes(m, 0.0) for m in MACH])[:, None, :, None] * factors
+    table = values[:, :, None, :, None] * factors
+    return spline_coefficients(MACH, INCIDENCE, table, np.arange(len(INCIDENCE)), zero)
+
+
 def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
     """Return its tables; ``discrepancy`` is a roll-symmetric error of strain and load per p_inf."""
-    values = np.array([[amplitudes(m, a) for a in INCIDENCE] for m in MACH])
     factors = channel_factors()
-    table = values[:, :, None, :, None] * factors
-    zero = np.array([amplitudes(m, 0.0) for m in MACH])[:, None, :, None] * factors
-    knots, response = spline_coefficients(MACH, INCIDENCE, table, np.arange(len(INCIDENCE)), zero)
+    knots, response = _knots_and_coefficients(factors)
     n_d = len(factors) - 5
     columns = discrepancy * np.concatenate([factors[:, m, s : s + 1] for m in range(3) for s in (0, 1)], axis=1)
     found = ManifoldMap(

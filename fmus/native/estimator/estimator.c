@@ -90,8 +90,8 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const size_t n_levels = CACHED_MASKS * CACHED_LEVELS;
     const Section *section = e->map.section;
     const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
-    if ((needs_form && !e->map.scaled)
-        || (section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL)) {
+    const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
+    if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
         return NULL;

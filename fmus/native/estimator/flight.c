@@ -23,7 +23,12 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     if (!flight_map_parse(section, n, &flight->map, text)) {
         return 0;
     }
-    const size_t count = flight_solver_doubles(&flight->map, n);
+    const Section *loads = &e->map.section[FLIGHT_LOADS_SECTION];
+    const size_t n_loads = e->further.map.n_loads;
+    if (loads->content != NULL && !flight_further_parse(loads, &flight->map, n, n_loads, &flight->further.map, text)) {
+        return 0;
+    }
+    const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
@@ -33,6 +38,7 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     unsigned char *bytes = (unsigned char *)(doubles + count);
     flight_solver_arrays(&flight->map, n, e->wide, &flight->solver, &doubles, &bytes);
+    flight_further_arrays(&flight->further, n, &doubles);
     for (size_t k = 0; k < N_STATES; k++) {
         flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);
     }

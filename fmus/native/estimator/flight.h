@@ -5,6 +5,7 @@
 #ifndef FLIGHT_H
 #define FLIGHT_H
 
+#include "flight_further.h"
 #include "flight_solve.h"
 
 #define N_AIR_DATA 7
@@ -30,6 +31,7 @@ typedef struct {
     int present; /* whether the map has tables; if not, nothing else is set */
     FlightMap map;
     FlightSolver solver;
+    FlightFurther further;
     void *memory;
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */

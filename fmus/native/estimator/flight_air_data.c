@@ -57,7 +57,7 @@ static void set_flags(Flight *flight, const Solution *found) {
 void flight_air_data(Flight *flight, const Solution *found) {
     const FlightMap *map = &flight->map;
     const double mach = found->state[STATE_MACH], u = found->state[STATE_U], w = found->state[STATE_W];
-    const double incidence = sqrt((u * u + w * w) + map->min_incidence * map->min_incidence);
+    const double least = map->tables.min_incidence, incidence = sqrt((u * u + w * w) + least * least);
     const double pressure = exponential(found->state[STATE_PRESSURE]);
     const double dynamic = map->half_gamma * mach * mach * pressure;
     const Wind wind = wind_of(u, w, incidence);

@@ -17,18 +17,53 @@ static uint32_t size_of(const unsigned char *content, int place) {
     return u32_at(content, 4 * (size_t)place);
 }
 
+static size_t coefficients(const TableMap *tables) {
+    return (tables->n_mach + 2) * (tables->n_incidence + 2) * tables->n_channels * tables->n_harmonics;
+}
+
+size_t table_doubles(const TableMap *tables) {
+    return coefficients(tables) + tables->n_terms * (2 + 2 * tables->n_harmonics) + tables->n_rows;
+}
+
+void take_tables(TableMap *tables, const double **next) {
+    tables->table = take_doubles(next, coefficients(tables));
+    tables->row = take_doubles(next, tables->n_terms);
+    tables->channel = take_doubles(next, tables->n_terms);
+    tables->cosine = take_doubles(next, tables->n_terms * tables->n_harmonics);
+    tables->sine = take_doubles(next, tables->n_terms * tables->n_harmonics);
+    tables->fixed = take_doubles(next, tables->n_rows);
+}
+
+int sensible_table_sizes(const TableMap *tables) {
+    const size_t rows = tables->n_rows;
+    return tables->n_channels >= 1 && tables->n_channels <= 2 * rows && tables->n_terms >= rows
+        && tables->n_terms <= 2 * rows;
+}
+
+int sensible_terms(const TableMap *tables) {
+    double last = -1.0;
+    int good = 1;
+    for (size_t t = 0; t < tables->n_terms; t++) {
+        const double row = tables->row[t], channel = tables->channel[t];
+        good = good && (row == last || row == last + 1.0) && row >= 0.0 && channel >= 0.0
+            && channel < (double)tables->n_channels && channel == (double)(size_t)channel;
+        last = row;
+    }
+    return good && last == (double)(tables->n_rows - 1);
+}
+
 static size_t number_of_doubles(const FlightMap *map, size_t n) {
-    const size_t cells = (map->n_mach + 2) * (map->n_incidence + 2), loads = N_LOADS;
-    return N_FLIGHT_SCALARS + map->n_mach + map->n_incidence + cells * map->n_channels * map->n_harmonics
-         + map->n_terms * (2 + 2 * map->n_harmonics) + n + loads + 2 * n * n + loads * n + loads * loads
+    const size_t loads = N_LOADS;
+    return N_FLIGHT_SCALARS + map->tables.n_mach + map->tables.n_incidence + table_doubles(&map->tables)
+         + 2 * n * n + loads * n + loads * loads
          + N_PAIRS * n + 6 * map->n_common * n + map->n_shapes * n + n + N_NAVIGATION + 1;
 }
 
-static int sensible_sizes(const FlightMap *map, size_t n) {
-    return map->n_mach >= 2 && map->n_mach <= MAX_KNOTS && map->n_incidence >= 2 && map->n_incidence <= MAX_KNOTS
-        && map->n_harmonics >= 1 && map->n_harmonics <= MAX_KNOTS && map->n_channels >= 1
-        && map->n_channels <= 2 * (n + N_LOADS) && map->n_terms >= n + N_LOADS && map->n_terms <= 2 * (n + N_LOADS)
-        && map->n_common <= MAX_KNOTS && map->n_shapes <= MAX_SHAPES;
+static int sensible_sizes(const FlightMap *map) {
+    const TableMap *tables = &map->tables;
+    return tables->n_mach >= 2 && tables->n_mach <= MAX_KNOTS && tables->n_incidence >= 2
+        && tables->n_incidence <= MAX_KNOTS && tables->n_harmonics >= 1 && tables->n_harmonics <= MAX_KNOTS
+        && sensible_table_sizes(tables) && map->n_common <= MAX_KNOTS && map->n_shapes <= MAX_SHAPES;
 }
 
 static void copy(const double **next, double *values, size_t count) {
@@ -55,7 +90,7 @@ static void take_scalars(FlightMap *map, const double **next) {
     map->navigation_alarm = *take_doubles(next, 1);
     map->shape_threshold = *take_doubles(next, 1);
     map->outlier_threshold = *take_doubles(next, 1);
-    map->min_incidence = *take_doubles(next, 1);
+    map->tables.min_incidence = *take_doubles(next, 1);
     map->outside_score = *take_doubles(next, 1);
     map->range_tolerance = *take_doubles(next, 1);
     map->min_gain = *take_doubles(next, 1);
@@ -70,14 +105,9 @@ static void take_scalars(FlightMap *map, const double **next) {
 }
 
 static void take_arrays(FlightMap *map, const double **next, size_t n) {
-    map->mach_knots = take_doubles(next, map->n_mach);
-    map->incidence_knots = take_doubles(next, map->n_incidence);
-    map->table = take_doubles(next, (map->n_mach + 2) * (map->n_incidence + 2) * map->n_channels * map->n_harmonics);
-    map->row = take_doubles(next, map->n_terms);
-    map->channel = take_doubles(next, map->n_terms);
-    map->cosine = take_doubles(next, map->n_terms * map->n_harmonics);
-    map->sine = take_doubles(next, map->n_terms * map->n_harmonics);
-    map->fixed = take_doubles(next, n + N_LOADS);
+    map->tables.mach_knots = take_doubles(next, map->tables.n_mach);
+    map->tables.incidence_knots = take_doubles(next, map->tables.n_incidence);
+    take_tables(&map->tables, next);
     map->gauge_covariance = take_doubles(next, n * n);
     map->scaled_covariance = take_doubles(next, n * n);
     map->load_strain_covariance = take_doubles(next, N_LOADS * n);
@@ -101,29 +131,17 @@ static int increasing(const double *knots, size_t count) {
     return good;
 }
 
-/* Whether rows ascend without a gap and channels exist. */
-static int sensible_terms(const FlightMap *map, size_t n) {
-    double last = -1.0;
-    int good = 1;
-    for (size_t t = 0; t < map->n_terms; t++) {
-        const double row = map->row[t], channel = map->channel[t];
-        good = good && (row == last || row == last + 1.0) && row >= 0.0 && channel >= 0.0
-            && channel < (double)map->n_channels && channel == (double)(size_t)channel;
-        last = row;
-    }
-    return good && last == (double)(n + N_LOADS - 1);
-}
-
 static int sensible_values(const FlightMap *map, const double *values, size_t count, size_t n) {
     int good = 1;
     for (size_t i = 0; i < count; i++) {
         good = good && isfinite(values[i]);
     }
-    good = good && increasing(map->mach_knots, map->n_mach) && increasing(map->incidence_knots, map->n_incidence)
-        && sensible_terms(map, n) && map->reference_area > 0.0 && map->reference_length > 0.0
+    good = good && increasing(map->tables.mach_knots, map->tables.n_mach)
+        && increasing(map->tables.incidence_knots, map->tables.n_incidence) && sensible_terms(&map->tables)
+        && map->reference_area > 0.0 && map->reference_length > 0.0
         && map->pressure_range[0] > 0.0 && map->log_pressure_range[1] > map->log_pressure_range[0]
         && map->mach_range[1] >= map->mach_range[0] && map->mach_range[0] > 0.0 && map->incidence_limit > 0.0
-        && map->min_incidence > 0.0 && map->search_every >= 0.0 && map->return_after >= 0.0
+        && map->tables.min_incidence > 0.0 && map->search_every >= 0.0 && map->return_after >= 0.0
         && can_be(map->start_iterations, 2.0) && can_be(0.5 * map->start_iterations, 1.0)
         && can_be(map->cold_iterations, 0.0) && can_be(map->warm_iterations, 0.0);
     for (size_t i = 0; i < N_STATES; i++) {
@@ -141,14 +159,15 @@ int flight_map_parse(const Section *section, size_t n_gauges, FlightMap *map, ch
         snprintf(text, MODEL_TEXT_SIZE, "holds tables whose sizes cannot be");
         return 0;
     }
-    map->n_mach = size_of(content, N_MACH);
-    map->n_incidence = size_of(content, N_INCIDENCE);
-    map->n_harmonics = size_of(content, N_HARMONICS);
-    map->n_channels = size_of(content, N_CHANNELS);
-    map->n_terms = size_of(content, N_TERMS);
+    map->tables.n_rows = n_gauges + N_LOADS;
+    map->tables.n_mach = size_of(content, N_MACH);
+    map->tables.n_incidence = size_of(content, N_INCIDENCE);
+    map->tables.n_harmonics = size_of(content, N_HARMONICS);
+    map->tables.n_channels = size_of(content, N_CHANNELS);
+    map->tables.n_terms = size_of(content, N_TERMS);
     map->n_common = size_of(content, N_COMMON);
     map->n_shapes = size_of(content, N_SHAPES);
-    if (!sensible_sizes(map, n_gauges)
+    if (!sensible_sizes(map)
         || section->length != 4 * N_FLIGHT_SIZES + 8 * number_of_doubles(map, n_gauges)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds tables whose sizes cannot be");
         return 0;

@@ -12,11 +12,23 @@
 
 enum { STATE_MACH, STATE_U, STATE_W, STATE_PRESSURE };
 
-/* Arrays point into the bytes of the file. Quantities and units: strainfmu/estimator/manifold/manifold_map.py. */
+/* Tables of some rows; arrays point into the bytes of the file. */
 typedef struct {
     size_t n_mach, n_incidence; /* knots */
     size_t n_harmonics, n_channels;
-    size_t n_terms;             /* of all rows: strains, then loads */
+    size_t n_rows, n_terms;     /* a row is the sum of one term or two */
+    double min_incidence;
+    const double *mach_knots, *incidence_knots;
+    const double *table;        /* (n_mach + 2, n_incidence + 2, n_channels, n_harmonics) */
+    const double *row;          /* (n_terms) that a term adds to, ascending */
+    const double *channel;      /* (n_terms) */
+    const double *cosine, *sine; /* (n_terms, n_harmonics) factors of cos m phi_T and sin m phi_T */
+    const double *fixed;        /* (n_rows) */
+} TableMap;
+
+/* Quantities and units: strainfmu/estimator/manifold/manifold_map.py. */
+typedef struct {
+    TableMap tables;            /* of strains, then loads */
     size_t n_common;            /* errors that all gauges have in common */
     size_t n_shapes;            /* of pressure off the tables that are tested */
     double reference_area, reference_length;
@@ -30,18 +42,11 @@ typedef struct {
     double navigation_alarm;               /* from which one that is dropped is an alarm */
     double shape_threshold;                /* standardised size of a shape from which strain does not fit */
     double outlier_threshold;
-    double min_incidence;
     double outside_score, range_tolerance;
     double min_gain, min_incidence_score;
     double half_gamma, log_half_gamma;
     double search_every, return_after; /* steps */
     double start_iterations, cold_iterations, warm_iterations; /* the first an even number */
-    const double *mach_knots, *incidence_knots;
-    const double *table;        /* (n_mach + 2, n_incidence + 2, n_channels, n_harmonics) */
-    const double *row;          /* (n_terms) that a term adds to, ascending */
-    const double *channel;      /* (n_terms) */
-    const double *cosine, *sine; /* (n_terms, n_harmonics) factors of cos m phi_T and sin m phi_T */
-    const double *fixed;        /* (n_gauges + 5) */
     const double *gauge_covariance, *scaled_covariance; /* (n_gauges, n_gauges) */
     const double *load_strain_covariance;               /* (5, n_gauges) */
     const double *load_covariance;                      /* (5, 5) */
@@ -50,6 +55,13 @@ typedef struct {
     const double *shape;                                /* (n_shapes, n_gauges) */
     const double *chi_square_limit;                     /* (n_gauges + 4) by degrees of freedom from 0 on */
 } FlightMap;
+
+/* Of tables whose sizes and knots are known: whether the numbers of channels and terms can be; the number of their
+   values without the knots; taking these; whether rows ascend without a gap and channels exist. */
+int sensible_table_sizes(const TableMap *tables);
+size_t table_doubles(const TableMap *tables);
+void take_tables(TableMap *tables, const double **next);
+int sensible_terms(const TableMap *tables);
 
 /* Read the section for n_gauges gauges. Return 1, or 0 with a text that states what is wrong. */
 int flight_map_parse(const Section *section, size_t n_gauges, FlightMap *map, char text[MODEL_TEXT_SIZE]);

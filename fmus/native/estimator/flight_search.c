@@ -44,7 +44,7 @@ void flight_search_prepare(FlightSolver *solver) {
             set_state(solver, i, k, state);
             flight_response(&solver->tables, solver->wide, state, &solver->response);
             for (size_t g = 0; g < solver->n_gauges; g++) {
-                strain[g] = solver->response.value[g] - solver->map->fixed[g];
+                strain[g] = solver->response.value[g] - solver->map->tables.fixed[g];
             }
         }
     }
@@ -132,7 +132,7 @@ void flight_search_start(FlightSolver *solver, size_t start, double *state) {
     for (size_t g = 0; g < solver->n_gauges; g++) {
         const double weight = sample->used[g] ? solver->search_weight[g] : 0.0;
         square[g] = weight * weight;
-        weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->fixed[g]) * square[g] : 0.0;
+        weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * square[g] : 0.0;
     }
     double lowest = INFINITY;
     Knowledge known = {.of_mach = 0.0};

@@ -15,8 +15,8 @@ static double *taken(double **doubles, size_t count) {
 }
 
 size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
-    const size_t n = in_lanes(n_gauges), rows = in_lanes(n_gauges + N_LOADS);
-    return flight_tables_doubles(map, n_gauges) + (1 + N_STATES) * rows + 4 * n * n
+    const size_t n = in_lanes(n_gauges);
+    return flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
          + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
 }
 
@@ -34,8 +34,8 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->n_gauges = n_gauges;
     solver->n = n;
     solver->wide = wide;
-    flight_tables_arrays(map, n_gauges, &solver->tables, doubles);
-    response_arrays(&solver->tables, &solver->response, doubles);
+    flight_tables_arrays(&map->tables, &solver->tables, doubles);
+    response_arrays(&map->tables, &solver->response, doubles);
     solver->gauge_covariance = taken(doubles, n * n);
     solver->scaled_covariance = taken(doubles, n * n);
     solver->factor = taken(doubles, n * n);
@@ -282,63 +282,6 @@ static void next_state(const FlightSolver *solver, double *state) {
         clipped(state[STATE_PRESSURE], map->log_pressure_range[0] - 1.0, map->log_pressure_range[1] + 1.0);
 }
 
-double lognormal_deviation(double of_log) {
-    const double x = 3.0 * of_log;
-    if (!(x < 0.5)) {
-        return (exponential(x) - 1.0) / 3.0;
-    }
-    double sum = 1.0; /* (e^x - 1) / x */
-    for (int k = 16; k > 1; k--) {
-        sum = 1.0 + sum * x / k;
-    }
-    return x * sum / 3.0;
-}
-
-/* Sum over the states of a row times its covariance times another. */
-static void set_loads(FlightSolver *solver) {
-    const FlightMap *map = solver->map;
-    const size_t n = solver->n, n_gauges = solver->n_gauges;
-    const double pressure = solver->response.pressure, square = solver->factor_pressure * solver->factor_pressure;
-    const double mach = solver->state[STATE_MACH], dynamic = map->half_gamma * mach * mach * pressure;
-    Solution *found = &solver->solution;
-    double *turned = solver->turned, by_state[N_LOADS][N_STATES], of_coefficient[N_LOADS][N_STATES], scale[N_LOADS];
-    memset(turned, 0, N_LOADS * n * sizeof *turned);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t g = 0; g < n_gauges; g++) {
-            turned[i * n + g] =
-                solver->sample.used[g] ? square * map->load_strain_covariance[i * n_gauges + g] : 0.0;
-        }
-    }
-    solve_lower(solver->wide, n, solver->factor, N_LOADS, turned);
-    const double of_pressure[N_STATES] = {2.0 / mach, 0.0, 0.0, 1.0};
-    const double of_log = sqrt(quadratic(N_STATES, of_pressure, found->state_covariance, of_pressure));
-    const double widening = lognormal_deviation(of_log) / of_log, wider = widening * widening;
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const size_t row = n_gauges + i;
-        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
-        scale[i] = 1.0 / (dynamic * reference);
-        found->loads[i] = solver->response.value[row] + lane_dot(n, turned + i * n, solver->right);
-        found->coefficients[i] = scale[i] * found->loads[i];
-        for (size_t k = 0; k < N_STATES; k++) {
-            by_state[i][k] =
-                solver->response.jacobian[k][row] - lane_dot(n, turned + i * n, solver->right + (1 + k) * n);
-            of_coefficient[i][k] = scale[i] * by_state[i][k] - found->coefficients[i] * of_pressure[k];
-        }
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < N_LOADS; j++) {
-            const size_t at = i * N_LOADS + j;
-            const double remaining =
-                square * map->load_covariance[at] - lane_dot(n, turned + i * n, turned + j * n);
-            found->load_covariance[at] =
-                quadratic(N_STATES, by_state[i], found->state_covariance, by_state[j]) + remaining;
-            found->coefficient_covariance[at] =
-                wider * (quadratic(N_STATES, of_coefficient[i], found->state_covariance, of_coefficient[j])
-                         + scale[i] * remaining * scale[j]);
-        }
-    }
-}
-
 /* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
 static void set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
@@ -404,7 +347,7 @@ static void set_solution(FlightSolver *solver) {
     memcpy(found->state, solver->state, sizeof found->state);
     invert_small(N_STATES, solver->hessian, found->state_covariance);
     found->chi_square = solver->cost;
-    set_loads(solver);
+    flight_set_loads(solver);
     set_gauge_residuals(solver);
     set_navigation_residuals(solver);
     set_shape_residual(solver);

@@ -21,20 +21,18 @@ static double *taken(double **doubles, size_t count) {
     return array;
 }
 
-static size_t cells_of(const FlightMap *map) {
+static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);
 }
 
-size_t flight_tables_doubles(const FlightMap *map, size_t n_gauges) {
+size_t flight_tables_doubles(const TableMap *map) {
     const size_t harmonics = in_lanes(map->n_harmonics), width = map->n_channels * harmonics;
-    (void)n_gauges;
     return (cells_of(map) + 3) * width + (2 * map->n_terms + 6) * harmonics;
 }
 
-void flight_tables_arrays(const FlightMap *map, size_t n_gauges, FlightTables *tables, double **doubles) {
+void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **doubles) {
     const size_t m = map->n_harmonics, harmonics = in_lanes(m);
     tables->map = map;
-    tables->rows = n_gauges + N_LOADS;
     tables->harmonics = harmonics;
     tables->width = map->n_channels * harmonics;
     tables->cells = taken(doubles, cells_of(map) * tables->width);
@@ -55,14 +53,14 @@ void flight_tables_arrays(const FlightMap *map, size_t n_gauges, FlightTables *t
     }
 }
 
-size_t response_doubles(const FlightTables *tables) {
-    return (1 + N_STATES) * in_lanes(tables->rows);
+size_t response_doubles(const TableMap *map) {
+    return (1 + N_STATES) * in_lanes(map->n_rows);
 }
 
-void response_arrays(const FlightTables *tables, Response *response, double **doubles) {
-    response->value = taken(doubles, in_lanes(tables->rows));
+void response_arrays(const TableMap *map, Response *response, double **doubles) {
+    response->value = taken(doubles, in_lanes(map->n_rows));
     for (size_t k = 0; k < N_STATES; k++) {
-        response->jacobian[k] = taken(doubles, in_lanes(tables->rows));
+        response->jacobian[k] = taken(doubles, in_lanes(map->n_rows));
     }
 }
 
@@ -180,7 +178,7 @@ static void set_wind(const FlightTables *tables, double u, double w, double inci
 }
 
 EVERYWHERE void respond(const FlightTables *tables, const double *state, Response *response) {
-    const FlightMap *map = tables->map;
+    const TableMap *map = tables->map;
     const double u = state[STATE_U], w = state[STATE_W];
     const double incidence = sqrt((u * u + w * w) + map->min_incidence * map->min_incidence);
     const Basis mach = basis_at(map->mach_knots, map->n_mach, state[STATE_MACH]);
@@ -192,7 +190,7 @@ EVERYWHERE void respond(const FlightTables *tables, const double *state, Respons
     set_wind(tables, u, w, incidence);
     const double pressure = response->pressure = exponential(state[STATE_PRESSURE]);
     const double along_u = u / incidence, along_w = w / incidence;
-    for (size_t row = 0; row < tables->rows; row++) {
+    for (size_t row = 0; row < map->n_rows; row++) {
         response->value[row] = map->fixed[row];
         for (size_t k = 0; k < N_STATES; k++) {
             response->jacobian[k][row] = 0.0;

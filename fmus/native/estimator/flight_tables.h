@@ -1,6 +1,6 @@
 /* Strain and loads over the flight state, as strainfmu/estimator/manifold/flight_tables.py has them.
 
-   Rows are strains, then the five loads. Tables are laid out for registers: harmonics of a channel in multiples of
+   Rows are strains, then the five loads; or the further loads. Tables are laid out for registers: harmonics of a channel in multiples of
    LANES; every sum runs in LANES parts, which are added in one order on every processor. */
 
 #ifndef FLIGHT_TABLES_H
@@ -15,8 +15,8 @@ static inline size_t in_lanes(size_t n) {
 }
 
 typedef struct {
-    const FlightMap *map;
-    size_t rows, harmonics; /* of all strains and loads; n_harmonics in lanes */
+    const TableMap *map;
+    size_t harmonics;       /* n_harmonics in lanes */
     size_t width;           /* of the coefficients at a pair of knots */
     double *cells;          /* (n_mach + 2, n_incidence + 2, width) */
     double *cosine, *sine;  /* (n_terms, harmonics) */
@@ -32,10 +32,10 @@ typedef struct {
 } Response;
 
 /* Number of doubles of tables, and of a response; handing them out, tables filled in. */
-size_t flight_tables_doubles(const FlightMap *map, size_t n_gauges);
-void flight_tables_arrays(const FlightMap *map, size_t n_gauges, FlightTables *tables, double **doubles);
-size_t response_doubles(const FlightTables *tables);
-void response_arrays(const FlightTables *tables, Response *response, double **doubles);
+size_t flight_tables_doubles(const TableMap *map);
+void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **doubles);
+size_t response_doubles(const TableMap *map);
+void response_arrays(const TableMap *map, Response *response, double **doubles);
 
 /* The response at a state. wide as for panels.h. */
 void flight_response(const FlightTables *tables, int wide, const double *state, Response *response);

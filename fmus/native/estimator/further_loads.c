@@ -136,6 +136,11 @@ static void set_load(Estimator *e, size_t j, double *value, double *variance, do
 void further_update(Estimator *e) {
     Further *further = &e->further;
     const double *scalar = e->input + e->map.n_gauges;
+    further->outdated = 0;
+    if (e->flight.present && !e->flight.flag[LINEAR_LOADS]) {
+        flight_further_update(e);
+        return;
+    }
     const int known = e->masked->identified && e->flow.known;
     for (size_t j = 0; j < further->map.n_loads; j++) {
         double value = NAN, variance = NAN, per_pressure = NAN, scale = NAN;
@@ -151,5 +156,4 @@ void further_update(Estimator *e) {
         further->value[FURTHER_COEFFICIENTS][j] = coefficient;
         further->value[FURTHER_COEFFICIENTS_STD][j] = sqrt(scale * scale * variance + of_both * of_both);
     }
-    further->outdated = 0;
 }

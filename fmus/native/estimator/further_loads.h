@@ -49,7 +49,7 @@ int further_create(const Section *section, size_t n_gauges, size_t n_states, siz
                    char text[MODEL_TEXT_SIZE]);
 void further_free(Further *further);
 
-/* The outputs for the present inputs. */
+/* The outputs for the present inputs: of the nonlinear estimator by its tables, where strain fits these. */
 void further_update(struct Estimator *e);
 
 #endif

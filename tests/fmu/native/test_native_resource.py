@@ -90,8 +90,8 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (144, 1, "which cannot be"),
         (148, 1, "1 error terms"),
         (152, 1, "which is wrong for 8 gauges"),
-        (152, 3, "which is wrong for 8 gauges"),
-        (152, 4, "which cannot be"),
+        (152, 4, "which is wrong for 8 gauges"),
+        (152, 5, "which cannot be"),
         (156, 1, "which cannot be"),
     ],
 )
