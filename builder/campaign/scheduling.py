@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing
@@ -13,6 +12,7 @@ from builder.aero.engine import Engine, FlowKey
 from builder.aero.engines import ENGINES
 from builder.campaign.dask_workers import solve_on_dask
 from builder.campaign.worker import FailedFlow, SolvedFlow, solve_one
+from builder.processors import processors
 from builder.reporting import Note
 from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.files import fingerprint
@@ -67,7 +67,7 @@ def solve_flows(
         return
     scheduling = scheduling or Scheduling()
     note = note or (lambda text: None)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = processors()
     if scheduling.address is None and _in_this_process(engine, len(missing), scheduling):
         solved = _solve_in_threads(engine, missing, cores, note)
     else:

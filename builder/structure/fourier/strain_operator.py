@@ -7,11 +7,13 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from builder.processors import processors
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.free_flight import FlyingSolver
@@ -126,14 +128,20 @@ def harmonic_response(
     stiffness = assemble_stiffness(mesh, material)
     load = pressure_load(mesh, station_x)
     strain = np.empty((3, len(distinct), max_harmonic + 1, len(station_x)))
-    for m in range(max_harmonic + 1):
+
+    def of_harmonic(m: int) -> FloatArray:
         flies = m < 2 and mesh.masses is not None
         solver = FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
         rows = strain_rows(mesh, distinct, m).reshape(3 * len(distinct), -1)
         adjoint = solver.solve(rows.T)
-        strain[:, :, m] = (load.T @ adjoint).T.reshape(len(distinct), 3, -1).transpose(1, 0, 2)
-        if progress is not None:
-            progress(m + 1, max_harmonic + 1)
+        return np.asarray((load.T @ adjoint).T.reshape(len(distinct), 3, -1).transpose(1, 0, 2))
+
+    # SuperLU lets other threads run while it factorises and solves.
+    with ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
+        for m, found in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
+            strain[:, :, m] = found
+            if progress is not None:
+                progress(m + 1, max_harmonic + 1)
     meridional, hoop, shear = strain
     return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
 

@@ -6,7 +6,6 @@ SuperLU releases Python's lock, so threads suffice.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
+from builder.processors import processors
 from builder.reporting import Progress
 from builder.structure.solid.cyclic_operator import (
     CircularOperator,
@@ -59,7 +59,7 @@ class CyclicSolver:
 
     def __init__(self, problem: CyclicProblem, threads: int | None = None) -> None:
         self.problem = problem
-        self._threads = threads or _processors()
+        self._threads = threads or processors()
         self._lock = threading.Lock()
         self._probe = probe_loads(problem.free)
         blocks = (problem.stiffness.here, problem.stiffness.after, problem.stiffness.before)
@@ -252,9 +252,3 @@ def _on_each_sector(matrix: csr_array, parts: FloatArray) -> FloatArray:
     n_sectors, n, k = parts.shape
     flat = matrix @ parts.transpose(1, 0, 2).reshape(n, -1)
     return np.ascontiguousarray(flat.reshape(-1, n_sectors, k).transpose(1, 0, 2))
-
-
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

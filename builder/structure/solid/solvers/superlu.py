@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
+from builder.processors import processors
 from builder.structure.solid.solvers.back_end import BackEnd, Factor
 from builder.structure.solid.solvers.mirror_symmetry import symmetric_parts
 from builder.structure.solid.solvers.problem import SolverError, SparseProblem
@@ -54,11 +54,11 @@ def _factor(problem: SparseProblem) -> Factor:
     def part_factor(basis: csr_array) -> Any:
         return factor_symmetric(csr_array(basis.T @ problem.matrix @ basis))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(processors()) as pool:
         factors = list(pool.map(part_factor, parts))
 
     def solve(right_hand_sides: FloatArray) -> FloatArray:
-        n_slices = min(os.cpu_count() or 1, right_hand_sides.shape[1])
+        n_slices = min(processors(), right_hand_sides.shape[1])
         with ThreadPoolExecutor(n_slices) as pool:
             return np.hstack(list(pool.map(solve_slice, np.array_split(right_hand_sides, n_slices, axis=1))))
 
