@@ -5,7 +5,7 @@ that follows the first 32 bytes, a zero; numbers of gauges n and of states, degr
 is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
 :func:`_scaled`. Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
-(:mod:`strainfmu.fmu.flight_resource`), temperature modes (:mod:`strainfmu.fmu.thermal_resource`), loads beside
+(:mod:`strainfmu.fmu.flight_resource`), its filter over time (:mod:`strainfmu.fmu.filter_resource`), temperature modes (:mod:`strainfmu.fmu.thermal_resource`), loads beside
 the five (:mod:`strainfmu.fmu.further_resource`). A bound that the
 map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
@@ -46,9 +46,11 @@ from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
 from strainfmu.estimator.zeros import LARGEST_ZERO
+from strainfmu.fmu.filter_resource import filter_section
 from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
 from strainfmu.fmu.thermal_resource import thermal_section
+from strainfmu.interface.filter_variables import has_filter
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -108,6 +110,8 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
     sections = []
     if inverse_map.manifold is not None:
         sections.append(flight_section(inverse_map, inverse_map.manifold))
+        if has_filter(inverse_map):
+            sections.append(filter_section(inverse_map, inverse_map.manifold))
     if inverse_map.thermal is not None:
         sections.append(thermal_section(inverse_map, inverse_map.thermal))
     if has_further_outputs(inverse_map) and inverse_map.further is not None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
 from strainfmu.interface.further_variables import FURTHER_ARRAYS, further_outputs, with_further_outputs
@@ -84,7 +85,8 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     )
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
     whole = with_zero_parameters(whole, inverse_map.gauge_names)
-    return with_further_outputs(with_temperature_inputs(whole, inverse_map.thermal), inverse_map)
+    whole = with_filter_parameter(with_temperature_inputs(whole, inverse_map.thermal), inverse_map)
+    return with_further_outputs(whole, inverse_map)
 
 
 def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[float]:

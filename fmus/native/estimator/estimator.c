@@ -23,7 +23,8 @@ size_t first_temperature(const Estimator *e) {
 }
 
 size_t estimator_inputs(const Estimator *e) {
-    return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0);
+    const int has_filter = e->map.section[FILTER_SECTION].content != NULL;
+    return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0) + (has_filter ? 1 : 0);
 }
 
 /* One block for all arrays: doubles, then indices, floats and bytes. */
@@ -91,7 +92,10 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const Section *section = e->map.section;
     const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
     const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
-    if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds) {
+    const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL
+                          || section[FURTHER_SECTION].content != NULL;
+    if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
+        || (section[FILTER_SECTION].content != NULL && filters_else)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
         return NULL;
@@ -144,6 +148,9 @@ void estimator_reset(Estimator *e) {
     for (size_t k = first_temperature(e); k < estimator_inputs(e); k++) {
         e->input[k] = e->map.not_known;
     }
+    if (e->flight.filter.present) {
+        e->input[filter_setting(e)] = 0.0;
+    }
     flight_reset(&e->flight);
     e->outdated = e->noise_outdated = 1;
 }
@@ -164,6 +171,9 @@ static int accepts_zero(const Estimator *e, size_t which, double value, char *te
 }
 
 int estimator_accepts(const Estimator *e, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
+    if (index == filter_setting(e)) {
+        return filter_accepts(&e->flight.filter, value, text);
+    }
     if (index >= first_temperature(e)) {
         return 1;
     }

@@ -59,7 +59,8 @@ enum {
 };
 
 /* After the scalars: zero of each gauge, deviation of each of them, deviation that they have in common [1]; then the
-   temperature of each sensor [K], which may be NaN or the map's not_known. */
+   temperature of each sensor [K], which may be NaN or the map's not_known; or the time constant of the filter [s], 0 for
+   none, of a map that has one, which has no sensors. */
 static inline size_t number_of_zeros(size_t n_gauges) {
     return 2 * n_gauges + 1;
 }

@@ -40,11 +40,10 @@ void model_end_initialization(Model *model) {
 /* Outputs are computed when they are read. They follow from inputs alone, those of the nonlinear estimator also from the
    flight state of the step before. */
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
-    (void)start;
     (void)text;
     model->time = end;
     if (estimator_of(model)->flight.present) {
-        flight_step(estimator_of(model));
+        flight_step(estimator_of(model), start);
     }
     return STATUS_OK;
 }
@@ -231,20 +230,48 @@ static size_t linear_size(const Estimator *e) {
     return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
 }
 
+/* Of the filter, its track and the law, which is 0 where there is none. */
+static size_t filter_size(const Estimator *e) {
+    const Filter *filter = &e->flight.filter;
+    return filter->present ? sizeof filter->base + sizeof(double) * law_doubles(filter) : 0;
+}
+
 size_t model_state_size(const Model *model) {
     const Estimator *e = estimator_of(model);
-    return linear_size(e) + (e->flight.present ? sizeof(Track) : 0);
+    return linear_size(e) + filter_size(e) + (e->flight.present ? sizeof(Track) : 0);
+}
+
+static void write_filter(const Filter *filter, unsigned char *bytes) {
+    const size_t size = sizeof(double) * law_doubles(filter);
+    memcpy(bytes, &filter->base, sizeof filter->base);
+    if (filter->base.has_law != 0.0) {
+        memcpy(bytes + sizeof filter->base, filter->law.mean, size);
+    } else {
+        memset(bytes + sizeof filter->base, 0, size);
+    }
 }
 
 void model_write_state(const Model *model, unsigned char *bytes) {
     const Estimator *e = estimator_of(model);
     if (e->flight.present) {
-        memcpy(bytes + linear_size(e), &e->flight.base, sizeof e->flight.base);
+        memcpy(bytes + linear_size(e) + filter_size(e), &e->flight.base, sizeof e->flight.base);
+    }
+    if (e->flight.filter.present) {
+        write_filter(&e->flight.filter, bytes + linear_size(e));
     }
     memcpy(bytes, e->input, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);
     memcpy(bytes, e->settled, sizeof e->settled);
     memcpy(bytes + sizeof e->settled, e->valid, e->map.n_gauges);
+}
+
+static int filter_fits(const Filter *filter, const unsigned char *bytes) {
+    FilterTrack track;
+    if (!filter->present) {
+        return 1;
+    }
+    memcpy(&track, bytes, sizeof track);
+    return filter_track_fits(filter, &track, bytes + sizeof track);
 }
 
 int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
@@ -273,8 +300,8 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
     }
     if (e->flight.present) {
         Track track;
-        memcpy(&track, bytes + linear_size(e), sizeof track);
-        if (!flight_track_fits(&e->flight, &track)) {
+        memcpy(&track, bytes + linear_size(e) + filter_size(e), sizeof track);
+        if (!flight_track_fits(&e->flight, &track) || !filter_fits(&e->flight.filter, bytes + linear_size(e))) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
             return 0;
         }
@@ -285,7 +312,12 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
 void model_read_state(Model *model, const unsigned char *bytes) {
     Estimator *e = estimator_of(model);
     if (e->flight.present) {
-        memcpy(&e->flight.base, bytes + linear_size(e), sizeof e->flight.base);
+        memcpy(&e->flight.base, bytes + linear_size(e) + filter_size(e), sizeof e->flight.base);
+    }
+    if (e->flight.filter.present) {
+        Filter *filter = &e->flight.filter;
+        memcpy(&filter->base, bytes + linear_size(e), sizeof filter->base);
+        memcpy(filter->law.mean, bytes + linear_size(e) + sizeof filter->base, sizeof(double) * law_doubles(filter));
     }
     memcpy(e->input, bytes, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);

@@ -21,7 +21,7 @@ static int has_sensors(const Estimator *e) {
 
 /* Value reference of FMI 3.0 of the first of the further loads. */
 static unsigned further_reference(const Estimator *e) {
-    return zero_reference(e) + ZERO_REFERENCES + (unsigned)has_sensors(e);
+    return zero_reference(e) + ZERO_REFERENCES + (unsigned)(has_sensors(e) || e->flight.filter.present);
 }
 
 static size_t n_sections(const Estimator *e) {
@@ -126,7 +126,8 @@ Selection model_array(const Model *model, unsigned reference) {
     } else if (reference < model->time_reference) {
         const size_t which = reference - zero_reference(estimator_of(model)), after = which < ZERO_REFERENCES ? 0 : 1;
         found.first = first_zero(estimator_of(model)) + (after ? number_of_zeros(n) : which * n);
-        found.count = after ? estimator_of(model)->thermal.map.n_sensors : which < 2 ? n : 1;
+        const size_t last = estimator_of(model)->flight.filter.present ? 1 : estimator_of(model)->thermal.map.n_sensors;
+        found.count = after ? last : which < 2 ? n : 1;
     }
     return found;
 }

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "../core/elementary.h"
-#include "estimator.h"
+#include "flight_parts.h"
 #include "step_parts.h"
 
 #define ALIGNMENT 64
@@ -28,7 +28,16 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     if (loads->content != NULL && !flight_further_parse(loads, &flight->map, n, n_loads, &flight->further.map, text)) {
         return 0;
     }
-    const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n);
+    const Section *of_filter = &e->map.section[FILTER_SECTION];
+    Filter *filter = &flight->filter;
+    if (of_filter->content != NULL && !filter_map_parse(of_filter, n, &filter->map, text)) {
+        return 0;
+    }
+    flight->solver.map = &flight->map;
+    flight->solver.n = in_lanes(n);
+    filter->present = of_filter->content != NULL;
+    const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n)
+                       + (filter->present ? filter_doubles(filter, &flight->solver) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
@@ -39,6 +48,9 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     unsigned char *bytes = (unsigned char *)(doubles + count);
     flight_solver_arrays(&flight->map, n, e->wide, &flight->solver, &doubles, &bytes);
     flight_further_arrays(&flight->further, n, &doubles);
+    if (filter->present) {
+        filter_arrays(filter, &doubles);
+    }
     for (size_t k = 0; k < N_STATES; k++) {
         flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);
     }
@@ -53,6 +65,9 @@ void flight_free(Flight *flight) {
 void flight_reset(Flight *flight) {
     memset(&flight->base, 0, sizeof flight->base);
     memset(&flight->next, 0, sizeof flight->next);
+    if (flight->filter.present) {
+        filter_reset(&flight->filter);
+    }
 }
 
 /* Gauges in use; their number. */
@@ -87,8 +102,7 @@ static void set_navigation(Estimator *e) {
     }
 }
 
-/* What navigation and the ranges of the map say of the flight state. */
-static void set_measurement(Flight *flight) {
+void flight_set_measurement(Flight *flight) {
     Sample *sample = &flight->solver.sample;
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         const double value = flight->value[k], std = flight->std[k];
@@ -109,9 +123,7 @@ static void solve(Flight *flight, int search) {
     }
 }
 
-/* Whether a quantity of navigation fits strain and the others so badly that it is dropped: the worst one. Below the
-   alarm it may as well be another one that is wrong: then they count with larger deviations. */
-static int drop_inconsistent(Flight *flight) {
+int flight_drop_inconsistent(Flight *flight) {
     const double *residual = flight->solver.solution.navigation_residual;
     size_t worst = 0;
     double largest = -1.0;
@@ -210,7 +222,7 @@ static int navigation_alarms(const Flight *flight) {
     return alarms;
 }
 
-static size_t navigation_used(const Flight *flight) {
+size_t flight_navigation_used(const Flight *flight) {
     size_t count = 0;
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         count += flight->solver.sample.precision[k] > 0.0;
@@ -237,7 +249,7 @@ static int judge(Estimator *e, size_t used) {
     const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
     output[CHI_SQUARE] = found->chi_square;
     output[CHI_SQUARE_LIMIT] =
-        alarm_scale * map->chi_square_scale * map->chi_square_limit[used + navigation_used(flight)];
+        alarm_scale * map->chi_square_scale * map->chi_square_limit[used + flight_navigation_used(flight)];
     output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
     output[SUSPECTS] = suspect ? 1.0 : 0.0;
     output[ENVELOPE_SCORE] = range_score(flight);
@@ -258,7 +270,27 @@ static void fall_back(Estimator *e) {
     }
 }
 
-static void set_nothing_known(Estimator *e) {
+void flight_fall_back(Estimator *e, int fits, double to_return) {
+    if (!fits || to_return > 0.0) {
+        fall_back(e);
+    }
+    if (fits && e->flight.flag[LINEAR_LOADS] && e->output[HEALTH_STATE] == OK) {
+        e->output[HEALTH_STATE] = DEGRADED;
+    }
+}
+
+int flight_conclude(Estimator *e, size_t used) {
+    Flight *flight = &e->flight;
+    set_loads(e);
+    flight_air_data(flight, &flight->solver.solution);
+    flight->flag[LINEAR_LOADS] = 0;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        flight->flag[NAVIGATION_USED + k] = flight->solver.sample.precision[k] > 0.0;
+    }
+    return judge(e, used);
+}
+
+void flight_set_nothing_known(Estimator *e) {
     Flight *flight = &e->flight;
     set_unknown(e->output);
     e->output[SUSPECT_GAUGE] = e->output[SUSPECTS] = 0.0;
@@ -280,6 +312,13 @@ static void set_next(Flight *flight, int search, int fits, double to_return) {
     next->stepped = 0.0;
 }
 
+/* The filter is off: it leaves nothing. */
+static void forget_law(Filter *filter) {
+    filter->next = filter->base;
+    filter->next.has_law = filter->next.steps = 0.0;
+    filter->next.mean = filter->next.widening = 1.0;
+}
+
 void flight_update(Estimator *e) {
     Flight *flight = &e->flight;
     const Track *base = &flight->base;
@@ -287,49 +326,59 @@ void flight_update(Estimator *e) {
     const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
     double residual[N_NAVIGATION];
     e->output[VALID_GAUGES] = (double)used;
-    if (used == 0) {
-        set_nothing_known(e);
+    set_navigation(e);
+    if (flight_filters(e)) {
+        flight_filter_update(e, used);
         return;
     }
-    set_navigation(e);
-    set_measurement(flight);
+    if (flight->filter.present) {
+        forget_law(&flight->filter);
+    }
+    if (used == 0) {
+        flight_set_nothing_known(e);
+        return;
+    }
+    flight_set_measurement(flight);
     solve(flight, search);
     memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
-    if (drop_inconsistent(flight)) {
+    if (flight_drop_inconsistent(flight)) {
         solve(flight, search);
         memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
     }
-    set_loads(e);
-    flight_air_data(flight, &flight->solver.solution);
-    flight->flag[LINEAR_LOADS] = 0;
-    for (size_t k = 0; k < N_NAVIGATION; k++) {
-        flight->flag[NAVIGATION_USED + k] = flight->solver.sample.precision[k] > 0.0;
-    }
-    const int fits = judge(e, used);
-    const double waiting = base->to_return > 1.0 ? base->to_return - 1.0 : 0.0;
-    const double to_return = fits ? waiting : flight->map.return_after;
-    if (!fits || to_return > 0.0) {
-        fall_back(e);
-    }
-    if (fits && flight->flag[LINEAR_LOADS] && e->output[HEALTH_STATE] == OK) {
-        e->output[HEALTH_STATE] = DEGRADED;
-    }
+    const int fits = flight_conclude(e, used);
+    const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
+    flight_fall_back(e, fits, to_return);
     set_next(flight, search, fits, to_return);
 }
 
+/* What the step left is what the next one starts from, at the present point in time. */
+static void take_next(Estimator *e) {
+    Filter *filter = &e->flight.filter;
+    const Law law = filter->law;
+    e->flight.base = e->flight.next;
+    e->flight.base.stepped = 0.0;
+    filter->law = filter->next_law;
+    filter->next_law = law;
+    filter->base = filter->next;
+    filter->base.now = e->base.time;
+}
+
 void flight_before_change(Estimator *e) {
-    Flight *flight = &e->flight;
-    if (flight->base.stepped != 0.0) {
+    if (e->flight.base.stepped != 0.0) {
         estimator_outputs(e);
-        flight->base = flight->next;
-        flight->base.stepped = 0.0;
+        take_next(e);
     }
     e->outdated = 1;
 }
 
-void flight_step(Estimator *e) {
+void flight_step(Estimator *e, double start) {
+    Filter *filter = &e->flight.filter;
     if (e->flight.base.stepped != 0.0) {
         flight_before_change(e);
+    }
+    if (flight_filters(e) && filter->base.now != start) {
+        filter->base.now = start;
+        e->outdated = 1;
     }
     estimator_outputs(e);
     e->flight.base.stepped = 1.0;

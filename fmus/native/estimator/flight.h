@@ -5,6 +5,7 @@
 #ifndef FLIGHT_H
 #define FLIGHT_H
 
+#include "filter.h"
 #include "flight_further.h"
 #include "flight_solve.h"
 
@@ -32,6 +33,7 @@ typedef struct {
     FlightMap map;
     FlightSolver solver;
     FlightFurther further;
+    Filter filter; /* over time, if the map has one */
     void *memory;
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */
@@ -54,11 +56,25 @@ void flight_update(struct Estimator *e);
 /* An input changes: what follows starts from the track that the last step left. */
 void flight_before_change(struct Estimator *e);
 
-/* Take a step with the present inputs. */
-void flight_step(struct Estimator *e);
+/* Take a step with the present inputs, from a point in time [s]. */
+void flight_step(struct Estimator *e, double start);
 
 /* Air data of a solution, in flight->real and flight->flag. */
 void flight_air_data(Flight *flight, const Solution *found);
+
+/* Index of the filter's time constant among the inputs, and whether samples are filtered: it is positive, and there are
+   no deviations of zeros, which the filter does not take. */
+size_t filter_setting(const struct Estimator *e);
+int flight_filters(const struct Estimator *e);
+
+/* Whether the filter may have a time constant [s]; if not, text states what is allowed. */
+int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_TEXT_SIZE]);
+
+/* Set all outputs by the filter, for so many gauges in use. */
+void flight_filter_update(struct Estimator *e, size_t used);
+
+/* Whether a serialised track of the filter, and a law, may be read. */
+int filter_track_fits(const Filter *filter, const FilterTrack *track, const unsigned char *law);
 
 /* Whether a serialised track may be read. */
 int flight_track_fits(const Flight *flight, const Track *track);

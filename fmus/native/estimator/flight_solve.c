@@ -194,8 +194,12 @@ static void set_innovation(FlightSolver *solver) {
     solver->log_mach_slope = 2.0 / mach;
 }
 
-/* Row of the measurement's Jacobian. */
-static void measurement_row(const FlightSolver *solver, size_t which, double *row) {
+void flight_evaluate(FlightSolver *solver, const double *state) {
+    evaluate(solver, state);
+    set_innovation(solver);
+}
+
+void flight_measurement_row(const FlightSolver *solver, size_t which, double *row) {
     memset(row, 0, N_STATES * sizeof *row);
     if (which >= N_NAVIGATION) {
         row[which - N_NAVIGATION] = 1.0;
@@ -212,7 +216,7 @@ static void add_measurement(FlightSolver *solver) {
     for (size_t m = 0; m < N_MEASURED; m++) {
         const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
         double row[N_STATES];
-        measurement_row(solver, m, row);
+        flight_measurement_row(solver, m, row);
         for (size_t i = 0; i < N_STATES; i++) {
             const double weighted = precision * row[i];
             for (size_t j = 0; j < N_STATES; j++) {
@@ -254,21 +258,14 @@ static double clipped(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
 }
 
-/* The next state, inside the reach of the tables. */
-static void next_state(const FlightSolver *solver, double *state) {
-    const FlightMap *map = solver->map;
-    double inverse[N_STATES * N_STATES], step[N_STATES], size = 1.0;
-    invert_small(N_STATES, solver->hessian, inverse);
+void flight_limited(const FlightMap *map, const double *from, const double *step, double *state) {
+    double size = 1.0;
     for (size_t i = 0; i < N_STATES; i++) {
-        step[i] = 0.0;
-        for (size_t j = 0; j < N_STATES; j++) {
-            step[i] += inverse[i * N_STATES + j] * solver->gradient[j];
-        }
         const double relative = fabs(step[i]) / map->largest_step[i];
         size = relative > size ? relative : size;
     }
     for (size_t i = 0; i < N_STATES; i++) {
-        state[i] = solver->state[i] + step[i] / size;
+        state[i] = from[i] + step[i] / size;
     }
     state[STATE_MACH] = clipped(state[STATE_MACH], 0.7 * map->mach_range[0], 1.3 * map->mach_range[1]);
     const double angle = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
@@ -280,6 +277,19 @@ static void next_state(const FlightSolver *solver, double *state) {
     }
     state[STATE_PRESSURE] =
         clipped(state[STATE_PRESSURE], map->log_pressure_range[0] - 1.0, map->log_pressure_range[1] + 1.0);
+}
+
+/* The next state of the iterations. */
+static void next_state(const FlightSolver *solver, double *state) {
+    double inverse[N_STATES * N_STATES], step[N_STATES];
+    invert_small(N_STATES, solver->hessian, inverse);
+    for (size_t i = 0; i < N_STATES; i++) {
+        step[i] = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            step[i] += inverse[i * N_STATES + j] * solver->gradient[j];
+        }
+    }
+    flight_limited(solver->map, solver->state, step, state);
 }
 
 /* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
@@ -332,7 +342,7 @@ static void set_navigation_residuals(FlightSolver *solver) {
     for (size_t m = 0; m < N_NAVIGATION; m++) {
         const double precision = solver->sample.precision[m];
         double row[N_STATES];
-        measurement_row(solver, m, row);
+        flight_measurement_row(solver, m, row);
         const double reached = quadratic(N_STATES, row, found->state_covariance, row);
         const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
         const double remaining =

@@ -102,6 +102,15 @@ double lognormal_deviation(double of_log);
 /* x' M x of a symmetric matrix, and x' M y. */
 double quadratic(size_t order, const double *x, const double *matrix, const double *y);
 
+/* The response, and what the measurement reads beside its values, at a state. For the filter, as the next two. */
+void flight_evaluate(FlightSolver *solver, const double *state);
+
+/* Row of the measurement's Jacobian there. */
+void flight_measurement_row(const FlightSolver *solver, size_t which, double *row);
+
+/* A step from a state, not too long, and inside the reach of the tables. */
+void flight_limited(const FlightMap *map, const double *from, const double *step, double *state);
+
 /* S about the state of solver->response, in solver->factor, before it is decomposed; all gauges. For flight_search.c. */
 void flight_strain_covariance(FlightSolver *solver);
 

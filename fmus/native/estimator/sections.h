@@ -6,7 +6,14 @@
 
 #include "../core/resource.h"
 
-typedef enum { FLIGHT_SECTION, THERMAL_SECTION, FURTHER_SECTION, FLIGHT_LOADS_SECTION, N_SECTION_KINDS } SectionKind;
+typedef enum {
+    FLIGHT_SECTION,
+    THERMAL_SECTION,
+    FURTHER_SECTION,
+    FLIGHT_LOADS_SECTION,
+    FILTER_SECTION,
+    N_SECTION_KINDS
+} SectionKind;
 
 typedef struct {
     const unsigned char *content; /* NULL where the map has no such section */

@@ -1,0 +1,230 @@
+/* Laws of the filter's states over time: strainfmu/estimator/filter/motion.py, kalman.py, consistency.py. */
+
+#include "filter.h"
+
+#include <math.h>
+
+#include "../core/elementary.h"
+
+static double *taken(double **doubles, size_t count) {
+    double *array = *doubles;
+    *doubles += count;
+    return array;
+}
+
+size_t law_doubles(const Filter *filter) {
+    return filter->order + filter->n * (filter->order + filter->n_considered);
+}
+
+static size_t sample_doubles(const Filter *filter) {
+    const size_t rows = filter->rows, order = filter->order;
+    return 7 * order * rows + 2 * LANES * rows + filter->n_considered + 5 * rows * rows + 2 * rows + rows * order
+         + 3 * order * order;
+}
+
+size_t filter_doubles(Filter *filter, FlightSolver *solver) {
+    const FlightMap *flight = solver->map;
+    filter->solver = solver;
+    filter->gauges = solver->n;
+    filter->rows = filter->gauges + in_lanes(N_NAVIGATION);
+    filter->first_e = FIRST_SEEN + filter->map.n_seen;
+    filter->n_read = filter->first_e + 1 + flight->n_common + filter->map.n_shared;
+    filter->n = filter->n_read + N_STATES;
+    filter->order = in_lanes(filter->n);
+    filter->n_terms = (flight->gauge_gain_std > 0.0) + filter->map.n_own + filter->map.n_terms;
+    filter->n_considered = filter->n_terms * filter->gauges;
+    return 4 * law_doubles(filter) + sample_doubles(filter);
+}
+
+static void law_arrays(const Filter *filter, Law *law, double **doubles) {
+    law->mean = taken(doubles, filter->order);
+    law->covariance = taken(doubles, filter->n * filter->order);
+    law->cross = taken(doubles, filter->n * filter->n_considered);
+}
+
+void filter_arrays(Filter *filter, double **doubles) {
+    const size_t rows = filter->rows, order = filter->order;
+    law_arrays(filter, &filter->law, doubles);
+    law_arrays(filter, &filter->next_law, doubles);
+    law_arrays(filter, &filter->predicted, doubles);
+    law_arrays(filter, &filter->stationary, doubles);
+    filter->read = taken(doubles, order * rows);
+    filter->term = taken(doubles, filter->n_considered);
+    filter->white = taken(doubles, rows * rows);
+    filter->white_factor = taken(doubles, rows * rows);
+    filter->considered = taken(doubles, order * rows);
+    filter->fixed_gain = taken(doubles, order * rows);
+    filter->fixed_spread = taken(doubles, rows * rows);
+    filter->fixed_value = taken(doubles, rows);
+    filter->gain = taken(doubles, order * rows);
+    filter->spread = taken(doubles, rows * rows);
+    filter->inverse = taken(doubles, rows * rows);
+    filter->whitened = taken(doubles, (order + LANES) * rows);
+    filter->kalman = taken(doubles, (order + LANES) * rows);
+    filter->squares = taken(doubles, rows);
+    filter->product = taken(doubles, order * rows);
+    filter->turned = taken(doubles, rows * order);
+    filter->kept = taken(doubles, order * order);
+    filter->joseph = taken(doubles, 2 * order * order);
+}
+
+void filter_reset(Filter *filter) {
+    memset(&filter->base, 0, sizeof filter->base);
+    filter->base.mean = filter->base.widening = 1.0;
+    filter->next = filter->base;
+    filter->time_constant = 0.0;
+}
+
+/* Variance of a state in the stationary law. */
+static double stationary_variance(const Filter *filter, size_t state) {
+    if (state < N_STATES) {
+        return 1.0 / filter->solver->map->prior_precision[state];
+    }
+    if (state >= filter->n_read) {
+        const double rate = filter->rate[state - filter->n_read];
+        return rate * rate;
+    }
+    return 1.0;
+}
+
+void filter_set_time_constant(Filter *filter, double time_constant) {
+    if (filter->time_constant == time_constant) {
+        return;
+    }
+    filter->time_constant = time_constant;
+    for (size_t k = 0; k < N_STATES; k++) {
+        filter->rate[k] = filter->map.rate[k] * (1.0 + filter->map.rate_time / time_constant);
+    }
+    memset(filter->stationary.mean, 0, law_doubles(filter) * sizeof(double));
+    for (size_t i = 0; i < filter->n; i++) {
+        filter->stationary.covariance[i * filter->order + i] = stationary_variance(filter, i);
+    }
+    memcpy(filter->stationary.mean, filter->solver->map->prior_mean, N_STATES * sizeof(double));
+}
+
+/* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
+typedef struct {
+    double pair[N_STATES][2][2];
+    double factor[3]; /* of b; c and e; the considered errors */
+} Motion;
+
+static Motion motion_over(const Filter *filter, double time_step) {
+    Motion motion;
+    for (size_t k = 0; k < N_STATES; k++) {
+        const double rate = filter->rate[k] * sqrt(filter->solver->map->prior_precision[k]);
+        const double turn = rate * time_step, decay = turn < 690.0 ? exponential(-turn) : 0.0;
+        motion.pair[k][0][0] = decay * (1.0 + turn);
+        motion.pair[k][0][1] = decay * time_step;
+        motion.pair[k][1][0] = -decay * rate * turn;
+        motion.pair[k][1][1] = decay * (1.0 - turn);
+    }
+    const double age = time_step / filter->time_constant, slow = age / filter->map.slow;
+    motion.factor[0] = slow < 690.0 ? exponential(-slow) : 0.0;
+    motion.factor[1] = motion.factor[2] = age < 690.0 ? exponential(-age) : 0.0;
+    return motion;
+}
+
+/* rows = F rows for the states by row. */
+static void move_rows(const Filter *filter, const Motion *motion, size_t count, double scale, const double *from,
+                      double *to) {
+    const size_t shift = filter->n_read * count;
+    for (size_t k = 0; k < N_STATES; k++) {
+        for (size_t part = 0; part < 2; part++) {
+            const double a = scale * motion->pair[k][part][0], b = scale * motion->pair[k][part][1];
+            const double *x = from + k * count, *v = x + shift;
+            double *out = to + k * count + part * shift;
+            for (size_t j = 0; j < count; j++) {
+                out[j] = a * x[j] + b * v[j];
+            }
+        }
+    }
+    for (size_t i = N_STATES; i < filter->n_read; i++) {
+        const double factor = scale * motion->factor[i >= FIRST_SEEN];
+        for (size_t j = 0; j < count; j++) {
+            to[i * count + j] = factor * from[i * count + j];
+        }
+    }
+}
+
+/* One row times F'. */
+static void move_columns(const Filter *filter, const Motion *motion, double *row) {
+    for (size_t k = 0; k < N_STATES; k++) {
+        const double x = row[k], v = row[filter->n_read + k];
+        row[k] = motion->pair[k][0][0] * x + motion->pair[k][0][1] * v;
+        row[filter->n_read + k] = motion->pair[k][1][0] * x + motion->pair[k][1][1] * v;
+    }
+    for (size_t i = N_STATES; i < filter->n_read; i++) {
+        row[i] *= motion->factor[i >= FIRST_SEEN];
+    }
+}
+
+/* Add what the process forgets: P - F P F' of the stationary P, whose discrepancy is `widening` times the map's. */
+static void add_forgotten(const Filter *filter, const Motion *motion, double widening, double *covariance) {
+    const size_t order = filter->order;
+    for (size_t i = N_STATES; i < filter->n_read; i++) {
+        const double factor = motion->factor[i >= FIRST_SEEN];
+        const double variance = i >= FIRST_SEEN && i < filter->first_e ? widening : 1.0;
+        covariance[i * order + i] += variance - factor * variance * factor;
+    }
+    for (size_t k = 0; k < N_STATES; k++) {
+        const size_t at[2] = {k, filter->n_read + k};
+        const double variance[2] = {stationary_variance(filter, at[0]), stationary_variance(filter, at[1])};
+        for (size_t i = 0; i < 2; i++) {
+            for (size_t j = 0; j < 2; j++) {
+                const double *a = motion->pair[k][i], *b = motion->pair[k][j];
+                const double kept = a[0] * variance[0] * b[0] + a[1] * variance[1] * b[1];
+                covariance[at[i] * order + at[j]] += (i == j ? variance[i] : 0.0) - kept;
+            }
+        }
+    }
+}
+
+/* The mean of a symmetric matrix and its transpose, against round-off. */
+static void symmetrise(size_t n, size_t order, double *matrix) {
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < i; j++) {
+            matrix[i * order + j] = matrix[j * order + i] = 0.5 * (matrix[i * order + j] + matrix[j * order + i]);
+        }
+    }
+}
+
+void filter_predict(Filter *filter, double time_step) {
+    const Motion motion = motion_over(filter, time_step);
+    const size_t order = filter->order;
+    const double *middle = filter->solver->map->prior_mean;
+    Law *out = &filter->predicted;
+    memcpy(out->mean, filter->law.mean, order * sizeof *out->mean);
+    for (size_t k = 0; k < N_STATES; k++) {
+        out->mean[k] -= middle[k];
+    }
+    move_columns(filter, &motion, out->mean);
+    for (size_t k = 0; k < N_STATES; k++) {
+        out->mean[k] += middle[k];
+    }
+    move_rows(filter, &motion, order, 1.0, filter->law.covariance, out->covariance);
+    for (size_t i = 0; i < filter->n; i++) {
+        move_columns(filter, &motion, out->covariance + i * order);
+    }
+    add_forgotten(filter, &motion, filter->base.widening, out->covariance);
+    symmetrise(filter->n, order, out->covariance);
+    move_rows(filter, &motion, filter->n_considered, motion.factor[2], filter->law.cross, out->cross);
+}
+
+void filter_note(Filter *filter, double chi_square, double degrees_of_freedom) {
+    const FilterMap *map = &filter->map;
+    FilterTrack *next = &filter->next;
+    if (!(degrees_of_freedom > 0.0)) {
+        return;
+    }
+    const double band = map->band * sqrt(2.0 / (degrees_of_freedom * (2.0 * map->window - 1.0)));
+    const double largest = 1.0 + 0.5 * map->window * band, own = chi_square / degrees_of_freedom;
+    next->mean += ((own < largest ? own : largest) - next->mean) / map->window;
+    next->steps += 1.0;
+    if (next->steps >= map->window && next->mean > 1.0 + band) {
+        const double wider = map->widen * next->widening;
+        next->widening = wider < map->largest_widening ? wider : map->largest_widening;
+    } else if (next->mean < 1.0) {
+        const double narrower = map->narrow * next->widening;
+        next->widening = narrower > 1.0 ? narrower : 1.0;
+    }
+}

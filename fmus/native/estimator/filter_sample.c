@@ -1,0 +1,390 @@
+/* A sample by the filter: strainfmu/estimator/filter/flight_model.py, flight_step.py, kalman.py.
+
+   Rows that are not in use read nothing, with a noise of 1. The Jacobian by the flight state alone follows the
+   iterations: what the other states read is computed once. */
+
+#include <math.h>
+
+#include "filter.h"
+#include "flight_algebra.h"
+#include "wide.h"
+
+static Strided by_rows(const double *value, size_t row) {
+    return (Strided){value, row, 1};
+}
+
+/* The first row of navigation. */
+static double *navigation_rows(const Filter *filter, double *column) {
+    return column + filter->gauges;
+}
+
+/* c = [1, coefficients of load] at the state of solver->response, with p_inf. */
+static void coefficients_at(const FlightSolver *solver, double c[1 + N_LOADS]) {
+    const FlightMap *map = solver->map;
+    const double *loads = solver->response.value + solver->n_gauges;
+    c[0] = 1.0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
+        c[1 + i] = loads[i] / (solver->response.pressure * reference);
+    }
+}
+
+/* `count` terms per p_inf and c, each (1 + N_LOADS, n_gauges), as rows of gauges `row` apart. */
+static void follow_loads(const FlightSolver *solver, size_t count, const double *error, double *out, size_t row) {
+    const size_t n = solver->n_gauges;
+    double c[1 + N_LOADS];
+    coefficients_at(solver, c);
+    for (size_t t = 0; t < count; t++) {
+        for (size_t g = 0; g < n; g++) {
+            double sum = 0.0;
+            for (size_t a = 0; a <= N_LOADS; a++) {
+                sum += error[(t * (1 + N_LOADS) + a) * n + g] * c[a];
+            }
+            out[t * row + g] = solver->response.pressure * sum;
+        }
+    }
+}
+
+/* Set what is no gauge in use to 0, of `count` rows. */
+static void leave_out(const Filter *filter, size_t count, double *rows, size_t row) {
+    const Sample *sample = &filter->solver->sample;
+    for (size_t g = 0; g < filter->solver->n_gauges; g++) {
+        if (!sample->used[g]) {
+            for (size_t k = 0; k < count; k++) {
+                rows[k * row + g] = 0.0;
+            }
+        }
+    }
+}
+
+/* What strain and navigation read of b, c and e, at the state of solver->response. */
+static void set_read(Filter *filter) {
+    const FlightSolver *solver = filter->solver;
+    const FlightMap *flight = solver->map;
+    const FilterMap *map = &filter->map;
+    const size_t n = solver->n_gauges, rows = filter->rows;
+    const double pressure = solver->response.pressure;
+    double *seen = filter->read + FIRST_SEEN * rows, *gain = filter->read + filter->first_e * rows;
+    double *shared = gain + (1 + flight->n_common) * rows;
+    memset(filter->read, 0, filter->order * rows * sizeof *filter->read);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        filter->scale[k] = sqrt(solver->sample.precision[k]);
+        if (filter->scale[k] > 0.0) {
+            navigation_rows(filter, filter->read + (FIRST_NAVIGATION + k) * rows)[k] = sqrt(1.0 - map->white_navigation);
+        }
+    }
+    for (size_t g = 0; g < n; g++) {
+        for (size_t k = 0; k < map->n_seen; k++) {
+            seen[k * rows + g] = pressure * map->seen_strain[k * n + g];
+        }
+        gain[g] = flight->common_gain_std * solver->response.value[g];
+        for (size_t k = 0; k < map->n_shared; k++) {
+            shared[k * rows + g] = map->shared[k * n + g];
+        }
+    }
+    follow_loads(solver, flight->n_common, flight->common_error, gain + rows, rows);
+    leave_out(filter, filter->n_read - FIRST_SEEN, seen, rows);
+}
+
+/* The considered errors, at the state of solver->response. */
+static void set_terms(Filter *filter) {
+    const FlightSolver *solver = filter->solver;
+    const FilterMap *map = &filter->map;
+    double *term = filter->term;
+    if (solver->map->gauge_gain_std > 0.0) {
+        for (size_t g = 0; g < solver->n_gauges; g++) {
+            term[g] = solver->map->gauge_gain_std * solver->response.value[g];
+        }
+        term += filter->gauges;
+    }
+    for (size_t k = 0; k < map->n_own; k++, term += filter->gauges) {
+        memcpy(term, map->own, solver->n_gauges * sizeof *term);
+    }
+    follow_loads(solver, map->n_terms, map->of_gauge, term, filter->gauges);
+    leave_out(filter, filter->n_terms, filter->term, filter->gauges);
+}
+
+/* Covariance of what is independent from sample to sample, and of the considered errors. */
+static void set_white(Filter *filter) {
+    const FlightSolver *solver = filter->solver;
+    const FilterMap *map = &filter->map;
+    const unsigned char *used = solver->sample.used;
+    const size_t n = solver->n_gauges, rows = filter->rows;
+    const double square = solver->response.pressure * solver->response.pressure;
+    memset(filter->white, 0, rows * rows * sizeof *filter->white);
+    for (size_t i = 0; i < rows; i++) {
+        filter->white[i * rows + i] = 1.0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (!used[i]) {
+            continue;
+        }
+        for (size_t j = 0; j < n; j++) {
+            const double value = map->noise[i * n + j] + square * map->rest_strain[i * n + j];
+            filter->white[i * rows + j] = used[j] ? value : 0.0;
+        }
+        for (size_t t = 0; t < filter->n_terms; t++) {
+            const double size = filter->term[t * filter->gauges + i];
+            filter->white[i * rows + i] += size * size;
+        }
+    }
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        if (filter->scale[k] > 0.0) {
+            filter->white[(filter->gauges + k) * (rows + 1)] = map->white_navigation;
+        }
+    }
+}
+
+/* to = sum over the terms of cross times them: C G'. */
+static void set_considered(Filter *filter, const Law *law) {
+    for (size_t i = 0; i < filter->n; i++) {
+        double *row = filter->considered + i * filter->rows;
+        const double *cross = law->cross + i * filter->n_considered;
+        memset(row, 0, filter->rows * sizeof *row);
+        for (size_t k = 0; k < filter->n_terms; k++) {
+            for (size_t g = 0; g < filter->gauges; g++) {
+                row[g] += cross[k * filter->gauges + g] * filter->term[k * filter->gauges + g];
+            }
+        }
+    }
+}
+
+/* matrix (rows, rows) = fixed + sum over `count` pairs of rows of left right' + right left'. */
+static void add_spread(Filter *filter, size_t count, const double *left, const double *right, const double *fixed,
+                       double *matrix) {
+    const size_t rows = filter->rows;
+    multiply(filter->solver->wide, rows, count, rows, (Strided){left, 1, rows}, right, rows, matrix, rows);
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            const double sum = matrix[i * rows + j] + matrix[j * rows + i];
+            matrix[i * rows + j] = matrix[j * rows + i] = fixed[i * rows + j] + sum;
+        }
+    }
+}
+
+/* What does not change with the iterations, for the errors at the state of solver->response. */
+static void set_fixed(Filter *filter, const Law *law) {
+    const size_t rows = filter->rows, others = filter->n_read - N_STATES, first = N_STATES * rows;
+    const int wide = filter->solver->wide;
+    set_read(filter);
+    set_terms(filter);
+    set_white(filter);
+    set_considered(filter, law);
+    multiply(wide, filter->n, others, rows, by_rows(law->covariance + N_STATES, filter->order), filter->read + first, rows,
+             filter->fixed_gain, rows);
+    for (size_t k = 0; k < filter->n * rows; k++) {
+        filter->fixed_gain[k] += filter->considered[k];
+    }
+    for (size_t k = first; k < filter->n_read * rows; k++) {
+        filter->product[k] = 0.5 * (filter->fixed_gain[k] + filter->considered[k]);
+    }
+    add_spread(filter, others, filter->read + first, filter->product + first, filter->white, filter->fixed_spread);
+    multiply(wide, 1, others, rows, by_rows(law->mean + N_STATES, 1), filter->read + first, rows, filter->fixed_value, rows);
+}
+
+/* The Jacobian by the flight state at that of solver->response, and the innovation, as the row behind filter->whitened. */
+static void set_rows(Filter *filter, const Law *law, const double *state) {
+    const FlightSolver *solver = filter->solver;
+    const Sample *sample = &solver->sample;
+    const size_t rows = filter->rows;
+    double *apart = filter->whitened + filter->n * rows;
+    memset(apart, 0, rows * sizeof *apart);
+    memset(filter->read, 0, N_STATES * rows * sizeof *filter->read);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        if (sample->used[g]) {
+            apart[g] = sample->strain[g] - solver->response.value[g] - filter->fixed_value[g];
+            for (size_t k = 0; k < N_STATES; k++) {
+                filter->read[k * rows + g] = solver->response.jacobian[k][g];
+            }
+        }
+    }
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        double row[N_STATES];
+        const double scale = filter->scale[m];
+        if (scale > 0.0) {
+            flight_measurement_row(solver, m, row);
+            navigation_rows(filter, apart)[m] =
+                scale * solver->innovation[m] - navigation_rows(filter, filter->fixed_value)[m];
+            for (size_t k = 0; k < N_STATES; k++) {
+                navigation_rows(filter, filter->read + k * rows)[m] = scale * row[k];
+            }
+        }
+    }
+    for (size_t k = 0; k < N_STATES; k++) {
+        const double about = law->mean[k] - state[k];
+        for (size_t r = 0; r < rows; r++) {
+            apart[r] -= about * filter->read[k * rows + r];
+        }
+    }
+}
+
+/* Gains of the first `count` states, and the decomposition of the spread; both times L^-1, and the innovation. */
+static void whiten(Filter *filter, const Law *law, size_t count) {
+    const size_t rows = filter->rows;
+    const int wide = filter->solver->wide;
+    double *half = filter->product;
+    multiply(wide, filter->n, N_STATES, rows, by_rows(law->covariance, filter->order), filter->read, rows, filter->gain,
+             rows);
+    for (size_t k = 0; k < N_STATES * rows; k++) {
+        half[k] = filter->fixed_gain[k] + 0.5 * filter->gain[k];
+    }
+    for (size_t k = 0; k < count * rows; k++) {
+        filter->whitened[k] = filter->gain[k] += filter->fixed_gain[k];
+    }
+    add_spread(filter, N_STATES, filter->read, half, filter->fixed_spread, filter->spread);
+    cholesky(wide, rows, filter->spread);
+    if (count < filter->n) {
+        memcpy(filter->whitened + count * rows, filter->whitened + filter->n * rows, rows * sizeof *filter->whitened);
+    }
+    solve_lower(wide, rows, filter->spread, count + 1, filter->whitened);
+}
+
+/* The next flight state. */
+static void iterate(Filter *filter, const Law *law, const double *state, double *next) {
+    double step[N_STATES];
+    whiten(filter, law, N_STATES);
+    for (size_t k = 0; k < N_STATES; k++) {
+        step[k] = law->mean[k] - state[k]
+                + lane_dot(filter->rows, filter->whitened + k * filter->rows, filter->whitened + N_STATES * filter->rows);
+    }
+    flight_limited(filter->solver->map, state, step, next);
+}
+
+/* out (columns, rows) = matrix' (rows, columns), each a row apart from the next. */
+static void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t j = 0; j < columns; j++) {
+            out[j * out_row + i] = matrix[i * row + j];
+        }
+    }
+}
+
+/* P after the sample, in Joseph form: A P A' + X + X' with X = (K R / 2 - A C G') K', R of what is white and considered. */
+static void update_covariance(Filter *filter, const Law *law, Law *after) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows;
+    const int wide = filter->solver->wide;
+    double *first = filter->joseph, *second = filter->joseph + order * order, *half = filter->product;
+    const Strided kept = by_rows(filter->kept, order), gain = by_rows(filter->kalman, rows);
+    multiply(wide, n, rows, rows, gain, filter->white, rows, half, rows);
+    multiply(wide, n, n, rows, kept, filter->considered, rows, filter->gain, rows);
+    for (size_t k = 0; k < n * rows; k++) {
+        half[k] = 0.5 * half[k] - filter->gain[k];
+    }
+    transpose(n, rows, filter->kalman, rows, filter->turned, order);
+    multiply(wide, n, rows, order, by_rows(half, rows), filter->turned, order, second, order);
+    multiply(wide, n, n, order, kept, law->covariance, order, first, order);
+    transpose(n, n, filter->kept, order, filter->turned, order);
+    multiply(wide, n, n, order, by_rows(first, order), filter->turned, order, after->covariance, order);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            const double sum = second[i * order + j] + second[j * order + i];
+            const double both = after->covariance[i * order + j] + after->covariance[j * order + i];
+            after->covariance[i * order + j] = after->covariance[j * order + i] = 0.5 * both + sum;
+        }
+    }
+}
+
+/* C after the sample: A C - K G. */
+static void update_cross(Filter *filter, const Law *law, Law *after) {
+    const size_t n = filter->n, read = filter->n_read, count = filter->n_considered;
+    multiply(filter->solver->wide, n, read, count, by_rows(filter->kept, filter->order), law->cross, count, after->cross,
+             count);
+    for (size_t i = 0; i < n; i++) {
+        const double *row = filter->kalman + i * filter->rows, *own = law->cross + i * count;
+        double *cross = after->cross + i * count;
+        for (size_t k = 0; k < filter->n_terms; k++) {
+            const size_t at = k * filter->gauges;
+            for (size_t g = 0; g < filter->gauges; g++) {
+                cross[at + g] += (i < read ? 0.0 : own[at + g]) - row[g] * filter->term[at + g];
+            }
+        }
+    }
+}
+
+/* The law after the sample. */
+static void update(Filter *filter, const Law *law, Law *after) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows;
+    const int wide = filter->solver->wide;
+    double *turned = filter->turned, *squares = filter->squares;
+    whiten(filter, law, n);
+    invert_lower(wide, rows, filter->spread, filter->inverse);
+    multiply_lower(wide, n + 1, rows, by_rows(filter->whitened, rows), filter->inverse, rows, filter->kalman, rows);
+    memset(squares, 0, rows * sizeof *squares);
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            squares[j] += filter->inverse[i * rows + j] * filter->inverse[i * rows + j];
+        }
+    }
+    transpose(filter->n_read, rows, filter->read, rows, turned, order);
+    for (size_t r = 0; r < rows; r++) {
+        memset(turned + r * order + filter->n_read, 0, (order - filter->n_read) * sizeof *turned);
+    }
+    multiply(wide, n, rows, order, by_rows(filter->kalman, rows), turned, order, filter->kept, order);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < order; j++) {
+            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - filter->kept[i * order + j];
+        }
+        after->mean[i] =
+            law->mean[i] + lane_dot(rows, filter->whitened + i * rows, filter->whitened + n * rows);
+    }
+    update_covariance(filter, law, after);
+    update_cross(filter, law, after);
+}
+
+/* Give the flight state a value: the others follow by their covariance. Its square distance. */
+static double give(Filter *filter, Law *law, const double *state) {
+    double known[N_STATES * N_STATES], inverse[N_STATES * N_STATES], apart[N_STATES], weight[N_STATES], distance = 0.0;
+    for (size_t i = 0; i < N_STATES; i++) {
+        memcpy(known + i * N_STATES, law->covariance + i * filter->order, N_STATES * sizeof *known);
+        apart[i] = state[i] - law->mean[i];
+    }
+    invert_small(N_STATES, known, inverse);
+    for (size_t i = 0; i < N_STATES; i++) {
+        weight[i] = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            weight[i] += inverse[i * N_STATES + j] * apart[j];
+        }
+        distance += apart[i] * weight[i];
+    }
+    for (size_t i = 0; i < filter->n; i++) {
+        for (size_t k = 0; k < N_STATES; k++) {
+            law->mean[i] += law->covariance[i * filter->order + k] * weight[k];
+        }
+    }
+    memcpy(law->mean, state, N_STATES * sizeof *state);
+    return distance;
+}
+
+/* Standardised residuals of gauges and navigation. */
+static void set_residuals(Filter *filter) {
+    Solution *found = &filter->solver->solution;
+    const double *weighted = filter->kalman + filter->n * filter->rows, *squares = filter->squares;
+    for (size_t g = 0; g < filter->solver->n_gauges; g++) {
+        found->standardised_residual[g] = filter->solver->sample.used[g] ? weighted[g] / sqrt(squares[g]) : 0.0;
+    }
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        const size_t row = filter->gauges + m;
+        found->navigation_residual[m] = filter->scale[m] > 0.0 ? weighted[row] / sqrt(squares[row]) : 0.0;
+    }
+}
+
+void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations) {
+    FlightSolver *solver = filter->solver;
+    double state[N_STATES], next[N_STATES];
+    memcpy(state, start, sizeof state);
+    flight_evaluate(solver, state);
+    set_fixed(filter, law);
+    for (size_t k = 0; k < iterations; k++) {
+        set_rows(filter, law, state);
+        iterate(filter, law, state, next);
+        memcpy(state, next, sizeof state);
+        flight_evaluate(solver, state);
+    }
+    set_rows(filter, law, state);
+    update(filter, law, &filter->next_law);
+    const double *innovation = filter->whitened + filter->n * filter->rows;
+    solver->solution.chi_square =
+        lane_dot(filter->rows, innovation, innovation) + give(filter, &filter->next_law, state);
+    set_residuals(filter);
+    filter_solution(filter);
+}

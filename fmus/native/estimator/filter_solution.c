@@ -1,0 +1,128 @@
+/* Loads and coefficients at a law of the filter: strainfmu/estimator/filter/flight_step.py. */
+
+#include <math.h>
+
+#include "filter.h"
+#include "flight_algebra.h"
+
+/* x = L'^-1 x; L lies by columns. */
+static void solve_upper(size_t n, const double *lower, double *x) {
+    for (size_t j = n; j-- > 0;) {
+        const double *column = lower + j * n;
+        double sum = x[j];
+        for (size_t i = j + 1; i < n; i++) {
+            sum -= column[i] * x[i];
+        }
+        x[j] = sum / column[j];
+    }
+}
+
+/* Gains of the loads on the residual: covariance with the strain of the directions that are not estimated, times that of
+   strain inverted. Rows are in filter->gain; `remaining` gets what they leave of the loads' covariance. */
+static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
+    const FlightSolver *solver = filter->solver;
+    const size_t rows = filter->rows, n = solver->n_gauges;
+    const double square = solver->response.pressure * solver->response.pressure;
+    double *turned = filter->gain;
+    memset(turned, 0, N_LOADS * rows * sizeof *turned);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t g = 0; g < n; g++) {
+            turned[i * rows + g] = solver->sample.used[g] ? square * filter->map.rest_cross[i * n + g] : 0.0;
+        }
+    }
+    memcpy(filter->white_factor, filter->white, rows * rows * sizeof *filter->white);
+    cholesky(solver->wide, rows, filter->white_factor);
+    solve_lower(solver->wide, rows, filter->white_factor, N_LOADS, turned);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            remaining[i][j] = square * filter->map.rest_load[i * N_LOADS + j]
+                            - lane_dot(rows, turned + i * rows, turned + j * rows);
+        }
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        solve_upper(rows, filter->white_factor, turned + i * rows);
+    }
+}
+
+/* What the gauges in use read beside all states, as a row behind those of the gains. */
+static double *set_left(Filter *filter) {
+    const FlightSolver *solver = filter->solver;
+    const size_t rows = filter->rows;
+    double *left = filter->product;
+    memset(left, 0, rows * sizeof *left);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        left[g] = solver->sample.used[g] ? solver->sample.strain[g] - solver->response.value[g] : 0.0;
+    }
+    for (size_t k = N_STATES; k < filter->n_read; k++) {
+        for (size_t g = 0; g < solver->n_gauges; g++) {
+            left[g] -= filter->next_law.mean[k] * filter->read[k * rows + g];
+        }
+    }
+    return left;
+}
+
+/* Loads, and their Jacobian by the states, (N_LOADS, order) in filter->joseph. */
+static void set_loads(Filter *filter) {
+    FlightSolver *solver = filter->solver;
+    const size_t rows = filter->rows, order = filter->order;
+    const double *left = set_left(filter), *mean = filter->next_law.mean;
+    double *by_state = filter->joseph;
+    memset(by_state, 0, N_LOADS * order * sizeof *by_state);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double *turned = filter->gain + i * rows;
+        double *row = by_state + i * order, sum = solver->response.value[solver->n_gauges + i];
+        for (size_t k = 0; k < N_STATES; k++) {
+            row[k] = solver->response.jacobian[k][solver->n_gauges + i];
+        }
+        for (size_t k = 0; k < filter->map.n_seen; k++) {
+            row[FIRST_SEEN + k] = solver->response.pressure * filter->map.seen_load[k * N_LOADS + i];
+            sum += row[FIRST_SEEN + k] * mean[FIRST_SEEN + k];
+        }
+        for (size_t k = 0; k < filter->n_read; k++) {
+            row[k] -= lane_dot(rows, turned, filter->read + k * rows);
+        }
+        solver->solution.loads[i] = sum + lane_dot(rows, turned, left);
+    }
+}
+
+void filter_solution(Filter *filter) {
+    FlightSolver *solver = filter->solver;
+    const FlightMap *map = solver->map;
+    Solution *found = &solver->solution;
+    const size_t order = filter->order;
+    const double *covariance = filter->next_law.covariance, *by_state = filter->joseph;
+    const double mach = solver->state[STATE_MACH], pressure = solver->response.pressure;
+    const double dynamic = map->half_gamma * mach * mach * pressure;
+    double remaining[N_LOADS][N_LOADS], scale[N_LOADS], *of_coefficient = filter->joseph + N_LOADS * order;
+    set_turned(filter, remaining);
+    set_loads(filter);
+    memcpy(found->state, solver->state, sizeof found->state);
+    for (size_t k = 0; k < N_STATES; k++) {
+        memcpy(found->state_covariance + k * N_STATES, covariance + k * order, N_STATES * sizeof *covariance);
+    }
+    const double of_pressure[N_STATES] = {2.0 / mach, 0.0, 0.0, 1.0};
+    const double of_log = sqrt(quadratic(N_STATES, of_pressure, found->state_covariance, of_pressure));
+    const double widening = lognormal_deviation(of_log) / of_log, wider = widening * widening;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
+        scale[i] = 1.0 / (dynamic * reference);
+        found->coefficients[i] = scale[i] * found->loads[i];
+        for (size_t k = 0; k < order; k++) {
+            of_coefficient[i * order + k] =
+                scale[i] * by_state[i * order + k] - (k < N_STATES ? found->coefficients[i] * of_pressure[k] : 0.0);
+        }
+    }
+    /* Both times the covariance, then each other. */
+    double *times = filter->joseph + 2 * N_LOADS * order;
+    multiply(solver->wide, 2 * N_LOADS, filter->n, order, (Strided){by_state, order, 1}, covariance, order, times, order);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            const size_t at = i * N_LOADS + j, of = N_LOADS + i;
+            found->load_covariance[at] = lane_dot(order, times + i * order, by_state + j * order) + remaining[i][j];
+            found->coefficient_covariance[at] =
+                wider * (lane_dot(order, times + of * order, of_coefficient + j * order)
+                         + scale[i] * remaining[i][j] * scale[j]);
+        }
+    }
+    found->largest_shape = 0.0; /* they are estimated */
+}

@@ -1,0 +1,159 @@
+/* One sample after another by the filter: strainfmu/estimator/filter/flight_filter.py. */
+
+#include <math.h>
+#include <stdio.h>
+
+#include "flight_parts.h"
+#include "step_parts.h"
+
+size_t filter_setting(const Estimator *e) {
+    return e->flight.filter.present ? first_temperature(e) : SIZE_MAX;
+}
+
+int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_TEXT_SIZE]) {
+    const double smallest = filter->map.smallest_time, largest = filter->map.largest_time;
+    if (time_constant == 0.0 || (time_constant >= smallest && time_constant <= largest)) {
+        return 1;
+    }
+    snprintf(text, MODEL_TEXT_SIZE, "filter_time_constant: %g found, must be 0 or between %g and %g", time_constant,
+             smallest, largest);
+    return 0;
+}
+
+int flight_filters(const Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    const double *std = e->input + n + N_ALL_SCALARS + n;
+    if (!e->flight.filter.present || !(e->input[filter_setting(e)] > 0.0)) {
+        return 0;
+    }
+    int zeros = 1;
+    for (size_t i = 0; i <= n; i++) {
+        zeros = zeros && std[i] == 0.0;
+    }
+    return zeros;
+}
+
+/* Solve from a law, a second time without navigation that is inconsistent. */
+static void solve(Flight *flight, const Law *law, const double *start, size_t iterations) {
+    double residual[N_NAVIGATION];
+    filter_sample(&flight->filter, law, start, iterations);
+    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
+    if (flight_drop_inconsistent(flight)) {
+        filter_sample(&flight->filter, law, start, iterations);
+        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+    }
+}
+
+static void note(Estimator *e, size_t used) {
+    const double freedom = (double)(used + flight_navigation_used(&e->flight));
+    filter_note(&e->flight.filter, e->flight.solver.solution.chi_square,
+                e->input[e->map.n_gauges + ALARM_SCALE] * freedom);
+}
+
+/* Keep what a sample that fits leaves. */
+static void keep(Estimator *e, size_t used) {
+    Flight *flight = &e->flight;
+    const double to_return = flight_waiting(flight);
+    flight->next = (Track){.has_state = 1.0, .to_return = to_return};
+    memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
+    flight->filter.next.has_law = 1.0;
+    note(e, used);
+    flight_fall_back(e, 1, to_return);
+}
+
+/* Let the predicted law, if there is one, go on to the next step. */
+static void keep_predicted(Filter *filter, int has_law) {
+    const Law kept = filter->next_law;
+    filter->next.has_law = has_law;
+    filter->next_law = filter->predicted;
+    filter->predicted = kept;
+}
+
+/* The sample on its own; the filter begins again from it if it fits. */
+static void begin(Estimator *e, size_t used, int has_law) {
+    Flight *flight = &e->flight;
+    const Track *base = &flight->base;
+    const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
+    double start[N_STATES];
+    flight_set_measurement(flight);
+    memcpy(start, base->state, sizeof start);
+    if (search) {
+        flight_solve_cold(&flight->solver);
+        memcpy(start, flight->solver.solution.state, sizeof start);
+    }
+    solve(flight, &flight->filter.stationary, start, search ? 0 : (size_t)flight->map.warm_iterations);
+    if (flight_conclude(e, used)) {
+        keep(e, used);
+        return;
+    }
+    flight->next = (Track){.has_state = 1.0,
+                           .since_search = search ? 0.0 : base->since_search + 1.0,
+                           .to_return = flight->map.return_after};
+    memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
+    keep_predicted(&flight->filter, has_law);
+    note(e, used);
+    flight_fall_back(e, 0, flight->map.return_after);
+}
+
+/* Without gauges: the prediction, with the navigation that there is, until the flight state is not known. */
+static void coast(Estimator *e) {
+    Flight *flight = &e->flight;
+    const double *start = flight->base.has_state != 0.0 ? flight->base.state : flight->filter.predicted.mean;
+    flight_set_measurement(flight);
+    solve(flight, &flight->filter.predicted, start, (size_t)flight->map.warm_iterations);
+    flight_conclude(e, 0);
+    memset(flight->flag + NAVIGATION_USED, 0, N_NAVIGATION);
+    const int lost = !flight->flag[TOTAL_INCIDENCE];
+    if (lost) {
+        set_unknown(e->output);
+        e->output[SUSPECT_GAUGE] = e->output[SUSPECTS] = 0.0;
+        e->output[HEALTH_STATE] = INVALID;
+    }
+    flight->next = flight->base;
+    flight->next.stepped = 0.0;
+    flight->next.has_state = !lost;
+    memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
+    flight->filter.next.has_law = 1.0;
+}
+
+void flight_filter_update(Estimator *e, size_t used) {
+    Flight *flight = &e->flight;
+    Filter *filter = &flight->filter;
+    const int has_law = filter->base.has_law != 0.0;
+    const double elapsed = filter->base.now - filter->base.time, longest = filter->map.largest_time;
+    filter->next = filter->base;
+    filter->next.time = filter->base.now;
+    filter_set_time_constant(filter, e->input[filter_setting(e)]);
+    if (has_law) {
+        filter_predict(filter, elapsed > 0.0 ? (elapsed < longest ? elapsed : longest) : 0.0);
+    }
+    if (used == 0 && has_law) {
+        coast(e);
+        return;
+    }
+    if (used == 0) {
+        flight_set_nothing_known(e);
+        return;
+    }
+    if (has_law && flight->base.has_state != 0.0) {
+        flight_set_measurement(flight);
+        solve(flight, &filter->predicted, flight->base.state, (size_t)flight->map.warm_iterations);
+        if (flight_conclude(e, used)) {
+            keep(e, used);
+            return;
+        }
+    }
+    begin(e, used, has_law);
+}
+
+int filter_track_fits(const Filter *filter, const FilterTrack *track, const unsigned char *law) {
+    int good = (track->has_law == 0.0 || track->has_law == 1.0) && isfinite(track->time) && isfinite(track->now)
+            && track->mean >= 0.0 && isfinite(track->mean) && track->steps >= 0.0 && isfinite(track->steps)
+            && track->widening >= 1.0 && track->widening <= filter->map.largest_widening;
+    for (size_t k = 0; k < law_doubles(filter); k++) {
+        double value;
+        memcpy(&value, law + k * sizeof value, sizeof value);
+        good = good && isfinite(value);
+    }
+    return good;
+}

@@ -1,0 +1,33 @@
+/* Parts of a step of the nonlinear estimator that it has with and without the filter. */
+
+#ifndef FLIGHT_PARTS_H
+#define FLIGHT_PARTS_H
+
+#include "estimator.h"
+
+/* What navigation and the ranges of the map say of the flight state. */
+void flight_set_measurement(Flight *flight);
+
+/* Whether a quantity of navigation fits strain and the others so badly that it is dropped: the worst one. Below the
+   alarm it may as well be another one that is wrong: then they count with larger deviations. */
+int flight_drop_inconsistent(Flight *flight);
+
+/* Write the solution to the outputs; whether strain and navigation fit the tables. */
+int flight_conclude(Estimator *e, size_t used);
+
+/* Loads of the linear map in place of those of the tables, where it has some, and where these do not fit or have not for
+   long enough. */
+void flight_fall_back(Estimator *e, int fits, double to_return);
+
+/* Nothing is known, and the step leaves what it found. */
+void flight_set_nothing_known(Estimator *e);
+
+/* Number of quantities of navigation in use. */
+size_t flight_navigation_used(const Flight *flight);
+
+/* Steps that still must fit after one more that does. */
+static inline double flight_waiting(const Flight *flight) {
+    return flight->base.to_return > 1.0 ? flight->base.to_return - 1.0 : 0.0;
+}
+
+#endif

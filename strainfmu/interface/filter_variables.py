@@ -1,0 +1,47 @@
+"""The parameter of an FMU whose estimator can be filtered over time: the time constant, 0 for none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
+from strainfmu.interface.fmi_variables import Variable
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.inverse_map import InverseMap
+
+FILTER_TIME_CONSTANT = "filter_time_constant"
+
+
+def has_filter(inverse_map: InverseMap) -> bool:
+    """Return whether FMUs of ``inverse_map`` can filter: maps with tables over the flight state alone.
+
+    The filter takes neither temperatures nor section loads.
+    """
+    manifold = inverse_map.manifold
+    return manifold is not None and manifold.further is None and inverse_map.thermal is None
+
+
+def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the time constant behind it, where there is a filter."""
+    if not has_filter(inverse_map):
+        return interface
+    parameter = Variable(
+        name=FILTER_TIME_CONSTANT,
+        description="Time constant of pressure off the tables in the filter over time; 0, or deviations of zeros "
+        "above 0, for none: then each sample is estimated on its own",
+        causality="parameter",
+        variability="tunable",
+        unit="s",
+        minimum=0.0,
+        maximum=LARGEST,
+        start=0.0,
+    )
+    return (*interface, parameter)
+
+
+def time_constant_fault(value: float) -> str:
+    """Return what is wrong with a time constant [s], nothing if it may be set."""
+    if value == 0.0 or SMALLEST <= value <= LARGEST:
+        return ""
+    return f"{FILTER_TIME_CONSTANT}: {value:g} found, must be 0 or between {SMALLEST:g} and {LARGEST:g}"
