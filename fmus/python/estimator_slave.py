@@ -18,11 +18,11 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack, as_numbers, from_numbers
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import Track, tracked
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.temperature import known_sensors
 from strainfmu.estimator.zeros import GaugeZeros, zero_fault
@@ -33,6 +33,7 @@ from strainfmu.interface.estimator_variables import (
     known_flow,
     output_values,
 )
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
@@ -68,6 +69,8 @@ class EstimatorSlave(Fmi2Slave):
         self._parameters = [references[name] for name in PARAMETERS]
         self._zeros = [references[name] for name in zero_names(inverse_map.n_gauges)]
         self._zeros_outdated = False
+        self._time_constant = references.get(FILTER_TIME_CONSTANT)
+        self._filter: SwitchedFilter | None = None
         self._thermal = inverse_map.thermal
         self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
@@ -78,10 +81,12 @@ class EstimatorSlave(Fmi2Slave):
         # Real inputs, which go without a check of their values.
         self._free = (
             self._of_type["Real"].intersection(self._inputs).difference(self._parameters).difference(self._zeros)
-        )
+        ).difference({self._time_constant})
         self._outdated = True
         # Outputs follow from the track of the last step; they leave the other one. Stepped: a step has taken them.
-        self._track, self._next, self._stepped = Track(), Track(), False
+        self._track, self._next, self._stepped = TimedTrack(), TimedTrack(), False
+        # Of the sample that the inputs are, and of the end of the last step.
+        self._time, self._end = 0.0, 0.0
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description that the export laid beside this file (packaging only)."""
@@ -91,6 +96,8 @@ class EstimatorSlave(Fmi2Slave):
         """Compute the outputs for the inputs at the end of the step."""
         if self._stepped:
             self._before_change()
+        self._outdated |= self._time != current_time
+        self._time, self._end = current_time, current_time + step_size
         self._update()
         self._stepped = True
         return True
@@ -117,15 +124,19 @@ class EstimatorSlave(Fmi2Slave):
         if vr in self._free:
             self._values[vr] = value
             return
-        of_zero = vr in self._zeros
-        fault = (zero_fault if of_zero else setting_fault)(self._names[vr], value)
+        of_zero, of_filter = vr in self._zeros, vr == self._time_constant
+        name = self._names[vr]
+        if of_filter:
+            fault = time_constant_fault(value)
+        else:
+            fault = zero_fault(name, value) if of_zero else setting_fault(name, value)
         if fault:
             self.log(fault, Fmi2Status.error)
             return
         self._values[vr] = value
         if of_zero:
             self._zeros_outdated = True
-        else:
+        elif not of_filter:
             self._apply_settings()
 
     def _apply_zeros(self) -> None:
@@ -193,9 +204,17 @@ class EstimatorSlave(Fmi2Slave):
             estimator, inputs = self._estimator, self._estimator.checked_inputs(strain, valid, flow)
             if temperature is not None:
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
-            found, self._next = tracked(estimator, inputs, self._track)
+            found, self._next = self._switched(estimator).step(inputs, self._track, self._time)
             return found
         return self._estimator.step(strain, flow.pop("dynamic_pressure"), valid, temperature=temperature, **flow)
+
+    def _switched(self, estimator: ManifoldEstimator) -> SwitchedFilter:
+        """Return the filter of ``estimator``, that of the last step if neither has changed."""
+        seconds = 0.0 if self._time_constant is None else float(self._values[self._time_constant])
+        known = self._filter
+        if known is None or known.estimator is not estimator or known.time_constant != seconds:
+            self._filter = known = SwitchedFilter(estimator, seconds)
+        return known
 
     def _temperature(self) -> np.ndarray | None:
         """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
@@ -208,27 +227,22 @@ class EstimatorSlave(Fmi2Slave):
         """Go on from the last step: what follows starts from the track that it left."""
         if self._stepped:
             self._update()
-            self._track, self._stepped = self._next, False
+            self._track, self._stepped, self._time = self._next, False, self._end
         self._outdated = True
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        track = self._track
         return {
             "inputs": self._values[self._inputs].tolist(),
-            "flight_state": None if track.state is None else track.state.tolist(),
-            "steps": [track.since_search, track.to_return, int(self._stepped)],
+            "track": as_numbers(self._track),
+            "times": [self._time, self._end],
+            "stepped": int(self._stepped),
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         before = self._values.copy()
         try:
-            flight_state = state["flight_state"]
-            since_search, to_return, stepped = map(int, state["steps"])
-            track = Track(
-                state=None if flight_state is None else np.array(flight_state, dtype=float).reshape(4),
-                since_search=since_search,
-                to_return=to_return,
-            )
+            track, stepped = from_numbers(state["track"]), bool(state["stepped"])
+            time, end = map(float, state["times"])
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
             self._apply_zeros()
@@ -238,7 +252,7 @@ class EstimatorSlave(Fmi2Slave):
             self._apply_zeros()
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         else:
-            self._track, self._stepped = track, bool(stepped)
+            self._track, self._stepped, self._time, self._end = track, stepped, time, end
         self._outdated = True
 
 

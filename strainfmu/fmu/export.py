@@ -49,7 +49,7 @@ _COMMON_SOURCES = (
     "fmu/__init__.py",
     "fmu/wrapper_exit.py",
 )
-_ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "estimator/manifold/", "interface/")
+_ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "estimator/filter/", "estimator/manifold/", "interface/")
 """Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,

@@ -4,10 +4,12 @@ Little endian. A header of 128 bytes: magic, format version, byte order mark, le
 that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
 is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
-:func:`_scaled`. Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
-(:mod:`strainfmu.fmu.flight_resource`), its filter over time (:mod:`strainfmu.fmu.filter_resource`), temperature modes (:mod:`strainfmu.fmu.thermal_resource`), loads beside
-the five (:mod:`strainfmu.fmu.further_resource`). A bound that the
-map does not state is the largest finite number.
+:func:`_scaled`.
+
+Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
+(:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), temperature modes
+(:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`). A bound
+that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine

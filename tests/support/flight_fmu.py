@@ -23,6 +23,9 @@ FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
 """Value reference of the first variable that other maps do not have."""
 
 N_INPUTS, N_REALS, N_FLAGS = 3, 14, 11
+FILTER = FIRST + N_INPUTS + N_REALS + N_FLAGS + 2 * N_D + 1
+"""Value reference of the filter's time constant, behind the zeros."""
+
 FLAGS = [20, 23, 24, 25, *range(N_OUTPUTS + N_REALS, N_OUTPUTS + N_REALS + N_FLAGS)]
 """Whole numbers and Booleans among all outputs."""
 
@@ -98,6 +101,16 @@ class FlightFmu(Fmu2):
         """All outputs after a step."""
         self.give(sample)
         assert self.step() == OK
+        return self.all_outputs()
+
+    def filter(self, time_constant: float) -> int:
+        """Set the filter's time constant [s]; the status."""
+        return self.set_reals([FILTER], [time_constant])
+
+    def advance_over(self, sample: FlightSample, time: float, size: float) -> np.ndarray:
+        """All outputs after a step over ``size`` from ``time`` [s]."""
+        self.give(sample)
+        assert self.step(time, size) == OK, self.messages
         return self.all_outputs()
 
     def all_outputs(self) -> np.ndarray:

@@ -163,7 +163,7 @@ int model_set_reals(Model *model, const Selection *which, const double *value, c
         memcpy(e->input + gauge, value, count * sizeof *value);
         return 1;
     }
-    if (first >= first_temperature(e) && first < end && count <= end - first) {
+    if (e->thermal.present && first >= first_temperature(e) && first < end && count <= end - first) {
         memcpy(e->input + first, value, count * sizeof *value);
         return 1;
     }

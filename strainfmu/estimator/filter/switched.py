@@ -1,0 +1,103 @@
+"""The nonlinear estimator sample after sample, whose filter over time can be turned on and off between samples.
+
+FMUs step so: the time of a sample is that at the start of the communication step that takes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from strainfmu.estimator.filter.consistency import Consistency
+from strainfmu.estimator.filter.flight_filter import FilterTrack, FlightFilter
+from strainfmu.estimator.filter.kalman import Law
+from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
+from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.tracker import Track, tracked
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedTrack:
+    """What a sample leaves to the next one.
+
+    Attributes
+    ----------
+    track : of the filter; without a law where it was off.
+    time : of the sample [s].
+    """
+
+    track: FilterTrack = field(default_factory=FilterTrack)
+    time: float = 0.0
+
+
+class SwitchedFilter:
+    """An estimator and its filter, which is made when it is first used."""
+
+    def __init__(self, estimator: ManifoldEstimator, time_constant: float) -> None:
+        """Filter with ``time_constant`` [s]; 0 estimates each sample on its own."""
+        self.estimator, self.time_constant = estimator, time_constant
+        self._filter: FlightFilter | None = None
+
+    @property
+    def filters(self) -> bool:
+        """Whether samples are filtered; not with deviations of zeros, which the filter does not take."""
+        zeros = self.estimator.zeros
+        return self.time_constant > 0.0 and not zeros.std.any() and zeros.common_std == 0.0
+
+    def step(self, inputs: EstimatorInputs, last: TimedTrack, time: float) -> tuple[FlightEstimate, TimedTrack]:
+        """Return the estimate of the one sample in ``inputs`` at ``time`` [s], and what it leaves.
+
+        Time that does not go on predicts nothing.
+        """
+        if not self.filters:
+            before = last.track
+            track = Track(state=before.state, since_search=before.since_search, to_return=before.to_return)
+            found, after = tracked(self.estimator, inputs, track)
+            kept = FilterTrack(state=after.state, since_search=after.since_search, to_return=after.to_return)
+            return found, TimedTrack(track=kept, time=time)
+        if self._filter is None:
+            self._filter = FlightFilter(self.estimator, FilterSettings(time_constant=self.time_constant))
+        self._filter.track = last.track
+        step = self._filter.stepped(min(max(time - last.time, 0.0), LARGEST), inputs)
+        return step.estimate[0], TimedTrack(track=self._filter.track, time=time)
+
+
+def as_numbers(last: TimedTrack) -> dict[str, Any]:
+    """Return ``last`` as numbers, lists and None, for :func:`from_numbers`."""
+    track, law = last.track, last.track.law
+    return {
+        "time": last.time,
+        "state": None if track.state is None else track.state.tolist(),
+        "steps": [track.since_search, track.to_return],
+        "consistency": asdict(track.consistency),
+        "law": None if law is None else [part.tolist() for part in (law.mean, law.covariance, law.cross)],
+    }
+
+
+def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
+    """Return the track of :func:`as_numbers`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        A part is missing, or of the wrong kind or shape.
+    """
+    state, law = numbers["state"], numbers["law"]
+    since_search, to_return = map(int, numbers["steps"])
+    track = FilterTrack(
+        law=None if law is None else _law(*(np.array(part, dtype=float) for part in law)),
+        state=None if state is None else np.array(state, dtype=float).reshape(4),
+        since_search=since_search,
+        to_return=to_return,
+        consistency=Consistency(**numbers["consistency"]),
+    )
+    return TimedTrack(track=track, time=float(numbers["time"]))
+
+
+def _law(mean: np.ndarray, covariance: np.ndarray, cross: np.ndarray) -> Law:
+    n = len(mean)
+    return Law(mean=mean, covariance=covariance.reshape(n, n), cross=cross.reshape(n, -1))

@@ -1,0 +1,251 @@
+"""The filter over time of the native library: equal to numpy over flights, its state, what turns it off."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import (
+    FILTER,
+    N_D,
+    FlightFmu,
+    FlightSample,
+    check,
+    fresh_tracker,
+    random_flight,
+    tracked,
+    whole_map,
+)
+from raw_fmu import ERROR, GUID, OK, write_resource
+
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.fmu.filter_resource import SECTION
+from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
+
+pytestmark = pytest.mark.fast
+STEP = 0.01
+
+TOLERANCE = 1e-8
+"""Relative to the largest value of a unit. Most agree to 1e-10; the chi-square of a sample that the prediction
+meets nearly exactly has fewer digits in either code."""
+
+
+@pytest.fixture(scope="module")
+def inverse_map() -> InverseMap:
+    return whole_map()
+
+
+@pytest.fixture(scope="module")
+def location(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_resource(inverse_map, tmp_path_factory.mktemp("filter")).as_uri()
+
+
+@pytest.fixture
+def fmu(location: str) -> Iterator[FlightFmu]:
+    one = FlightFmu(location, N_D)
+    one.start()
+    yield one
+    one.free()
+
+
+def numpy_step(flight: FlightFilter, sample: FlightSample, time_step: float) -> FlightEstimate:
+    return flight.recorded(time_step, sample.strain, sample.flow, valid=sample.valid).estimate[0]
+
+
+def compare(
+    fmu: FlightFmu, flight: FlightFilter, samples: list[FlightSample], sizes: np.ndarray
+) -> list[FlightEstimate]:
+    """Assert that all steps, of ``sizes`` [s], are those of numpy; the latter."""
+    time, before, found = 3.0, STEP, []
+    for sample, size in zip(samples, sizes.tolist(), strict=True):
+        found.append(numpy_step(flight, sample, before))
+        check(fmu.advance_over(sample, time, size), found[-1], tolerance=TOLERANCE)
+        time, before = time + size, size
+    return found
+
+
+def poor_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[FlightSample]:
+    """Gauges, whole samples and quantities of navigation get lost."""
+    random, samples = np.random.default_rng(seed), []
+    for k, one in enumerate(random_flight(inverse_map, steps, seed)):
+        valid = random.random(N_D) > 0.1 * (k % 7)
+        flow = {name: value for name, value in one.flow.items() if random.random() > 0.4}
+        samples.append(replace(one, valid=valid & (k % 13 < 11), flow=flow))
+    return samples
+
+
+@pytest.mark.parametrize("time_constant", [1e-9, 0.01, 1.0, 10.0])
+def test_a_flight_is_that_of_numpy(fmu: FlightFmu, inverse_map: InverseMap, time_constant: float) -> None:
+    """Variable steps, up to 5 s without gauges, lost gauges and navigation."""
+    steps = 150 if time_constant == 1.0 else 40
+    sizes = np.random.default_rng(1).uniform(0.002, 0.05, steps)
+    sizes[25::50] = 5.0
+    assert fmu.filter(time_constant) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=time_constant))
+    found = compare(fmu, flight, poor_flight(inverse_map, steps, seed=2), sizes)
+    seen = {HealthState(one.health) for one in found}
+    assert {HealthState.OK, HealthState.DEGRADED} <= seen
+    assert flight.track.law is not None
+
+
+def test_off_the_tables_and_back(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """The law is predicted, the loads are linear; then the filter begins again, and steps must fit for a while."""
+    samples = random_flight(inverse_map, 40, seed=15)
+    bent = np.random.default_rng(6).normal(size=N_D) * 0.2 * np.abs(samples[0].strain).max()
+    off = [replace(one, strain=one.strain + bent) if 3 <= k < 20 else one for k, one in enumerate(samples)]
+    assert fmu.filter(1.0) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    linear = [one.is_linear for one in compare(fmu, flight, off, np.full(40, STEP))]
+    assert not any(linear[:3])
+    assert all(linear[3:22])
+    assert not any(linear[30:])
+    assert flight.track.consistency.mean > 1.0
+
+
+def test_a_jump_begins_again(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    whole = random_flight(inverse_map, 800, seed=3)
+    samples = [*whole[:6], *whole[-6:]]
+    assert fmu.filter(1.0) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    found = compare(fmu, flight, samples, np.full(12, STEP))
+    assert all(one.fits for one in found)
+    # A law that had gone on would know the loads as well as before.
+    assert np.any(found[6].loads_std > 1.02 * found[5].loads_std)
+
+
+def test_wrong_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    right = random_flight(inverse_map, 8, seed=13)
+    samples = [replace(one, flow=one.flow | {"mach_number": 1.25 * one.flow["mach_number"]}) for one in right]
+    assert fmu.filter(1.0) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    found = compare(fmu, flight, samples, np.full(8, STEP))
+    assert not any(one.navigation_used[0] for one in found)
+
+
+def test_evidence_over_time_widens_the_discrepancy(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """Chi-square stays below the alarm, but above its mean for more than a window."""
+    random = np.random.default_rng(8)
+    samples = [
+        replace(one, strain=one.strain + 1.2e-7 * random.standard_normal(N_D))
+        for one in random_flight(inverse_map, 130, seed=21)
+    ]
+    assert fmu.filter(1.0) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    compare(fmu, flight, samples, np.full(130, STEP))
+    assert flight.track.consistency.widening > 1.0
+
+
+def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """A sample is that at the start of a step, however often inputs are set and read before it is taken."""
+    samples = random_flight(inverse_map, 6, seed=17)
+    assert fmu.filter(1.0) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    for k, sample in enumerate(samples):
+        fmu.give(samples[0])
+        fmu.all_outputs()
+        fmu.give(sample)
+        before = fmu.all_outputs()
+        assert fmu.step(k * 0.02, 0.02) == OK
+        assert fmu.all_outputs().tobytes() == before.tobytes()
+        check(before, numpy_step(flight, sample, 0.02), tolerance=TOLERANCE)
+
+
+def test_state_holds_the_law(fmu: FlightFmu, inverse_map: InverseMap, location: str) -> None:
+    samples = poor_flight(inverse_map, 24, seed=19)
+    assert fmu.filter(1.0) == OK
+    for k, sample in enumerate(samples[:14]):
+        fmu.advance_over(sample, k * STEP, STEP)
+    at, state = fmu.all_outputs(), fmu.get_state()
+    content = fmu.serialise(state)
+    later = [(sample, 0.14 + k * STEP, STEP) for k, sample in enumerate(samples[14:])]
+    after = [fmu.advance_over(*one).tobytes() for one in later]
+    assert fmu.call("SetFMUstate", state) == OK
+    assert fmu.all_outputs().tobytes() == at.tobytes()
+    assert [fmu.advance_over(*one).tobytes() for one in later] == after
+    other = FlightFmu(location, N_D)
+    status, moved = other.deserialise(content)
+    assert status == OK
+    assert other.call("SetFMUstate", moved) == OK
+    assert [other.advance_over(*one).tobytes() for one in later] == after
+    other.free()
+    assert fmu.call("Reset") == OK
+    fmu.start()
+    assert [fmu.advance_over(*one).tobytes() for one in later] != after
+
+
+def test_a_state_with_a_law_that_cannot_be(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    assert fmu.filter(1.0) == OK
+    fmu.advance_over(random_flight(inverse_map, 1, seed=22)[0], 0.0, STEP)
+    content = bytearray(fmu.serialise(fmu.get_state()))
+    content[-80 * 8 : -79 * 8] = np.float64(np.inf).tobytes()
+    content[12:16] = zlib.crc32(content[16:]).to_bytes(4, "little")
+    assert fmu.deserialise(bytes(content))[0] == ERROR
+    assert "flight state that cannot be" in fmu.messages[-1][2]
+
+
+def test_without_the_filter_nothing_is_remembered(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """Off at first, on, off again by the parameter and by a zero that is not known exactly."""
+    samples, static = random_flight(inverse_map, 12, seed=23), fresh_tracker(inverse_map)
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    for k, sample in enumerate(samples):
+        assert fmu.filter(1.0 if k in (4, 5, 6) else 0.0) == OK
+        found = fmu.advance_over(sample, k * STEP, STEP)
+        if k in (4, 5, 6):
+            flight.track = replace(flight.track, state=static.track.state if k == 4 else flight.track.state)
+            check(found, numpy_step(flight, sample, STEP), tolerance=TOLERANCE)
+            static.track = replace(static.track, state=flight.track.state)
+        else:
+            check(found, tracked(static, sample))
+    assert fmu.filter(1.0) == OK
+    with_filter = fmu.advance_over(samples[0], 1.0, STEP)
+    assert fmu.set_reals([FILTER - 2], [1e-12]) == OK
+    without = fmu.advance_over(samples[0], 1.01, STEP)
+    assert fmu.filter(0.0) == OK
+    assert fmu.advance_over(samples[0], 1.02, STEP)[5:10] == pytest.approx(without[5:10], rel=1e-3)
+    assert np.any(with_filter[5:10] < 0.99 * without[5:10])
+
+
+@pytest.mark.parametrize("value", [-1.0, 1e-10, 2e6, np.nan, np.inf])
+def test_time_constants_that_cannot_be(fmu: FlightFmu, value: float) -> None:
+    assert fmu.filter(value) == ERROR
+    assert "filter_time_constant" in fmu.messages[-1][2]
+
+
+def sealed(content: bytearray) -> bytes:
+    """``content`` with the check sums of its last section and of the whole file put right."""
+    at = content.rindex(SECTION)
+    content[at + 16 : at + 20] = zlib.crc32(content[at + 24 :]).to_bytes(4, "little")
+    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
+    return bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "expected"),
+    [
+        (0, np.uint32(63), "sizes cannot be"),
+        (12, np.uint32(2), "sizes cannot be"),
+        (16, np.uint32(999), "sizes cannot be"),
+        (32, np.float64(0.0), "value that cannot be"),
+        (32 + 6 * 8, np.float64(1.5), "value that cannot be"),
+        (-8, np.float64(np.nan), "value that cannot be"),
+    ],
+)
+def test_a_section_that_cannot_be(
+    inverse_map: InverseMap, tmp_path: Path, at: int, value: np.generic, expected: str
+) -> None:
+    content = bytearray(native_resource(inverse_map, GUID))
+    place = content.rindex(SECTION) + 24 + at if at >= 0 else len(content) + at
+    content[place : place + value.nbytes] = value.tobytes()
+    write_resource(inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
+    fmu = FlightFmu((tmp_path / "resources").as_uri(), N_D)
+    assert fmu.instance.value is None
+    assert expected in fmu.messages[-1][2]
