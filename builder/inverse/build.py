@@ -158,9 +158,10 @@ def inverse_problem(
         *nuisance,
     ]
     own = gauge_noise_covariance(vehicle, snapshots, structure)
-    sensors = sensor_set(vehicle, structure.surface, ensemble, own)
+    sensors = sensor_set(vehicle, structure, ensemble, own)
     if sensors is not None:
-        terms, errors = joined_terms(terms, sensors), joined_errors(errors, sensors, len(z_p))
+        terms = joined_terms(terms, errors, sensors, ensemble)
+        errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
     return Problem(
         ensemble=ensemble,

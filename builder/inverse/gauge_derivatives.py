@@ -103,7 +103,7 @@ def wall_thickness_derivative(
         return -structure.strain_operator(layout)
     try:
         thin, thick = (
-            structural_model(_with_wall(vehicle, factor), vehicle.resolution.map, [layout])
+            structural_model(with_wall(vehicle, factor), vehicle.resolution.map, [layout])
             for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
         )
     except InputError:
@@ -113,7 +113,7 @@ def wall_thickness_derivative(
     return central_difference(after, before, WALL_STEP)
 
 
-def _with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
+def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
     """Return the vehicle with a wall ``factor`` as thick, and gauges at a point on the inner surface."""
     changed = {
         "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,

@@ -10,7 +10,11 @@ from builder.aero.loads import load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
 from builder.inverse.ensemble import Ensemble
 from builder.inverse.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
-from builder.inverse.noise_model import NoiseTerm
+from builder.inverse.noise_model import NoiseTerm, common_error, nuisance_modes
+from builder.inverse.sensor_row import SensorRow
+from builder.inverse.structural_sensors import structural_rows
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.sensor_entries import InertialUnit, LoadCells, Ports
@@ -31,35 +35,6 @@ _AXES = {
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SensorRow:
-    """One sensor.
-
-    Attributes
-    ----------
-    name, kind, unit : of the reading.
-    position, direction : (3,) [m], (3,) in body axes.
-    operator : (n_p,) reading per net surface pressure [unit/Pa].
-    std, largest, gain : deviation of its noise [unit], largest reading [unit], error over reading [1].
-    per_axial_force : reading per axial force on the body, as of base pressure [unit/N].
-    follows_inside : whether it reads against the pressure inside the body.
-    errors : (n_p,) operator of each error that it has in common with others, one standard deviation, by name.
-    """
-
-    name: str
-    kind: str
-    unit: str
-    position: FloatArray
-    direction: FloatArray
-    operator: FloatArray
-    std: float
-    largest: float
-    gain: float
-    per_axial_force: float
-    follows_inside: bool
-    errors: dict[str, FloatArray]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class SensorSet:
     """All n_s further sensors, each row divided by its scale.
 
@@ -71,6 +46,7 @@ class SensorSet:
     offset : (n_s,) what base and friction add to the readings at the nominal dynamic pressure [m/m].
     errors : those in proportion to readings, rows of the sensors alone.
     terms : those errors over the ensemble, and nuisances; rows of the sensors alone.
+    shared : (n_s, n_p) operator of each error that they have in common with the gauges [1/Pa], by name.
     inside : (n_s, 1) what one standard deviation of the internal pressure does to the readings [m/m].
     """
 
@@ -80,6 +56,7 @@ class SensorSet:
     offset: FloatArray
     errors: list[HardwareError]
     terms: list[NoiseTerm]
+    shared: dict[str, FloatArray]
     inside: FloatArray
 
     @property
@@ -101,7 +78,10 @@ class SensorSet:
 
 
 def sensor_set(
-    vehicle: Vehicle, surface: Surface, ensemble: Ensemble, gauge_covariance: FloatArray
+    vehicle: Vehicle,
+    structure: StructuralModel | MappedStructure,
+    ensemble: Ensemble,
+    gauge_covariance: FloatArray,
 ) -> SensorSet | None:
     """Return the sensors of the section [sensors], None without one.
 
@@ -110,11 +90,12 @@ def sensor_set(
     Raises
     ------
     InputError
-        A port lies off the body, or the surface is none that ports can be placed on.
+        A sensor lies off the body, or surface or structure are none that it can be placed on.
     """
     entry = vehicle.sensors
     if entry is None:
         return None
+    surface = structure.surface
     rows: list[SensorRow] = []
     if entry.ports is not None:
         rows += _ports(entry.ports, surface)
@@ -122,6 +103,7 @@ def sensor_set(
         rows += _inertial(entry.imu, surface)
     if entry.load_cells is not None:
         rows += _load_cells(entry.load_cells, surface)
+    rows += structural_rows(vehicle, structure)
     typical = float(np.sqrt(np.median(np.diag(gauge_covariance))))
     scale = np.array([row.std for row in rows]) / typical
     offset, terms = _nuisances(vehicle, rows, scale, ensemble)
@@ -135,7 +117,8 @@ def sensor_set(
         operator=operator,
         offset=offset,
         errors=errors,
-        terms=[*error_terms(errors, ensemble), *terms],
+        terms=[*error_terms(errors, ensemble), *terms, *_drifts(rows, scale)],
+        shared=_joined_by_name([row.shared for row in rows], scale, len(rows[0].operator)),
         inside=np.where(against_inside, std * operator.sum(axis=1), 0.0)[:, None],
     )
 
@@ -163,7 +146,6 @@ def _ports(entry: Ports, surface: Surface) -> list[SensorRow]:
                 gain=0.01 * entry.gain_percent,
                 per_axial_force=0.0,
                 follows_inside=True,
-                errors={},
             )
         )
     return rows
@@ -261,7 +243,6 @@ def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:
                 gain=0.01 * entry.gain_percent,
                 per_axial_force=1.0 if name == "axial" else 0.0,
                 follows_inside=False,
-                errors={},
             )
         )
     return rows
@@ -270,18 +251,34 @@ def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:
 def _errors(rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble) -> list[HardwareError]:
     """Return gains of each sensor, and the errors that several have in common."""
     n_p = len(rows[0].operator)
-    operators = {"sensor gain": np.array([row.gain * row.operator for row in rows])}
-    for name in dict.fromkeys(name for row in rows for name in row.errors):
-        operators[name] = np.array([row.errors.get(name, np.zeros(n_p)) for row in rows])
+    gains = np.array([row.gain * row.operator for row in rows]) / scale[:, None]
+    operators = {"sensor gain": gains, **_joined_by_name([row.errors for row in rows], scale, n_p)}
     return [
         HardwareError(
             name=name,
-            operator=operator / scale[:, None],
-            strain=ensemble.responses(operator / scale[:, None]),
+            operator=operator,
+            strain=ensemble.responses(operator),
             common=name != "sensor gain",
         )
         for name, operator in operators.items()
         if np.any(operator)
+    ]
+
+
+def _joined_by_name(of_rows: list[dict[str, FloatArray]], scale: FloatArray, n_p: int) -> dict[str, FloatArray]:
+    """Return (n_s, n_p) operators [1/Pa] by name, zero in the rows that do not have one of that name."""
+    names = dict.fromkeys(name for row in of_rows for name in row)
+    none = np.zeros(n_p)
+    return {name: np.array([row.get(name, none) for row in of_rows]) / scale[:, None] for name in names}
+
+
+def _drifts(rows: list[SensorRow], scale: FloatArray) -> list[NoiseTerm]:
+    """Return the terms of offsets that several readings have in common."""
+    names = dict.fromkeys(name for row in rows for name in row.drift)
+    columns = {name: np.array([row.drift.get(name, 0.0) for row in rows]) / scale for name in names}
+    return [
+        replace(nuisance_modes(name, column[:, None], np.ones(1)), hardware=True)
+        for name, column in columns.items()
     ]
 
 
@@ -315,11 +312,13 @@ def _nuisances(
     return offset, terms
 
 
-def joined_terms(terms: list[NoiseTerm], sensors: SensorSet) -> list[NoiseTerm]:
+def joined_terms(
+    terms: list[NoiseTerm], errors: list[HardwareError], sensors: SensorSet, ensemble: Ensemble
+) -> list[NoiseTerm]:
     """Return the noise terms of gauges and sensors together; the first is that of their own noise.
 
-    Terms of the gauges get no part in the sensors, but for that of the internal pressure, which the ports read
-    against.
+    Terms of the gauges get no part in the sensors, but for that of the internal pressure, which some of them read
+    against, and for ``errors`` that both share.
     """
     n_s = len(sensors.rows)
     first, *others = terms
@@ -328,14 +327,27 @@ def joined_terms(terms: list[NoiseTerm], sensors: SensorSet) -> list[NoiseTerm]:
     own[:n_g, :n_g] = first.strain
     own[n_g:, n_g:] = np.sqrt(sensors.covariance)
     joined = [replace(first, strain=own)]
+    of_both = {one.name: one.strain for one in errors if one.name in sensors.shared}
     for term in others:
+        if term.name in of_both:
+            strain = np.hstack([of_both[term.name], ensemble.responses(sensors.shared[term.name])])
+            joined.append(
+                replace(common_error(term.name, strain, 1.0, ensemble.member_weight), hardware=term.hardware)
+            )
+            continue
         below = sensors.inside if term.name == "internal pressure" else np.zeros((n_s, term.strain.shape[1]))
         joined.append(replace(term, strain=np.vstack([term.strain, below])))
     return [*joined, *(replace(term, strain=np.pad(term.strain, ((n_g, 0), (0, 0)))) for term in sensors.terms)]
 
 
-def joined_errors(errors: list[HardwareError], sensors: SensorSet, n_g: int) -> list[HardwareError]:
-    """Return the errors of ``n_g`` gauges and the sensors together, each with zeros in the rows of the others."""
+def joined_errors(
+    errors: list[HardwareError], sensors: SensorSet, n_g: int, ensemble: Ensemble
+) -> list[HardwareError]:
+    """Return the errors of ``n_g`` gauges and the sensors together, each with zeros in the rows of the others.
+
+    Those that both share have rows of both.
+    """
+    n_s = len(sensors.rows)
 
     def padded(one: HardwareError, above: int, below: int) -> HardwareError:
         return replace(
@@ -344,5 +356,14 @@ def joined_errors(errors: list[HardwareError], sensors: SensorSet, n_g: int) -> 
             strain=np.pad(one.strain, ((0, 0), (above, below))),
         )
 
-    n_s = len(sensors.rows)
-    return [*(padded(one, 0, n_s) for one in errors), *(padded(one, n_g, 0) for one in sensors.errors)]
+    def of_gauges(one: HardwareError) -> HardwareError:
+        if one.name not in sensors.shared:
+            return padded(one, 0, n_s)
+        further = sensors.shared[one.name]
+        return replace(
+            one,
+            operator=np.vstack([one.operator, further]),
+            strain=np.hstack([one.strain, ensemble.responses(further)]),
+        )
+
+    return [*map(of_gauges, errors), *(padded(one, n_g, 0) for one in sensors.errors)]

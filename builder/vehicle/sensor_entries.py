@@ -1,15 +1,19 @@
-"""The section [sensors] of the vehicle file: flush ports, inertial unit, load cells beside the strain gauges."""
+"""The section [sensors] of the vehicle file: sensors beside the strain gauges."""
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from builder.vehicle.sections import Section, Station
+from builder.vehicle.sections import Section, Station, one_line
 
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 RollAngle = Annotated[float, Field(ge=-360.0, le=360.0)]
+SensorName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(one_line)]
+KINDS_OF_SENSOR = ("ports", "imu", "load_cells", "displacement", "fibre")
+LARGEST_FIBRE = 2000
+"""Points of all fibres."""
 Component = Literal["axial", "normal", "side", "pitch", "yaw"]
 
 
@@ -77,6 +81,75 @@ class LoadCells(Section):
         return self
 
 
+class DisplacementPoint(Section):
+    """One displacement sensor: a point of the inner surface, and the direction in body axes that it reads."""
+
+    name: SensorName | None = None
+    x_m: Station
+    roll_deg: RollAngle
+    direction: list[float] = Field(min_length=3, max_length=3)
+
+    @property
+    def label(self) -> str:
+        """Name of the sensor's reading."""
+        return self.name or f"displacement_{self.x_m:g}m_{self.roll_deg:g}deg"
+
+    @field_validator("direction")
+    @classmethod
+    def _has_length(cls, value: list[float]) -> list[float]:
+        if not (0.0 < sum(one * one for one in value) < 1e12):
+            raise ValueError(f"expected a vector, got {value}")
+        return value
+
+
+class Displacements(Section):
+    """Displacement of points of the wall against the support [m]: lasers, photogrammetry, transducers.
+
+    ``std_um``, ``gain_percent`` and ``range_mm`` are the noise of each reading, its error in proportion, and the
+    largest of them.
+    """
+
+    point: list[DisplacementPoint] = Field(min_length=1, max_length=1000)
+    std_um: float = Field(ge=1e-3, le=1e6)
+    range_mm: float = Field(ge=1e-3, le=1e5)
+    gain_percent: Percent = 0.1
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Displacements:
+        labels = [one.label for one in self.point]
+        for label in labels:
+            if labels.count(label) > 1:
+                raise ValueError(f"point: expected each name once, got '{label}' twice; give them names")
+        return self
+
+
+class Fibre(Section):
+    """Optical fibres along the inner surface: ``count`` points of strain on each, at the roll angles listed.
+
+    Readings of a fibre have an error in proportion in common, ``gain_percent``, and an offset by temperature,
+    ``drift_um_per_m``; ``std_um_per_m`` is the noise of each point.
+    """
+
+    first_x_m: Station
+    last_x_m: Station
+    count: int = Field(ge=2, le=500)
+    roll_deg: list[RollAngle] = Field(min_length=1, max_length=100)
+    std_um_per_m: float = Field(ge=1e-6, le=1e5)
+    range_um_per_m: float = Field(ge=1e-3, le=1e6)
+    gain_percent: Percent = 1.0
+    drift_um_per_m: float = Field(default=0.0, ge=0.0, le=1e5)
+
+    @model_validator(mode="after")
+    def _a_length(self) -> Fibre:
+        if self.last_x_m <= self.first_x_m:
+            raise ValueError(f"last_x_m: expected a station behind {self.first_x_m:g}, got {self.last_x_m:g}")
+        if len(set(self.roll_deg)) < len(self.roll_deg):
+            raise ValueError(f"roll_deg: expected each once, got {self.roll_deg}")
+        if self.count * len(self.roll_deg) > LARGEST_FIBRE:
+            raise ValueError(f"count: expected at most {LARGEST_FIBRE} points in all, got more")
+        return self
+
+
 class Sensors(Section):
     """Sensors beside the strain gauges, in the same estimate of the linear estimator.
 
@@ -89,6 +162,8 @@ class Sensors(Section):
     ports: Ports | None = None
     imu: InertialUnit | None = None
     load_cells: LoadCells | None = None
+    displacement: Displacements | None = None
+    fibre: Fibre | None = None
     base_pressure_ratio: float = Field(default=1.0, ge=0.0, le=10.0)
     base_pressure_percent: float = Field(default=20.0, ge=0.0, le=1000.0)
     base_area_m2: float | None = Field(default=None, ge=0.0, le=1e6)
@@ -97,6 +172,11 @@ class Sensors(Section):
 
     @model_validator(mode="after")
     def _one_at_least(self) -> Sensors:
-        if self.ports is None and self.imu is None and self.load_cells is None:
-            raise ValueError("expected ports, imu or load_cells, got none of them")
+        if all(getattr(self, name) is None for name in KINDS_OF_SENSOR):
+            raise ValueError(f"expected {' or '.join(KINDS_OF_SENSOR)}, got none of them")
         return self
+
+    @property
+    def of_structure(self) -> list[str]:
+        """Names of the entries whose readings follow from the structure, as strain does."""
+        return [name for name in ("displacement", "fibre") if getattr(self, name) is not None]

@@ -15,7 +15,16 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 STRAIN = "strain"
-KINDS = (STRAIN, "pressure", "acceleration", "angular acceleration", "force", "moment")
+KINDS = (
+    STRAIN,
+    "pressure",
+    "acceleration",
+    "angular acceleration",
+    "force",
+    "moment",
+    "displacement",
+    "fibre strain",
+)
 
 UNITS = {"thrust_response": "unit/N", "scale": "unit/(m/m)", "largest": "unit"}
 

@@ -73,7 +73,7 @@ FAULTS = {
     "both codes": ('influence = "z.h5"\nstrain_per_snapshot = "s.csv"', "expected one of strain_per_snapshot and"),
     "facets alone": ('influence_facets = "f.csv"', "influence_facets: expected influence beside it"),
     "results without gauges": (
-        'influence = "z.csv"\nnastran_results = ["a.op2"]',
+        'nastran_results = ["a.op2"]',
         "nastran_results, nastran_gauges: expected both or neither, got one",
     ),
     "results of no table": (

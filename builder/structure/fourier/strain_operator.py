@@ -6,7 +6,7 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -122,28 +122,49 @@ def harmonic_response(
     InputError
         ``max_harmonic`` is negative, stations do not cover the surface, or supports leave a motion free.
     """
+    distinct = distinct_stations(gauge_x)
+    found = response_of_rows(
+        mesh, material, lambda m: strain_rows(mesh, distinct, m), station_x, max_harmonic, progress
+    )
+    meridional, hoop, shear = found.reshape(len(distinct), 3, *found.shape[1:]).transpose(1, 0, 2, 3)
+    return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
+
+
+def response_of_rows(
+    mesh: MeridianMesh,
+    material: Material,
+    rows: Callable[[int], FloatArray],
+    station_x: FloatArray,
+    max_harmonic: int,
+    progress: Progress | None = None,
+) -> FloatArray:
+    """Return what linear functions of the displacements read per pressure at surface stations.
+
+    Parameters and errors are those of :func:`harmonic_response`; ``rows`` gives the functions (.., n_dof) of a
+    harmonic's amplitudes.
+
+    Returns
+    -------
+    (n_rows, max_harmonic + 1, n_x), per pascal.
+    """
     if max_harmonic < 0:
         raise InputError(f"max_harmonic {max_harmonic} must be at least 0")
-    distinct = distinct_stations(gauge_x)
-    stiffness = assemble_stiffness(mesh, material)
-    load = pressure_load(mesh, station_x)
-    strain = np.empty((3, len(distinct), max_harmonic + 1, len(station_x)))
+    stiffness, load = assemble_stiffness(mesh, material), pressure_load(mesh, station_x)
 
     def of_harmonic(m: int) -> FloatArray:
         flies = m < 2 and mesh.masses is not None
         solver = FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
-        rows = strain_rows(mesh, distinct, m).reshape(3 * len(distinct), -1)
-        adjoint = solver.solve(rows.T)
-        return np.asarray((load.T @ adjoint).T.reshape(len(distinct), 3, -1).transpose(1, 0, 2))
+        adjoint = solver.solve(rows(m).reshape(-1, mesh.n_dof).T)
+        return np.asarray((load.T @ adjoint).T)
 
+    found = []
     # SuperLU lets other threads run while it factorises and solves.
     with ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
-        for m, found in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
-            strain[:, :, m] = found
+        for m, response in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
+            found.append(response)
             if progress is not None:
                 progress(m + 1, max_harmonic + 1)
-    meridional, hoop, shear = strain
-    return HarmonicResponse(gauge_x=distinct, meridional=meridional, hoop=hoop, shear=shear)
+    return np.stack(found, axis=1)
 
 
 def distinct_stations(x: FloatArray) -> FloatArray:
@@ -175,21 +196,42 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
     InputError
         The grid has too few roll angles for ``max_harmonic``, or the response is of other stations.
     """
-    top, n_roll = response.max_harmonic, grid.n_roll
-    if top > n_roll // 2:
-        raise InputError(f"max_harmonic {top} needs at least {2 * top} roll angles, the grid has {n_roll}")
     if response.hoop.shape[2] != len(grid.x):
         raise InputError(f"the response has {response.hoop.shape[2]} surface stations, the grid {len(grid.x)}")
     station = station_index(response.gauge_x, gauges.x)
     c, s = gauges.meridional[:, None, None], gauges.circumferential[:, None, None]
     even = c**2 * response.meridional[station] + s**2 * response.hoop[station]
     odd = 2.0 * c * s * response.shear[station]
+    return operator_in_roll(even, odd, gauges.roll_angle, grid)
+
+
+def operator_in_roll(even: FloatArray, odd: FloatArray, roll_angle: FloatArray, grid: SurfaceGrid) -> FloatArray:
+    """Return readings per nodal pressure from those per harmonic of the pressure.
+
+    Parameters
+    ----------
+    even, odd : (n, max_harmonic + 1, n_x) parts that go as cos(m phi) and sin(m phi) [unit/Pa].
+    roll_angle : (n,) of the readings [rad].
+    grid : pressure nodes, node = station * n_roll + roll index.
+
+    Returns
+    -------
+    (n, n_nodes) [unit/Pa].
+
+    Raises
+    ------
+    InputError
+        The grid has too few roll angles for the harmonics.
+    """
+    top, n_roll = even.shape[1] - 1, grid.n_roll
+    if top > n_roll // 2:
+        raise InputError(f"max_harmonic {top} needs at least {2 * top} roll angles, the grid has {n_roll}")
     m = np.arange(top + 1)
     weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0)[:, None] / n_roll
-    phase = m[:, None] * (gauges.roll_angle[:, None, None] - grid.roll_angle)
+    phase = m[:, None] * (roll_angle[:, None, None] - grid.roll_angle)
     # At the Nyquist harmonic sin(m phi) vanishes on every node, so the rolled sine part is zero by itself.
     z = even.transpose(0, 2, 1) @ (weight * np.cos(phase)) + odd.transpose(0, 2, 1) @ (weight * np.sin(phase))
-    return np.asarray(z.reshape(len(gauges.x), grid.n_nodes))
+    return np.asarray(z.reshape(len(roll_angle), grid.n_nodes))
 
 
 def station_index(station_x: FloatArray, x: FloatArray) -> NDArray[np.intp]:
