@@ -16,7 +16,15 @@ from builder.inverse.sensors import port_row
 from builder.inverse.solution import Problem
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.sensor_entries import InertialUnit, LoadCells, Ports, Sensors
+from builder.vehicle.sensor_entries import (
+    DisplacementPoint,
+    Displacements,
+    Fibre,
+    InertialUnit,
+    LoadCells,
+    Ports,
+    Sensors,
+)
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimates
@@ -32,6 +40,27 @@ CELLS = LoadCells(
     moment_std_N_m=2.0,
     force_range_N=1e5,
     moment_range_N_m=1e5,
+)
+
+TIP = DisplacementPoint(name="tip_up", x_m=0.2, roll_deg=0.0, direction=[0.0, 0.0, 1.0])
+POINTS = Displacements(
+    point=[
+        TIP,
+        DisplacementPoint(name="tip_starboard", x_m=0.2, roll_deg=0.0, direction=[0.0, 2.0, 0.0]),
+        DisplacementPoint(x_m=2.0, roll_deg=45.0, direction=[0.0, 1.0, 1.0]),
+    ],
+    std_um=20.0,
+    range_mm=50.0,
+    gain_percent=0.5,
+)
+FIBRE = Fibre(
+    first_x_m=0.5,
+    last_x_m=3.0,
+    count=4,
+    roll_deg=[0.0, 90.0],
+    std_um_per_m=2.0,
+    range_um_per_m=5e3,
+    drift_um_per_m=5.0,
 )
 
 UNIT = ["imu_axial", "imu_normal", "imu_side", "imu_pitch", "imu_yaw"]
@@ -94,6 +123,41 @@ def test_ports_and_inertial_unit_sharpen_what_strain_says(
     assert np.all(coverage >= 0.99)
 
 
+def test_displacement_and_fibres_sharpen_what_strain_says(
+    vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
+) -> None:
+    """Forces by a tenth: the wall's own errors, which are most of their sigma, are those of the gauges."""
+    args = snapshots, held_out, structure
+    alone, _ = scored(with_sensors(vehicle, None), *args)
+    both, coverage = scored(with_sensors(vehicle, Sensors(displacement=POINTS, fibre=FIBRE)), *args)
+    assert np.all(both <= alone * (1.0 + 1e-9))
+    assert np.all(both[1:3] <= 0.92 * alone[1:3])
+    assert np.all(coverage >= 0.99)
+
+
+def test_errors_of_the_wall_are_those_of_the_gauges(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    """Young's modulus and thickness move displacement, fibres and gauges together: one error, not two."""
+    problem = inverse_problem(
+        with_sensors(vehicle, Sensors(displacement=POINTS, fibre=FIBRE)), snapshots, structure
+    )
+    n_g = len(structure.layouts[vehicle.gauges.layout].names)
+    errors = {one.name: one for one in problem.errors}
+    assert len(errors) == len(problem.errors)
+    whole = errors["common gain"].operator
+    np.testing.assert_allclose(
+        whole, 0.01 * vehicle.noise.common_gain_percent * problem.strain_operator, rtol=1e-12
+    )
+    # A thicker wall deflects less: a thin one's bending goes with 1 / t.
+    tip = problem.ensemble.responses(problem.strain_operator)[:, n_g]
+    by_thickness = float(errors["wall thickness"].strain[:, n_g] @ tip / (tip @ tip))
+    assert by_thickness == pytest.approx(-0.01 * vehicle.noise.wall_thickness_percent, rel=0.1)
+    terms = {term.name: term.strain for term in problem.noise}
+    assert np.all(np.linalg.norm(terms["common gain"][n_g:], axis=1) > 0.0)
+    assert np.count_nonzero(np.linalg.norm(terms["fibre 90 deg, drift"], axis=1)) == FIBRE.count
+
+
 @pytest.mark.parametrize(
     ("whole", "lost", "rest"),
     [
@@ -101,6 +165,14 @@ def test_ports_and_inertial_unit_sharpen_what_strain_says(
             Sensors(ports=PORTS, imu=IMU),
             ["port_180deg"],
             Sensors(ports=PORTS.model_copy(update={"roll_deg": [0.0, 90.0, 270.0]}), imu=IMU),
+        ),
+        (
+            Sensors(displacement=POINTS, fibre=FIBRE),
+            ["tip_up", *(f"fibre_90deg_{k + 1}" for k in range(4))],
+            Sensors(
+                displacement=POINTS.model_copy(update={"point": POINTS.point[1:]}),
+                fibre=FIBRE.model_copy(update={"roll_deg": [0.0]}),
+            ),
         ),
         pytest.param(Sensors(ports=PORTS, imu=IMU), UNIT, Sensors(ports=PORTS), marks=pytest.mark.slow),
         pytest.param(
@@ -192,8 +264,19 @@ def test_faults_of_the_section(vehicle: Vehicle, snapshots: Snapshots, structure
     off = with_sensors(vehicle, Sensors(ports=PORTS.model_copy(update={"x_m": 4.0})))
     with pytest.raises(InputError, match=r"sensors.ports.x_m: expected 0 to 3.6 m, got 4"):
         build_inverse_map(off, snapshots, structure)
-    with pytest.raises(ValueError, match="expected ports, imu or load_cells, got none"):
+    with pytest.raises(ValueError, match="expected ports or imu or load_cells or displacement or fibre"):
         Sensors()
+    ahead = POINTS.model_copy(update={"point": [TIP.model_copy(update={"x_m": 0.05})]})
+    with pytest.raises(
+        InputError, match=r"sensors\.displacement: expected a station from 0\.1 to 3\.6 m, got 0\.05"
+    ):
+        build_inverse_map(with_sensors(vehicle, Sensors(displacement=ahead)), snapshots, structure)
+    with pytest.raises(ValueError, match="point: expected each name once, got 'tip_up' twice"):
+        Displacements(**(POINTS.model_dump() | {"point": [TIP, TIP]}))
+    with pytest.raises(ValueError, match="expected a vector"):
+        DisplacementPoint(x_m=1.0, roll_deg=0.0, direction=[0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match=r"last_x_m: expected a station behind 0\.5, got 0\.5"):
+        Fibre(**(FIBRE.model_dump() | {"last_x_m": 0.5}))
     with pytest.raises(ValueError, match="components: expected each once"):
         LoadCells(**(CELLS.model_dump() | {"components": ["axial", "axial"]}))
 
