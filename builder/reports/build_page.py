@@ -70,6 +70,7 @@ def report_page(report: BuildReport) -> Page:
         sections.observability(report, tables),
         sections.blindness(report),
         sections.uncertainty(report, tables),
+        *((sections.flight_accuracy(report.flight, tables),) if report.flight else ()),
         sections.gauge_values(report, tables),
         sections.losses(report, tables),
         *((sections.gamma_choice(report, tables),) if report.gamma else ()),

@@ -14,6 +14,7 @@ from builder.inverse.noise_model import NoiseFraction, NoiseTerm
 from builder.inverse.solution import Solution, solve
 from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.exclusions import exclusions
+from builder.reports.flight_accuracy import FlightAccuracy, flight_accuracy
 from builder.reports.gamma_choice import GammaChoice, gamma_choice
 from builder.reports.gauge_value import GaugeValue, gauge_value
 from builder.reports.prior_observability import PriorObservability, prior_observability
@@ -50,6 +51,7 @@ class BuildReport:
     gauges : value of each.
     noise : fraction of each noise term.
     gamma : choice of gamma, in Case 2.
+    flight : what the nonlinear estimator knows over the envelope; None for a map without tables.
     excluded : errors that no number here includes.
     """
 
@@ -68,6 +70,7 @@ class BuildReport:
     gauges: GaugeValue
     noise: tuple[NoiseFraction, ...]
     gamma: GammaChoice | None
+    flight: FlightAccuracy | None
     excluded: tuple[str, ...]
 
     @property
@@ -114,6 +117,7 @@ def build_report(
         gauges=gauge_value(inverse_map),
         noise=tuple(solution.noise.fractions()),
         gamma=gamma_choice(inverse_map, problem, solution, grid),
+        flight=flight_accuracy(inverse_map),
         excluded=exclusions(vehicle, snapshots.engine),
     )
 

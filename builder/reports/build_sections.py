@@ -6,10 +6,22 @@ import numpy as np
 
 from builder.figures import build_report as draw
 from builder.figures import hover_report as hover
+from builder.figures.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import MICROSTRAIN_PER_KPA, main_class
+from builder.reports.flight_accuracy import NAVIGATION, FlightAccuracy
 from builder.reports.html import Block, Paragraph, Section, picture
 from builder.reports.tables import Table
+from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+
+AIR_DATA_SHOWN = (
+    ("total_incidence", "total incidence [deg]", 180.0 / np.pi, True),
+    ("wind_roll_angle", "roll angle of the wind [deg]", 180.0 / np.pi, False),
+    ("mach_number", "Mach number [1]", 1.0, True),
+    ("static_pressure", "p_inf [kPa]", 1e-3, False),
+    ("dynamic_pressure", "q_inf [kPa]", 1e-3, False),
+)
+"""Air data of the maps over the envelope: name, label, factor to its unit, whether the still shows it, too."""
 
 
 def blind_line(report: BuildReport) -> str:
@@ -151,6 +163,45 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
             tables["source_sigmas"],
             tables["sigmas_without"],
             tables["correlations"],
+        ),
+    )
+
+
+def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
+    """Return the section on the nonlinear estimator."""
+    incidence = np.degrees(of.total_incidence)
+    axes = of.mach_number, incidence, NAVIGATION
+    maps = [
+        *(
+            AccuracyMap(
+                label=f"{name} [1]", std=of.coefficient_std[..., k], identified=None, on_page=k in (0, 1, 3)
+            )
+            for k, name in enumerate(COEFFICIENT_NAMES)
+        ),
+        *(
+            AccuracyMap(
+                label=label, std=scale * of.air_data(name), identified=of.is_identified(name), on_page=on_page
+            )
+            for name, label, scale, on_page in AIR_DATA_SHOWN
+        ),
+    ]
+    return Section(
+        "The nonlinear estimator over the envelope",
+        (
+            Paragraph(
+                "Standard deviations that the nonlinear estimator states, by Mach number and total incidence of "
+                f"the flight, at p_inf = {1e-3 * of.static_pressure:.4g} kPa: rms values over the roll angle of "
+                "the wind. With M, p_inf and q_inf of navigation, each with the deviation of the map, and with "
+                "q_inf alone."
+            ),
+            picture(
+                accuracy_maps(*axes, maps),
+                "Standard deviations over Mach number and total incidence. Hatched: strain and navigation do not "
+                "identify the quantity at half of the roll angles or more; the ranges of the map are as good.",
+                "Maps of standard deviations over Mach number and total incidence, a row for each navigation.",
+                hover=hover_accuracy_maps(*axes, maps),
+            ),
+            tables["flight_accuracy"],
         ),
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from builder.reports.build_report import BuildReport
 from builder.reports.coefficient_sources import coefficient_scales
+from builder.reports.flight_accuracy import flight_accuracy_table
 from builder.reports.tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES, direction_names
 from strainfmu.arrays import FloatArray
@@ -40,6 +41,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         worst_losses(report),
         worst_pairs(report),
         alike(report),
+        *((flight_accuracy_table(report.flight),) if report.flight else ()),
         *((gamma_rules(report), eigenvalues(report), l_curve(report)) if report.gamma else ()),
     )
     return by_name(tables)
