@@ -12,7 +12,8 @@ from sphinx.application import Sphinx
 
 from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_interface
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.interface.estimator_variables import HEALTH_ITEMS, estimator_arrays, estimator_interface
+from strainfmu.interface.enumerations import HEALTH_ITEMS, TARE_ITEMS, Items
+from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 
@@ -82,14 +83,14 @@ def _description(variable: Variable) -> str:
     return text.replace("49 expected", "n - r expected in Case 1").replace("NAME", "of that number")
 
 
-def health_table() -> str:
-    """Return the states of health."""
-    rows = ["| value | `health.state` | |", "|---|---|---|"]
-    return "\n".join([*rows, *(f"| {int(state)} | `{state.name}` | {text} |" for state, text in HEALTH_ITEMS)])
+def states_table(variable: str, items: Items) -> str:
+    """Return the states of an enumeration."""
+    rows = [f"| value | `{variable}` | |", "|---|---|---|"]
+    return "\n".join([*rows, *(f"| {int(state)} | `{state.name}` | {text} |" for state, text in items)])
 
 
 class FmuVariables(GeneratedText):
-    """The table of one FMU, named by the argument; ``health`` gives the states of health."""
+    """The table of one FMU, named by the argument; ``health`` and ``tare`` give states."""
 
     required_arguments = 1
     final_argument_whitespace = True
@@ -99,7 +100,9 @@ class FmuVariables(GeneratedText):
         """Return the table."""
         name = self.arguments[0]
         if name == "health":
-            return health_table()
+            return states_table("health.state", HEALTH_ITEMS)
+        if name == "tare":
+            return states_table("tare_state", TARE_ITEMS)
         return variable_table(interfaces()[name], arrays="3.0" in name)
 
 

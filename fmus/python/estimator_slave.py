@@ -24,6 +24,7 @@ from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
+from strainfmu.estimator.tare_edge import EdgeTare
 from strainfmu.estimator.temperature import known_sensors
 from strainfmu.estimator.zeros import GaugeZeros, zero_fault
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
@@ -37,13 +38,14 @@ from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_cons
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
 
 
 class EstimatorSlave(Fmi2Slave):
-    """One instance of the estimator; its only state is its inputs and parameters, and the track of the last step
-    where the map has tables over the flight state.
+    """One instance of the estimator; its only state is its inputs and parameters, its tare, and the track of the
+    last step where the map has tables over the flight state.
 
     Values lie in one array in the order of their value references. Outputs are computed when they are read, so
     they are right after initialization and after any set, without a step (FMI 2.0, section 4.2.4).
@@ -74,8 +76,11 @@ class EstimatorSlave(Fmi2Slave):
         self._thermal = inverse_map.thermal
         self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
-        self._outputs = [references[v.name] for v in interface if v.causality == "output"]
-        self._inputs = [references[v.name] for v in interface if v.causality != "output"]
+        self._tare, self._asked, self._tare_state = EdgeTare(inverse_map), references[TARE], references[TARE_STATE]
+        self._zeros_in_use = [references[name] for name in zero_in_use_names(inverse_map.n_gauges)]
+        estimated = (v.name for v in interface if v.causality == "output" and v.name != TARE_STATE)
+        self._outputs = [references[name] for name in estimated]
+        self._inputs = [references[v.name] for v in interface if v.causality in ("input", "parameter")]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Real inputs, which go without a check of their values.
@@ -96,11 +101,32 @@ class EstimatorSlave(Fmi2Slave):
         """Compute the outputs for the inputs at the end of the step."""
         if self._stepped:
             self._before_change()
+        self._follow_tare()
         self._outdated |= self._time != current_time
         self._time, self._end = current_time, current_time + step_size
         self._update()
         self._stepped = True
         return True
+
+    def _follow_tare(self) -> None:
+        """Take the flag and the readings of a step in."""
+        is_up = self._values[self._asked] != 0.0
+        if not (is_up or self._tare.is_up):
+            return
+        if not is_up:
+            self._before_change()
+        if self._tare.follow(is_up):
+            self._zeros_outdated = True
+        if is_up:
+            strain = self._values[self._first_input : self._valid]
+            valid = self._values[self._valid : self._pressure]
+            in_use = (valid != 0.0) & (np.abs(strain) <= self._estimator.settings.sensor_range)
+            (pressure,) = known_flow([float(self._values[self._pressure])])
+            self._tare.take(np.where(in_use, strain, np.nan), pressure)
+        self._values[self._tare_state] = self._tare.state
+        if self._tare.text:
+            self.log(self._tare.text, Fmi2Status.ok, "logEvents")
+            self._tare.text = ""
 
     def get_real(self, vrs: list[int]) -> list[float]:
         """Return the values of Real variables, NaN for a value reference that is none."""
@@ -133,15 +159,20 @@ class EstimatorSlave(Fmi2Slave):
         if fault:
             self.log(fault, Fmi2Status.error)
             return
+        is_other = self._values[vr] != value
         self._values[vr] = value
-        if of_zero:
+        if of_zero and is_other:
+            self._tare.drop()
+            self._values[self._tare_state] = self._tare.state
             self._zeros_outdated = True
-        elif not of_filter:
+        if not (of_zero or of_filter):
             self._apply_settings()
 
     def _apply_zeros(self) -> None:
         value, std = self._values[self._zeros[:-1]].reshape(2, -1)
-        zeros = GaugeZeros(value=value, std=std, common_std=float(self._values[self._zeros[-1]]))
+        given = GaugeZeros(value=value, std=std, common_std=float(self._values[self._zeros[-1]]))
+        zeros = self._tare.zeros or given
+        self._values[self._zeros_in_use] = [*zeros.value, *zeros.std, zeros.common_std]
         self._estimator = self._estimator.with_zeros(zeros)
         self._zeros_outdated = False
 
@@ -236,23 +267,27 @@ class EstimatorSlave(Fmi2Slave):
             "track": as_numbers(self._track),
             "times": [self._time, self._end],
             "stepped": int(self._stepped),
+            "tare": self._tare.saved(),
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        before = self._values.copy()
+        before, tare = self._values.copy(), self._tare.saved()
         try:
             track, stepped = from_numbers(state["track"]), bool(state["stepped"])
             time, end = map(float, state["times"])
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
+            self._tare.restore(state["tare"])
             self._apply_zeros()
         except (InputError, KeyError, TypeError, ValueError) as error:
             self._values = before
+            self._tare.restore(tare)
             self._apply_settings()
             self._apply_zeros()
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         else:
             self._track, self._stepped, self._time, self._end = track, stepped, time, end
+        self._values[self._tare_state] = self._tare.state
         self._outdated = True
 
 

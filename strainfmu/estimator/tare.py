@@ -2,10 +2,10 @@
 
 Zero: mean over the window, less what the known loads strain. Its standard deviation is that of a mean of n
 readings, s / sqrt(n) for independent ones. Readings of filtered or slow channels are not independent: the means of
-B stretches scatter by more than s / sqrt(n / B). The factor on the variance is averaged over all gauges, as the
-channels have their filters in common; a gauge with far more has its own. It falls short by a term in proportion to
-B, which two numbers of stretches tell (batch means: Alexopoulos and Seila, Handbook of Simulation, 1998, ch. 7).
-What the means of all gauges have in common is their common error.
+B stretches (:mod:`strainfmu.estimator.reading_window`) scatter by more than s / sqrt(n / B). The factor on the
+variance is averaged over all gauges, as the channels have their filters in common; a gauge with far more has its
+own. It falls short by a term in proportion to B, which two numbers of stretches tell (batch means: Alexopoulos and
+Seila, Handbook of Simulation, 1998, ch. 7). What the means of all gauges have in common is their common error.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.reading_window import (
+    LEAST_PART,
+    LEAST_STRETCHES,
+    WindowStatistics,
+    window_statistics,
+)
 from strainfmu.estimator.zeros import LARGEST_ZERO, GaugeZeros
 
-STRETCHES = 16
-"""Number B of stretches of the window."""
-
-LEAST_SAMPLES = 4 * STRETCHES
+LEAST_SAMPLES = 4 * LEAST_STRETCHES
 """Readings that a window must hold: four of each stretch."""
-
-LEAST_PART = 0.9
-"""Part of a window in which a gauge must read."""
 
 OWN_FACTOR = 3.0
 """Times the scatter of the stretches of all gauges from which on a gauge has its own."""
@@ -123,42 +123,42 @@ def tare(
     InputError
         The window holds too few readings.
     """
+    if len(strain) < LEAST_SAMPLES:
+        raise InputError(f"window: expected at least {LEAST_SAMPLES} samples, got {len(strain)}")
+    return judged_tare(inverse_map, window_statistics(strain), dynamic_pressure, limits, known)
+
+
+def judged_tare(
+    inverse_map: InverseMap,
+    window: WindowStatistics,
+    dynamic_pressure: FloatArray,
+    limits: TareLimits | None = None,
+    known: KnownStrain | None = None,
+) -> Tare:
+    """Return the zeros that the statistics of a window give; arguments as :func:`tare`."""
     limits = limits or TareLimits()
-    n, n_d = strain.shape
-    if n < LEAST_SAMPLES:
-        raise InputError(f"window: expected at least {LEAST_SAMPLES} samples, got {n}")
+    n, n_d, reads = window.samples, inverse_map.n_gauges, window.reads
     of_loads = known or KnownStrain(value=np.zeros(n_d))
-    reads = np.isfinite(strain).mean(axis=0) >= LEAST_PART
-    filled = np.where(np.isfinite(strain), strain, np.nanmean(np.where(reads, strain, 0.0), axis=0))
-    filled = np.where(reads, filled, 0.0)
-    scatter = np.where(np.ptp(filled, axis=0) > 0.0, filled.std(axis=0, ddof=1), 0.0)
-    means = _stretch_means(filled)
-    memory, own = _memory(filled, scatter, reads)
-    rise, rise_std = _rise(means)
+    memory, own = _memory(window)
+    rise, rise_std = _rise(window)
     drift = np.where(_is_rise(rise, rise_std), rise, 0.0)
     of_drift, of_known = drift**2 / 12.0, of_loads.std**2
-    std = np.sqrt((own * scatter) ** 2 / n + of_drift + of_known)
-    value = filled.mean(axis=0) - of_loads.value
+    std = np.sqrt((own * window.scatter) ** 2 / n + of_drift + of_known)
+    value = window.mean - of_loads.value
     zeros = GaugeZeros(
         value=np.where(reads & (np.abs(value) <= LARGEST_ZERO), value, 0.0),
         std=np.where(reads, np.minimum(std, LARGEST_ZERO), LARGEST_ZERO),
-        common_std=_common_std(means[:, reads]),
+        common_std=_common_std(window.stretch[:, reads]),
     )
     faults = (
         *_pressure_faults(dynamic_pressure, limits),
-        *_drift_faults(inverse_map, drift * reads, limits),
-        *_scatter_faults(inverse_map, scatter * reads),
+        *_drift_faults(inverse_map, drift, limits),
+        *_scatter_faults(inverse_map, window.scatter),
         *_size_faults(inverse_map, value * reads, limits),
         *_load_faults(inverse_map, value, reads),
     )
-    notes = _notes(inverse_map, reads, scatter, dynamic_pressure)
+    notes = _notes(inverse_map, reads, window.scatter, dynamic_pressure)
     return Tare(zeros=zeros, samples=n, memory=memory, faults=faults, notes=notes)
-
-
-def _stretch_means(strain: FloatArray, stretches: int = STRETCHES) -> FloatArray:
-    """Return (stretches, n_d) means of stretches of equal length; readings that fill none are left out."""
-    length = len(strain) // stretches
-    return np.asarray(strain[: stretches * length].reshape(stretches, length, -1).mean(axis=1))
 
 
 def _detrended(means: FloatArray) -> FloatArray:
@@ -167,30 +167,32 @@ def _detrended(means: FloatArray) -> FloatArray:
     return np.asarray(means - means.mean(axis=0) - place[:, None] * slope)
 
 
-def _excess(strain: FloatArray, scatter: FloatArray, stretches: int) -> FloatArray:
-    """Return (n_d,) the variance of the means of stretches over that of independent readings."""
-    square = np.sum(_detrended(_stretch_means(strain, stretches)) ** 2, axis=0) / (stretches - 2)
-    return np.asarray(square * (len(strain) // stretches) / scatter**2)
+def _excess(means: FloatArray, length: int, scatter: FloatArray) -> FloatArray:
+    """Return (n_d,) the variance of means (b, n_d) of ``length`` readings over that of independent readings."""
+    square = np.sum(_detrended(means) ** 2, axis=0) / (len(means) - 2)
+    return np.asarray(square * length / scatter**2)
 
 
-def _memory(strain: FloatArray, scatter: FloatArray, reads: BoolArray) -> tuple[float, FloatArray]:
+def _memory(window: WindowStatistics) -> tuple[float, FloatArray]:
     """Return the factor of all gauges and that of each (n_d,) by which deviations are larger than s / sqrt(n)."""
-    moves = reads & (scatter > 0.0)
-    own = np.ones(len(scatter))
+    moves = window.scatter > 0.0
+    own = np.ones(len(moves))
     if not moves.any():
         return 1.0, own
-    some = strain[:, moves]
-    fine, coarse = (_excess(some, scatter[moves], b) for b in (STRETCHES, STRETCHES // 2))
+    means, scatter = window.stretch[:, moves], window.scatter[moves]
+    fine = _excess(means, window.length, scatter)
+    coarse = _excess(0.5 * (means[0::2] + means[1::2]), 2 * window.length, scatter)
     alike = fine <= OWN_FACTOR**2 * np.median(fine)
     of_all = max(float(np.mean(2.0 * coarse[alike] - fine[alike])), float(np.mean(fine[alike])), 1.0)
     own[moves] = np.where(alike, of_all, np.maximum(fine, of_all))
     return float(np.sqrt(of_all)), np.sqrt(own)
 
 
-def _rise(means: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _rise(window: WindowStatistics) -> tuple[FloatArray, FloatArray]:
     """Return the rise of a straight line over the window (n_d,), and its standard deviation."""
+    means = window.stretch
     b = len(means)
-    place = (np.arange(b) - 0.5 * (b - 1)) / b
+    place = (np.arange(b) - 0.5 * (b - 1)) * window.length / window.samples
     rise = place @ means / (place @ place)
     residual = np.sum(_detrended(means) ** 2, axis=0) / (b - 2)
     return np.asarray(rise), np.asarray(np.sqrt(residual / (place @ place)))

@@ -10,7 +10,7 @@ from html import escape
 from importlib import resources
 
 from strainfmu.fmu.description import FmuDescription
-from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.enumerations import HEALTH_ITEMS, HEALTH_TYPE, TARE_ITEMS, TARE_TYPE, Items
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.pages import STYLE, table_html
 
@@ -68,7 +68,7 @@ def index_html(fmu: FmuDescription, sections: Sequence[Section], kind: str) -> s
     for heading, paragraphs in (
         *sections,
         ("Variables", [_variable_table(fmu.interface)]),
-        *([("Health", [_health_table()])] if any(v.declared_type == HEALTH_TYPE for v in fmu.interface) else []),
+        *_enumerations(fmu),
         ("What the host must offer", HOSTS[kind]),
     ):
         parts.append(f"<h2>{escape(heading)}</h2>")
@@ -111,7 +111,20 @@ def _start_text(variable: Variable) -> str:
     return str(start).lower() if isinstance(start, bool) else f"{start:g}"
 
 
-def _health_table() -> str:
-    """Return the table of health states."""
-    rows = [(str(int(state)), state.name, text) for state, text in HEALTH_ITEMS]
-    return table_html(("Value", "State", "Meaning"), rows, caption="States of health")
+def _enumerations(fmu: FmuDescription) -> list[Section]:
+    """Return tables of the enumerations in use."""
+    declared = {variable.declared_type for variable in fmu.interface}
+    known: dict[str, tuple[str, str, Items]] = {
+        HEALTH_TYPE: ("Health", "States of health", HEALTH_ITEMS),
+        TARE_TYPE: ("Tare", "States of the tare", TARE_ITEMS),
+    }
+    return [
+        (heading, [_states_table(items, caption)])
+        for name, (heading, caption, items) in known.items()
+        if name in declared
+    ]
+
+
+def _states_table(items: Items, caption: str) -> str:
+    rows = [(str(int(state)), state.name, text) for state, text in items]
+    return table_html(("Value", "State", "Meaning"), rows, caption=caption)

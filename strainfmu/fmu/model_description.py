@@ -16,8 +16,11 @@ from strainfmu.fmu.description import (
     number_text,
     root_attributes,
 )
-from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.interface.enumerations import used_enumerations
 from strainfmu.interface.fmi_variables import UNITS, Unit, Variable
+
+INITIAL = {"output": "calculated", "local": "calculated", "parameter": "exact"}
+"""Attribute ``initial`` by causality; that of inputs is left to its default, exact."""
 
 
 def model_description(fmu: FmuDescription) -> Element:
@@ -73,20 +76,16 @@ def _add_unit(definitions: Element, unit: Unit) -> None:
 
 
 def _add_types(root: Element, interface: Sequence[Variable]) -> None:
-    """Declare the enumeration of the health state where it is used."""
-    if not any(variable.declared_type == HEALTH_TYPE for variable in interface):
-        return
-    simple_type = SubElement(
-        SubElement(root, "TypeDefinitions"),
-        "SimpleType",
-        {
-            "name": HEALTH_TYPE,
-            "description": "How far an estimate can be trusted; the numbers are no ranks",
-        },
-    )
-    enumeration = SubElement(simple_type, "Enumeration")
-    for state, text in HEALTH_ITEMS:
-        SubElement(enumeration, "Item", {"name": state.name, "value": str(int(state)), "description": text})
+    """Declare the enumerations in use."""
+    used = used_enumerations({variable.declared_type for variable in interface})
+    definitions = SubElement(root, "TypeDefinitions") if used else None
+    for name, (text, items) in used.items():
+        assert definitions is not None
+        simple_type = SubElement(definitions, "SimpleType", {"name": name, "description": text})
+        enumeration = SubElement(simple_type, "Enumeration")
+        for state, meaning in items:
+            item = {"name": state.name, "value": str(int(state)), "description": meaning}
+            SubElement(enumeration, "Item", item)
 
 
 def _scalar_variable(value_reference: int, variable: Variable) -> Element:
@@ -98,10 +97,8 @@ def _scalar_variable(value_reference: int, variable: Variable) -> Element:
         "causality": variable.causality,
         "variability": variable.variability,
     }
-    if variable.causality == "output":
-        attributes["initial"] = "calculated"
-    elif variable.causality == "parameter":
-        attributes["initial"] = "exact"
+    if variable.causality in INITIAL:
+        attributes["initial"] = INITIAL[variable.causality]
     element = Element("ScalarVariable", attributes)
     values = {
         "declaredType": variable.declared_type,

@@ -16,8 +16,8 @@ from strainfmu.fmu.description import (
     number_text,
     root_attributes,
 )
-from strainfmu.fmu.model_description import add_units
-from strainfmu.interface.estimator_variables import HEALTH_ITEMS, HEALTH_TYPE
+from strainfmu.fmu.model_description import INITIAL, add_units
+from strainfmu.interface.enumerations import used_enumerations
 from strainfmu.interface.fmi_variables import Variable
 
 _TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
@@ -57,20 +57,19 @@ def model_description_3_bytes(fmu: FmuDescription) -> bytes:
 
 
 def _add_units_and_types(root: Element, interface: Sequence[Variable]) -> None:
-    """Declare every unit in use, that of time too, and the enumeration of health."""
+    """Declare every unit in use, that of time too, and the enumerations."""
     add_units(root, interface)
     units = root.find("UnitDefinitions")
     assert units is not None
     SubElement(SubElement(units, "Unit", {"name": "s"}), "BaseUnit", {"s": "1"})
-    if not any(variable.declared_type == HEALTH_TYPE for variable in interface):
-        return
-    enumeration = SubElement(
-        SubElement(root, "TypeDefinitions"),
-        "EnumerationType",
-        {"name": HEALTH_TYPE, "description": "How far an estimate can be trusted"},
-    )
-    for state, text in HEALTH_ITEMS:
-        SubElement(enumeration, "Item", {"name": state.name, "value": str(int(state)), "description": text})
+    used = used_enumerations({variable.declared_type for variable in interface})
+    definitions = SubElement(root, "TypeDefinitions") if used else None
+    for name, (text, items) in used.items():
+        assert definitions is not None
+        enumeration = SubElement(definitions, "EnumerationType", {"name": name, "description": text})
+        for state, meaning in items:
+            item = {"name": state.name, "value": str(int(state)), "description": meaning}
+            SubElement(enumeration, "Item", item)
 
 
 def _variable(value_reference: int, variable: Variable) -> Element:
@@ -82,7 +81,7 @@ def _variable(value_reference: int, variable: Variable) -> Element:
         "description": variable.description,
         "causality": variable.causality,
         "variability": variable.variability,
-        "initial": {"output": "calculated", "parameter": "exact"}.get(variable.causality),
+        "initial": INITIAL.get(variable.causality),
         "declaredType": variable.declared_type,
         "unit": variable.unit,
         "displayUnit": variable.display_unit,

@@ -8,8 +8,8 @@ Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`
 
 Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
 (:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), temperature modes
-(:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`). A bound
-that the map does not state is the largest finite number.
+(:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`), limits of
+a tare (:mod:`strainfmu.fmu.tare_resource`). A bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -51,6 +51,7 @@ from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.filter_resource import filter_section
 from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
+from strainfmu.fmu.tare_resource import tare_section
 from strainfmu.fmu.thermal_resource import thermal_section
 from strainfmu.interface.filter_variables import has_filter
 from strainfmu.interface.further_variables import has_further_outputs
@@ -108,8 +109,8 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
 
 
 def _sections(inverse_map: InverseMap) -> list[bytes]:
-    """Return what not every map has."""
-    sections = []
+    """Return what a tare needs, and what not every map has."""
+    sections = [tare_section(inverse_map)]
     if inverse_map.manifold is not None:
         sections.append(flight_section(inverse_map, inverse_map.manifold))
         if has_filter(inverse_map):

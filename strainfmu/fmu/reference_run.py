@@ -19,6 +19,7 @@ from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.tare_edge import TareState
 from strainfmu.fmu.reference_strains import reference_strains, reference_truth
 from strainfmu.fmu.run_figure import Line, Panel, run_figure
 from strainfmu.interface.estimator_variables import estimator_interface, output_values
@@ -64,7 +65,10 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     rows, _ = reference_strains(inverse_map, N_ROWS)
     strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows.tolist()])
     values = np.array(
-        [output_values(one, has_further_outputs(inverse_map)) for one in _estimates(inverse_map, strain)]
+        [
+            [*output_values(one, has_further_outputs(inverse_map)), float(TareState.IDLE)]
+            for one in _estimates(inverse_map, strain)
+        ]
     )
     held = np.concatenate([values[:1], values[:-1]])
     outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]

@@ -12,9 +12,9 @@ from dataclasses import replace
 from math import atan2, degrees
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
@@ -23,6 +23,7 @@ from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
 from strainfmu.interface.input_names import known_flow as known_flow
+from strainfmu.interface.tare_variables import TARE_ARRAYS, with_tare_variables
 from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_temperature_inputs
 from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
 
@@ -37,30 +38,6 @@ LOADS = {
     "moment.pitch": ("Pitching moment, positive nose-up", "N.m"),
     "moment.yaw": ("Yawing moment, positive nose to starboard", "N.m"),
 }
-HEALTH_TYPE = "HealthState"
-
-HEALTH_ITEMS = (
-    (HealthState.OK, "Strains and dynamic pressure are valid and the residual is as expected"),
-    (
-        HealthState.INCONSISTENT,
-        "The residual's chi-square is above its limit: the strains fit no known pressure",
-    ),
-    (
-        HealthState.NO_COEFFICIENTS,
-        "Dynamic pressure is not 1e-6 to 1e7 Pa, or its deviation impossible: no coefficients",
-    ),
-    (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
-    (HealthState.DEGRADED, "Gauges are missing, the others identify the state: sigma has grown accordingly"),
-    (
-        HealthState.UNIDENTIFIED,
-        "Gauges are missing, the others do not identify the state: nothing is computed",
-    ),
-    (HealthState.SUSPECT, "The chi-square is in order, but one gauge does not fit the others"),
-    (
-        HealthState.OUTSIDE,
-        "Dynamic pressure, navigation or the coefficients leave what the map covers: sigma need not hold",
-    ),
-)
 
 
 def valid_names(n_gauges: int) -> tuple[str, ...]:
@@ -86,11 +63,12 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
     whole = with_zero_parameters(whole, inverse_map.gauge_names)
     whole = with_filter_parameter(with_temperature_inputs(whole, inverse_map.thermal), inverse_map)
-    return with_further_outputs(whole, inverse_map)
+    whole = with_further_outputs(whole, inverse_map)
+    return with_tare_variables(whole, inverse_map.gauge_names)
 
 
 def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[float]:
-    """Return the outputs of ``estimate`` in the order of their value references.
+    """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
     ``with_further`` for maps that have loads beside the five as outputs
     (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
@@ -132,6 +110,7 @@ ARRAYS = {
     **ZERO_ARRAYS,
     **TEMPERATURE_ARRAYS,
     **FURTHER_ARRAYS,
+    **TARE_ARRAYS,
 }
 
 

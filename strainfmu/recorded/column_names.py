@@ -30,7 +30,7 @@ SIGNALS = frozenset(
 )
 """What a recorded system simulation holds besides: known, and not read."""
 
-_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.", "identified.", "navigation_used.")
+_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.", "identified.", "navigation_used.", "tare_state")
 """Beginnings of the names of an estimator's other outputs."""
 
 _AIR_DATA = "air_data."

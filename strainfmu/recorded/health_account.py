@@ -10,7 +10,7 @@ import numpy as np
 
 from strainfmu.cosim.step import health_name
 from strainfmu.estimator.health import HealthState
-from strainfmu.interface.estimator_variables import HEALTH_ITEMS
+from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.recorded.block_estimates import BlockEstimates
 
 _MISSING = (HealthState.DEGRADED, HealthState.UNIDENTIFIED, HealthState.INVALID)

@@ -13,13 +13,14 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, 
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.tare_edge import TareState
 from strainfmu.fmu.description import FmuDescription, generation_time, model_identifier
 from strainfmu.fmu.model_description import model_description
 from strainfmu.fmu.model_description_3 import model_description_3
 from strainfmu.fmu.reference_run import array_elements
+from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, TARE_ITEMS
 from strainfmu.interface.estimator_variables import (
     FLOW_INPUTS,
-    HEALTH_ITEMS,
     PARAMETERS,
     estimator_arrays,
     estimator_interface,
@@ -39,7 +40,7 @@ def variables(path: Path) -> dict[str, Any]:
 def test_coefficients_come_first_and_all_is_there(synthetic: SyntheticFiles) -> None:
     estimator, plant = variables(synthetic.estimator_1), variables(synthetic.plant)
     assert list(estimator)[:5] == list(plant)[:5] == ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
-    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1
+    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1 + 2 + 2 * N_GAUGES + 1
     assert estimator["valid[1]"].type == "Boolean"
     assert estimator["valid[1]"].start == "true"
     for name in PARAMETERS:
@@ -93,13 +94,14 @@ def test_dependencies_state_what_feeds_what(synthetic: SyntheticFiles) -> None:
     assert first["altitude"] == set()
 
 
-def test_states_of_health_are_those_of_the_enumeration(fmus: dict[str, Path]) -> None:
+def test_states_are_those_of_the_enumerations(fmus: dict[str, Path]) -> None:
     assert [state for state, _ in HEALTH_ITEMS] == list(HealthState)
+    assert [state for state, _ in TARE_ITEMS] == list(TareState)
     for kind in ("native", "native_3", "python"):
-        (declared,) = read_model_description(str(fmus[kind])).typeDefinitions
-        assert [(item.name, int(item.value)) for item in declared.items] == [
-            (s.name, s.value) for s in HealthState
-        ]
+        declared = read_model_description(str(fmus[kind])).typeDefinitions
+        assert [one.name for one in declared] == list(ENUMERATIONS)
+        for one, states in zip(declared, (HealthState, TareState), strict=True):
+            assert [(item.name, int(item.value)) for item in one.items] == [(s.name, s.value) for s in states]
 
 
 def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> None:
@@ -118,6 +120,11 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         ("zero", N_GAUGES),
         ("zero_std", N_GAUGES),
         ("zero_common_std", None),
+        ("tare", None),
+        ("tare_state", None),
+        ("zero_in_use", N_GAUGES),
+        ("zero_in_use_std", N_GAUGES),
+        ("zero_in_use_common_std", None),
         ("time", None),
     ]
     found = [(name, int(v.dimensions[0].start) if v.dimensions else None) for name, v in arrays.items()]
@@ -150,7 +157,7 @@ def test_the_interface_uses_declared_units_only(interface: Any) -> None:
         if variable.fmi_type == "Real":
             assert variable.unit in known
             assert variable.display_unit is None or variable.display_unit in known[variable.unit]
-        assert (variable.start is None) == (variable.causality == "output")
+        assert (variable.start is None) == (variable.causality in ("output", "local"))
 
 
 def test_the_guid_follows_the_content() -> None:

@@ -226,10 +226,10 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 27 as docs/explanation/native.md lists them."""
+    """One instance of FMI 3.0, with arrays; value references 0 .. 32 as docs/explanation/native.md lists them."""
 
     FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1, 12: 1}
-    STRAIN, VALID, FIRST_SCALAR, ZERO, TIME = 13, 14, 15, 24, 27
+    STRAIN, VALID, FIRST_SCALAR, ZERO, TARE, TIME = 13, 14, 15, 24, 27, 32
     SCALARS: ClassVar = range(15, 24)
 
     def __init__(

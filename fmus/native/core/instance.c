@@ -172,9 +172,16 @@ int instance_end_solver_step(Instance *instance, const char *function, int *even
     if (!instance_allows(instance, function, CONTINUOUS_TIME)) {
         return STATUS_ERROR;
     }
+    model_accept_step(instance->model);
     *event = model_unsettled(instance->model);
     instance_log_event(instance);
     return STATUS_OK;
+}
+
+void instance_follow_event(Instance *instance) {
+    if (instance->kind == MODEL_EXCHANGE_2 || instance->kind == MODEL_EXCHANGE_3) {
+        model_follow_event(instance->model);
+    }
 }
 
 /* Importers that go on after a discarded step would get the message in every step: it comes once. */
@@ -215,7 +222,7 @@ int instance_empty_list(Instance *instance, const char *function, int modes, siz
 
 void instance_log_event(Instance *instance) {
     char text[MODEL_TEXT_SIZE];
-    if (instance->events_logged && model_event(instance->model, text)) {
+    while (instance->events_logged && model_event(instance->model, text)) {
         instance->write(instance, STATUS_OK, CATEGORY_EVENTS, text);
     }
 }

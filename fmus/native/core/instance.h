@@ -70,6 +70,9 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
 int instance_go_on(Instance *instance, const char *function, int from);
 int instance_end_solver_step(Instance *instance, const char *function, int *event);
 
+/* Let an event take discrete inputs in: model exchange alone, for the steps of co-simulation do. */
+void instance_follow_event(Instance *instance);
+
 /* One step of co-simulation. A status. */
 int instance_step(Instance *instance, const char *function, double start, double size);
 

@@ -95,6 +95,10 @@ void model_end_initialization(Model *model);
 /* Go on from start to end [s]. STATUS_DISCARD, after a message, if the model wants to end there. */
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
 
+/* Model exchange: an event takes discrete inputs in; a step of the solver is accepted. */
+void model_follow_event(Model *model);
+void model_accept_step(Model *model);
+
 /* Let discrete outputs take the values of the inputs, and keep them in continuous-time mode; whether they would take
    others by now. */
 void model_settle(Model *model);

@@ -112,7 +112,8 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     if (e->map.scaled) {
         scaled_prepare(e);
     }
-    if (!flight_create(e, text)) {
+    if (!flight_create(e, text)
+        || !tare_create(&section[TARE_SECTION], e->map.n_gauges, e->map.largest_zero, &e->tare, text)) {
         estimator_free(e);
         return NULL;
     }
@@ -125,6 +126,7 @@ void estimator_free(Estimator *e) {
         flight_free(&e->flight);
         thermal_free(&e->thermal);
         further_free(&e->further);
+        tare_free(&e->tare);
         free(e->memory);
         free(e->bytes);
         free(e);
@@ -152,6 +154,7 @@ void estimator_reset(Estimator *e) {
         e->input[filter_setting(e)] = 0.0;
     }
     flight_reset(&e->flight);
+    tare_reset(&e->tare);
     e->outdated = e->noise_outdated = 1;
 }
 
@@ -331,7 +334,7 @@ int estimator_linear_loads(Estimator *e, double dynamic_pressure, double deviati
     return found;
 }
 
-/* The covariance of the errors of the zeros of the inputs. */
+/* The covariance of the errors of the zeros in use. */
 static void set_added_noise(Estimator *e) {
     const size_t n = e->map.n_gauges;
     const double common = e->noise_std[n] * e->noise_std[n];
@@ -345,7 +348,7 @@ static void set_added_noise(Estimator *e) {
 /* The matrices for the temperature sensors that are known, and for the deviations of zeros. */
 static void renew_noise(Estimator *e, int other_sensors) {
     const size_t n = e->map.n_gauges;
-    const double *std = e->input + n + N_ALL_SCALARS + n;
+    const double *std = zeros_in_use(e) + n;
     e->noise_outdated = 0;
     if (other_sensors) {
         thermal_renew(&e->thermal);
@@ -368,9 +371,28 @@ static void renew_noise(Estimator *e, int other_sensors) {
 }
 
 static void set_strain(Estimator *e) {
-    const double *restrict zero = e->input + e->map.n_gauges + N_ALL_SCALARS;
+    const double *restrict zero = zeros_in_use(e);
     for (size_t i = 0; i < e->map.n_gauges; i++) {
         e->strain[i] = e->input[i] - zero[i];
+    }
+}
+
+void estimator_follow_tare(Estimator *e) {
+    if (e->tare.flags.is_up != 0.0 && !e->tare.up) {
+        flight_before_change(e);
+    }
+    if (tare_follow(&e->tare, e->map.mean_strain)) {
+        e->outdated = e->noise_outdated = 1;
+    }
+}
+
+void estimator_take_readings(Estimator *e) {
+    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    if (tare_is_averaging(&e->tare)) {
+        for (size_t i = 0; i < e->map.n_gauges; i++) {
+            e->tare.reading[i] = in_use(e, i, range) ? e->input[i] : NAN;
+        }
+        tare_take(&e->tare, known_input(e, DYNAMIC_PRESSURE));
     }
 }
 

@@ -12,6 +12,7 @@
 #include "further_loads.h"
 #include "masked_map.h"
 #include "scaled_state.h"
+#include "tare.h"
 #include "thermal.h"
 
 /* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
@@ -34,8 +35,8 @@ enum {
     N_OUTPUTS = 27
 };
 
-/* Number of outputs that are whole numbers: the health state, and VALID_GAUGES to SUSPECTS. */
-#define N_WHOLE 4
+/* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
+#define N_WHOLE 5
 
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
@@ -81,6 +82,7 @@ typedef struct Estimator {
     int wide;     /* panels_wide() */
     Further further;      /* of a map with loads beside the five */
     Thermal thermal;      /* of a map with temperature modes */
+    Tare tare;
     AddedNoise noise;     /* errors of the zeros, */
     double *noise_std;    /* (n_gauges + 1) the deviations that map holds for, */
     int noise_outdated;   /* and whether those of the inputs may be others */
@@ -112,6 +114,15 @@ size_t estimator_inputs(const Estimator *estimator);
 
 /* Of the inputs, the first of the temperatures. */
 size_t first_temperature(const Estimator *estimator);
+
+/* Zeros, their deviations, and that in common, in use: those of the last tare, or those of the inputs. */
+static inline const double *zeros_in_use(const Estimator *e) {
+    return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : e->input + e->map.n_gauges + N_ALL_SCALARS;
+}
+
+/* A step or an event takes the input of the tare in; an accepted step also takes readings. */
+void estimator_follow_tare(Estimator *estimator);
+void estimator_take_readings(Estimator *estimator);
 
 /* Give inputs and settings their start values. */
 void estimator_reset(Estimator *estimator);

@@ -4,10 +4,11 @@
 
 /* Changes of the strains that the map sees, in place of those of the readings. */
 static void derive_strain(Estimator *e, double *d_input) {
-    const double *zero = e->input + e->map.n_gauges + N_ALL_SCALARS;
+    const double *zero = zeros_in_use(e);
     const double *d_zero = d_input + e->map.n_gauges + N_ALL_SCALARS;
+    const int of_input = zero == e->input + e->map.n_gauges + N_ALL_SCALARS; /* not of a tare */
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        d_input[i] -= d_zero[i];
+        d_input[i] -= of_input ? d_zero[i] : 0.0;
     }
     if (e->thermal.present) {
         for (size_t i = 0; i < e->map.n_gauges; i++) {

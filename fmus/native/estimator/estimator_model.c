@@ -5,6 +5,8 @@
 
 #include "estimator_variables.h"
 
+#define TARE_WHOLE (N_WHOLE - 1) /* place of the state of the tare among the whole numbers */
+
 void model_destroy(Model *model) {
     estimator_free(estimator_of(model));
 }
@@ -41,18 +43,36 @@ void model_end_initialization(Model *model) {
    flight state of the step before. */
 int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
     (void)text;
+    Estimator *e = estimator_of(model);
     model->time = end;
-    if (estimator_of(model)->flight.present) {
-        flight_step(estimator_of(model), start);
+    if (e->tare.up || e->tare.flags.is_up != 0.0) {
+        estimator_follow_tare(e);
+        estimator_take_readings(e);
+    }
+    if (e->flight.present) {
+        flight_step(e, start);
     }
     return STATUS_OK;
+}
+
+void model_follow_event(Model *model) {
+    if (estimator_of(model)->tare.present) {
+        estimator_follow_tare(estimator_of(model));
+    }
+}
+
+void model_accept_step(Model *model) {
+    if (estimator_of(model)->tare.present) {
+        estimator_take_readings(estimator_of(model));
+    }
 }
 
 /* The whole numbers among the outputs, for the present inputs. */
 static void whole_numbers(Estimator *e, double whole[N_WHOLE]) {
     const double *output = estimator_outputs(e);
     whole[0] = output[HEALTH_STATE];
-    memcpy(whole + 1, output + VALID_GAUGES, (N_WHOLE - 1) * sizeof *whole);
+    memcpy(whole + 1, output + VALID_GAUGES, (TARE_WHOLE - 1) * sizeof *whole);
+    whole[TARE_WHOLE] = e->tare.present ? e->tare.flags.state : TARE_IDLE;
 }
 
 void model_settle(Model *model) {
@@ -66,12 +86,17 @@ int model_unsettled(Model *model) {
     return memcmp(present, e->settled, sizeof present) != 0;
 }
 
-/* A change of health. */
+/* The end of a tare, or a change of health. */
 int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
     static const char *const STATES[] = {
         "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",
     };
     Estimator *e = estimator_of(model);
+    if (e->tare.to_report) {
+        e->tare.to_report = 0;
+        memcpy(text, e->tare.text, sizeof e->tare.text);
+        return 1;
+    }
     const double *output = estimator_outputs(e);
     const int health = (int)output[HEALTH_STATE];
     if (health == e->reported_health) {
@@ -108,6 +133,8 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
                 further_update(e);
             }
             value[k] = *further_real(e, variable);
+        } else if (zero_in_use(e, variable) != SIZE_MAX) {
+            value[k] = zeros_in_use(e)[zero_in_use(e, variable)];
         } else if (flight_real(e, variable) != SIZE_MAX) {
             estimator_outputs(e);
             value[k] = e->flight.real[flight_real(e, variable)];
@@ -125,6 +152,10 @@ int model_get_integers(Model *model, const Selection *which, int *value, char te
     whole_numbers(e, present);
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k);
+        if (e->tare.present && variable == tare_variable(e) + 1) {
+            value[k] = (int)whole[TARE_WHOLE];
+            continue;
+        }
         if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable <= SUSPECTS)) {
             return wrong_type(variable, text);
         }
@@ -139,6 +170,8 @@ int model_get_booleans(Model *model, const Selection *which, int *value, char te
         const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
         if (gauge < e->map.n_gauges) {
             value[k] = e->valid[gauge];
+        } else if (e->tare.present && variable == tare_variable(e)) {
+            value[k] = e->tare.up;
         } else if (flight_flag(e, variable) != SIZE_MAX) {
             estimator_outputs(e);
             value[k] = e->flight.flag[flight_flag(e, variable)];
@@ -175,8 +208,11 @@ int model_set_reals(Model *model, const Selection *which, const double *value, c
         if (input >= n && !estimator_accepts(e, input, value[k], text)) {
             return 0;
         }
+        if (input >= n + N_ALL_SCALARS && input < first_temperature(e) && e->input[input] != value[k]) {
+            tare_drop(&e->tare);
+            e->noise_outdated = 1;
+        }
         e->input[input] = value[k];
-        e->noise_outdated |= input >= n + N_ALL_SCALARS + n && input < first_temperature(e);
     }
     return 1;
 }
@@ -191,6 +227,10 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
     Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
+        if (e->tare.present && variable == tare_variable(e)) {
+            e->tare.up = value[k] != 0;
+            continue;
+        }
         if (gauge >= e->map.n_gauges) {
             return no_input("Boolean", variable, text);
         }
@@ -223,11 +263,15 @@ static const double *along_direction(Model *model) {
     return e->derivative;
 }
 
-/* State: inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid. Masks
-   and outputs follow from them; those of the nonlinear estimator also from its track, which comes last. */
+/* State: inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid; the tare;
+   the track of the nonlinear estimator. Masks and outputs follow from them. */
+
+static size_t input_size(const Estimator *e) {
+    return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
+}
 
 static size_t linear_size(const Estimator *e) {
-    return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
+    return input_size(e) + tare_state_size(&e->tare);
 }
 
 /* Of the filter, its track and the law, which is 0 where there is none. */
@@ -259,6 +303,7 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     if (e->flight.filter.present) {
         write_filter(&e->flight.filter, bytes + linear_size(e));
     }
+    tare_write_state(&e->tare, bytes + input_size(e));
     memcpy(bytes, e->input, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);
     memcpy(bytes, e->settled, sizeof e->settled);
@@ -287,7 +332,8 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
     for (size_t i = 0; i < N_WHOLE; i++) {
         double whole;
         memcpy(&whole, bytes + sizeof whole * (estimator_inputs(e) + i), sizeof whole);
-        if (!(whole >= 0.0 && whole <= (double)(i == 0 ? OUTSIDE : e->map.n_gauges))) {
+        const size_t most = i == 0 ? OUTSIDE : i == TARE_WHOLE ? TARE_REFUSED : e->map.n_gauges;
+        if (!(whole >= 0.0 && whole <= (double)most)) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
             return 0;
         }
@@ -297,6 +343,10 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
             snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
             return 0;
         }
+    }
+    if (!tare_state_fits(&e->tare, bytes + input_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a tare that cannot be");
+        return 0;
     }
     if (e->flight.present) {
         Track track;
@@ -319,6 +369,7 @@ void model_read_state(Model *model, const unsigned char *bytes) {
         memcpy(&filter->base, bytes + linear_size(e), sizeof filter->base);
         memcpy(filter->law.mean, bytes + linear_size(e) + sizeof filter->base, sizeof(double) * law_doubles(filter));
     }
+    tare_read_state(&e->tare, bytes + input_size(e));
     memcpy(e->input, bytes, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);
     memcpy(e->settled, bytes, sizeof e->settled);

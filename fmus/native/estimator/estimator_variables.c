@@ -4,6 +4,7 @@
 #define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 #define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
 #define OF_BODY 4u           /* M_R, its deviation, rolling moment, its deviation */
+#define TARE_REFERENCES 5u   /* tare, tare_state, zero_in_use, zero_in_use_std, zero_in_use_common_std */
 
 /* Number of the first of the zeros. */
 static size_t first_zero(const Estimator *e) {
@@ -28,14 +29,28 @@ static size_t n_sections(const Estimator *e) {
     return (e->further.map.n_loads - 1) / SECTION_LOADS;
 }
 
-unsigned time_reference(const Estimator *e) {
+/* Value reference of FMI 3.0 of the input of the tare. */
+static unsigned tare_reference(const Estimator *e) {
     const unsigned sections = e->further.present && n_sections(e) > 0 ? 2 * SECTION_LOADS : 0;
     return further_reference(e) + (e->further.present ? OF_BODY + sections : 0);
+}
+
+unsigned time_reference(const Estimator *e) {
+    return tare_reference(e) + (e->tare.present ? TARE_REFERENCES : 0);
 }
 
 /* Number of the first of the further loads. */
 static size_t first_further(const Estimator *e) {
     return first_zero(e) + estimator_inputs(e) - (e->map.n_gauges + N_ALL_SCALARS);
+}
+
+size_t tare_variable(const Estimator *e) {
+    return first_further(e) + (e->further.present ? OF_BODY + 2 * (e->further.map.n_loads - 1) : 0);
+}
+
+size_t zero_in_use(const Estimator *e, size_t variable) {
+    const size_t number = variable - (tare_variable(e) + 2);
+    return e->tare.present && number < number_of_zeros(e->map.n_gauges) ? number : SIZE_MAX;
 }
 
 const double *further_real(const Estimator *e, size_t variable) {
@@ -89,14 +104,24 @@ size_t input_of(const Estimator *e, size_t variable) {
 Type model_type_of(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX
-        || further_real(e, variable) != NULL) {
+        || further_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX) {
         return REAL;
+    }
+    if (e->tare.present && variable - tare_variable(e) < 2) {
+        return variable == tare_variable(e) ? BOOLEAN : ENUMERATION;
     }
     if (variable < N_OUTPUTS) {
         return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
     }
     const int flag = variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges || flight_flag(e, variable) != SIZE_MAX;
     return flag ? BOOLEAN : NO_VARIABLE;
+}
+
+/* The flag, the state, then the zeros in use as those of the inputs. */
+static Selection tare_array(const Estimator *e, size_t which) {
+    const size_t n = e->map.n_gauges;
+    const size_t first = tare_variable(e) + (which < 2 ? which : 2 + (which - 2) * n);
+    return (Selection){NULL, first, which == 2 || which == 3 ? n : 1};
 }
 
 /* Each array follows the one before it without a gap. */
@@ -118,6 +143,8 @@ Selection model_array(const Model *model, unsigned reference) {
     } else if (reference < zero_reference(estimator_of(model))) {
         found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
         found.count = 1;
+    } else if (reference >= tare_reference(estimator_of(model)) && reference < model->time_reference) {
+        found = tare_array(estimator_of(model), reference - tare_reference(estimator_of(model)));
     } else if (reference >= further_reference(estimator_of(model)) && reference < model->time_reference) {
         const size_t which = reference - further_reference(estimator_of(model));
         const size_t each = n_sections(estimator_of(model)), section = which - OF_BODY;

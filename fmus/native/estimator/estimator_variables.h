@@ -1,6 +1,6 @@
 /* Variables of the estimator by number: outputs, strains, valid flags, then the scalar inputs and settings; of maps with
    tables over the flight state then further inputs, real outputs and Boolean outputs; then the zeros and their deviations;
-   then temperatures, of maps with modes of it; then the loads beside the five, of maps with such. */
+   then temperatures, of maps with modes of it; then the loads beside the five, of maps with such; then the tare. */
 
 #ifndef ESTIMATOR_VARIABLES_H
 #define ESTIMATOR_VARIABLES_H
@@ -23,6 +23,12 @@ int is_real_output(size_t variable);
 
 /* Where a variable of the further loads is kept; NULL for any other. */
 const double *further_real(const Estimator *e, size_t variable);
+
+/* Number of the input of the tare; its state and the zeros in use follow. */
+size_t tare_variable(const Estimator *e);
+
+/* Index of a variable among the zeros in use; SIZE_MAX for others. */
+size_t zero_in_use(const Estimator *e, size_t variable);
 
 /* Value reference of FMI 3.0 of the time, behind all arrays. */
 unsigned time_reference(const Estimator *e);

@@ -22,7 +22,7 @@ int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_T
 
 int flight_filters(const Estimator *e) {
     const size_t n = e->map.n_gauges;
-    const double *std = e->input + n + N_ALL_SCALARS + n;
+    const double *std = zeros_in_use(e) + n;
     if (!e->flight.filter.present || !(e->input[filter_setting(e)] > 0.0)) {
         return 0;
     }

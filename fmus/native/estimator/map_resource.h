@@ -90,7 +90,7 @@ typedef struct {
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;
-    Section section[N_SECTION_KINDS]; /* of the tables over the flight state, of temperature modes, of further loads */
+    Section section[N_SECTION_KINDS]; /* of the tables over the flight state, of temperature modes, of further loads, of a tare */
 } Map;
 
 /* Read the header and arrays of bytes [length], which must be aligned as double and outlive map. Return 1, or 0 with

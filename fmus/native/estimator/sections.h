@@ -12,6 +12,7 @@ typedef enum {
     FURTHER_SECTION,
     FLIGHT_LOADS_SECTION,
     FILTER_SECTION,
+    TARE_SECTION,
     N_SECTION_KINDS
 } SectionKind;
 

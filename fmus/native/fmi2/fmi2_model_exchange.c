@@ -13,6 +13,7 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *eventInfo) {
     if (!instance_allows(c, NAME, EVENT) || !instance_given(c, NAME, eventInfo)) {
         return fmi2Error;
     }
+    instance_follow_event(c);
     memset(eventInfo, 0, sizeof *eventInfo);
     return fmi2OK;
 }

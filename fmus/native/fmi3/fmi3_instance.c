@@ -151,5 +151,6 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
     if (nextEventTime != NULL) {
         *nextEventTime = 0.0;
     }
+    instance_follow_event(instance);
     return fmi3OK;
 }

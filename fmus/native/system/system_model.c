@@ -156,6 +156,14 @@ int model_step(Model *base, double start, double end, char text[MODEL_TEXT_SIZE]
 }
 
 /* For model exchange, which it does not serve. */
+void model_follow_event(Model *base) {
+    (void)base;
+}
+
+void model_accept_step(Model *base) {
+    (void)base;
+}
+
 void model_settle(Model *base) {
     (void)base;
 }

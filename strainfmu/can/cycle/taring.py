@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isnan
 
 import numpy as np
 
@@ -16,8 +15,9 @@ from strainfmu.can.cycle.quality import Cause
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.tare import LEAST_SAMPLES, KnownStrain, Tare, TareLimits, tare
-from strainfmu.estimator.zeros import LARGEST_ZERO, GaugeZeros
+from strainfmu.estimator.tare import LEAST_SAMPLES, KnownStrain, TareLimits, tare
+from strainfmu.estimator.tare_verdict import loads_fault, refusal, refused_text, taken_text
+from strainfmu.estimator.zeros import GaugeZeros
 
 MOST_CYCLES = 100_000
 """Longest window [cycles]."""
@@ -32,9 +32,6 @@ _USELESS = (
 
 _UNPROVEN = Cause.HIDDEN_DELAY | Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.SECOND_BRIDGE
 """Causes that end it."""
-
-_LEAST_GAUGES = 0.5
-"""Part of the gauges that must read."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,13 +123,8 @@ class Taring:
         self._seen += 1
         if result.causes & _UNPROVEN:
             self._refuse("the sender of the strains is not proven")
-        elif isnan(pressure):
-            self._refuse("loads are not known: no dynamic pressure on the bus")
-        elif abs(pressure) > self._limits.dynamic_pressure:
-            self._refuse(
-                f"loads are not known: dynamic pressure is {pressure:.4g} Pa, expected at most "
-                f"{self._limits.dynamic_pressure:g} Pa"
-            )
+        elif fault := loads_fault(pressure, self._limits, " on the bus"):
+            self._refuse(fault)
         elif self._seen > _PATIENCE * self._n_cycles:
             self._refuse(f"{self._taken} of {self._seen} cycles were of use, expected {self._n_cycles}")
         elif not result.causes & _USELESS:
@@ -144,22 +136,20 @@ class Taring:
     def _finish(self) -> None:
         """Judge the window, and use its zeros if nothing speaks against them."""
         found = tare(self._map, self._strain, self._pressure, self._limits, self._known)
-        n_reading = int(np.count_nonzero(found.zeros.std < LARGEST_ZERO))
-        if found.faults:
-            self._refuse("; ".join(found.faults))
-        elif n_reading < _LEAST_GAUGES * self._map.n_gauges:
-            self._refuse(f"{n_reading} of {self._map.n_gauges} gauges read")
+        why = refusal(found)
+        if why:
+            self._refuse(why)
         else:
             try:
                 self._set_zeros(found.zeros)
             except StrainfmuError as error:
                 self._refuse(str(error))
                 return
-            text = _text(found, n_reading)
+            text = taken_text(found, "cycles") + "".join(f"; {note}" for note in found.notes)
             self._end(Cause.ZEROS_TAKEN, TareEnd(text=text, zeros=found.zeros, samples=found.samples))
 
     def _refuse(self, why: str) -> None:
-        self._end(Cause.TARE_REFUSED, TareEnd(text=f"tare refused: {why}; zeros as before"))
+        self._end(Cause.TARE_REFUSED, TareEnd(text=refused_text(why)))
 
     def _end(self, outcome: Cause, end: TareEnd) -> None:
         self._is_running = False
@@ -167,14 +157,3 @@ class Taring:
         self.ends.append(end)
         if self.on_end is not None:
             self.on_end(end)
-
-
-def _text(found: Tare, n_reading: int) -> str:
-    used = found.zeros.std < LARGEST_ZERO
-    rms = 1e6 * float(np.sqrt(np.mean(found.zeros.value[used] ** 2)))
-    largest = 1e6 * float(found.zeros.std[used].max())
-    notes = "".join(f"; {note}" for note in found.notes)
-    return (
-        f"tare taken: {n_reading} zeros from {found.samples} cycles, rms {rms:.4g} um/m, standard deviations up "
-        f"to {largest:.2g} um/m each and {1e6 * found.zeros.common_std:.2g} um/m in common{notes}"
-    )

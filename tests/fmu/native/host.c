@@ -6,6 +6,7 @@
      host GUID LOCATION GAUGES many STEPS          200 instances, interleaved, states, freed out of order
      host GUID LOCATION GAUGES foreign 0 OTHER     states of the map in LOCATION and of that in OTHER, with one GUID
      host GUID LOCATION GAUGES endure STEPS        memory of one instance over many steps
+     host GUID LOCATION GAUGES tare STEPS          what becomes of a tare, and the first zero
      host GUID LOCATION GAUGES threads STEPS       8 threads, each with instances of its own
 
    It is linked with the library's sources, so that sanitizers need no loader. With -DHOST_LOADS it loads a library
@@ -343,6 +344,39 @@ static void endure(const Setup *setup, long steps) {
     fmi2FreeInstance(c);
 }
 
+/* A window of random zeros; in its middle the state goes to the other instance, which ends it. */
+static void tare(const Setup *setup, long steps) {
+    fmi2Component one = started(setup), other = started(setup);
+    const fmi2ValueReference asked = N_OUTPUTS + 4 * setup->gauges + 10, said = asked + 1, used = asked + 2;
+    const fmi2ValueReference pressure = N_OUTPUTS + 2 * setup->gauges;
+    const fmi2Boolean yes = fmi2True, no = fmi2False;
+    const double rest = 0.0;
+    uint64_t random = 3;
+    for (long k = 0; k <= steps; k++) {
+        fmi2Component c = k <= steps / 2 ? one : other;
+        fmi2FMUstate state = NULL;
+        if (k == steps / 2 + 1) {
+            check(fmi2GetFMUstate(one, &state) == fmi2OK && fmi2SetFMUstate(c, state) == fmi2OK, "states");
+            fmi2FreeFMUstate(one, &state);
+        }
+        for (unsigned i = 0; i < setup->gauges; i++) {
+            const fmi2ValueReference gauge = N_OUTPUTS + i;
+            const double strain = 1e-6 * (double)((7 * i) % 5) + 1e-9 * uniform(&random);
+            fmi2SetReal(c, &gauge, 1, &strain);
+        }
+        fmi2SetReal(c, &pressure, 1, &rest);
+        fmi2SetBoolean(c, &asked, 1, k < steps ? &yes : &no);
+        check(fmi2DoStep(c, (double)k, 1.0, 1) == fmi2OK, "fmi2DoStep");
+    }
+    fmi2Integer outcome = -1;
+    double zero = 0.0, value[N_OUTPUTS];
+    check(fmi2GetInteger(other, &said, 1, &outcome) == fmi2OK && fmi2GetReal(other, &used, 1, &zero) == fmi2OK, "tare");
+    get_outputs(other, value);
+    printf("tare: %d %g\n", outcome, zero);
+    fmi2FreeInstance(one);
+    fmi2FreeInstance(other);
+}
+
 #ifdef HOST_THREADS
 #define THREADS 8
 
@@ -401,6 +435,8 @@ int main(int argc, char **argv) {
         foreign(&setup, argv[6]);
     } else if (strcmp(task, "endure") == 0) {
         endure(&setup, steps);
+    } else if (strcmp(task, "tare") == 0) {
+        tare(&setup, steps);
 #ifndef _WIN32
     } else if (strcmp(task, "time") == 0) {
         measure(&setup, steps);

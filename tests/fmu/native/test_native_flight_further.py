@@ -148,7 +148,7 @@ def test_arrays_of_fmi_3(fmu: FlightFmu, held: InverseMap, location: Path) -> No
     fmu.give(replace(sample, flow={"dynamic_pressure": sample.flow["dynamic_pressure"]}))
     assert three.set("Float64", c_double, [Fmu3.STRAIN], sample.strain) == OK
     assert three.set("Float64", c_double, [Fmu3.FIRST_SCALAR], [sample.flow["dynamic_pressure"]]) == OK
-    first = Fmu3.TIME + 28 + 1
+    first = Fmu3.TARE + 28 + 1
     found = [three.get("Float64", c_double, [first + i], 1)[1] for i in range(4)]
     found += [three.get("Float64", c_double, [first + 4 + i], len(STATIONS))[1] for i in range(12)]
     assert np.concatenate(found).tobytes() == fmu.get_reals(OUTPUTS).tobytes()

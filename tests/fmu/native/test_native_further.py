@@ -83,11 +83,11 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
     two.set_strain(strain)
     assert three.set("Float64", c_double, [Fmu3.STRAIN], strain) == OK
     expected = two.get_reals(range(first_further(n), first_further(n) + N_OUT))
-    first = Fmu3.TIME + 1  # behind the temperatures
+    first = Fmu3.TARE + 1  # behind the temperatures
     found = [three.get("Float64", c_double, [first + i], 1)[1] for i in range(4)]
     found += [three.get("Float64", c_double, [first + 4 + i], k)[1] for i in range(12)]
     assert np.concatenate(found).tobytes() == expected.tobytes()
-    assert three.get("Float64", c_double, [first + 16], 1)[0] == OK  # the time
+    assert three.get("Float64", c_double, [first + 16 + 5], 1)[0] == OK  # the time, behind the tare
 
 
 @pytest.mark.parametrize(

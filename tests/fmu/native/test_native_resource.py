@@ -45,6 +45,14 @@ def sealed(content: bytes) -> bytes:
     return content[:24] + struct.pack("<I", zlib.crc32(content[CHECKED_FROM:])) + content[28:]
 
 
+def without_sections(case: NativeCase) -> bytes:
+    """Its map.bin, of arrays alone."""
+    content = (case.resources / "map.bin").read_bytes()
+    content = content[: content.index(b"TARE\0\0\0\0")]
+    content = content[:16] + struct.pack("<Q", len(content)) + content[24:152] + bytes(4) + content[156:]
+    return sealed(content)
+
+
 def test_whole_map_is_taken(small: NativeCase) -> None:
     for fmu in (Fmu2(small.uri, small.n), Fmu3(str(small.resources), small.n)):
         assert fmu.instance.value
@@ -90,24 +98,41 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (144, 1, "which cannot be"),
         (148, 1, "1 error terms"),
         (152, 1, "which is wrong for 8 gauges"),
-        (152, 4, "which is wrong for 8 gauges"),
-        (152, 5, "which cannot be"),
+        (152, 6, "which is wrong for 8 gauges"),
+        (152, 7, "which cannot be"),
         (156, 1, "which cannot be"),
     ],
 )
 def test_header_that_cannot_be(small: NativeCase, tmp_path: Path, position: int, value: int, text: str) -> None:
-    content = bytearray((small.resources / "map.bin").read_bytes())
+    content = bytearray(without_sections(small))
     struct.pack_into("<I", content, position, value)
     assert text in refused(tmp_path, sealed(bytes(content)), small.n)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_value_that_is_not_finite(small: NativeCase, tmp_path: Path, value: float) -> None:
-    content = bytearray((small.resources / "map.bin").read_bytes())
+    content = bytearray(without_sections(small))
     for position in range(VALUES_AT, len(content), 8 * 37):
         altered = content[:position] + struct.pack("<d", value) + content[position + 8 :]
         text = refused(tmp_path, sealed(bytes(altered)), small.n)
         assert text.endswith(f"holds a value that is not finite (number {(position - VALUES_AT) // 8})")
+
+
+@pytest.mark.parametrize(
+    ("number", "value", "text"),
+    [
+        (0, np.nan, "limits of a tare that cannot be"),
+        (2, -1.0, "limits of a tare that cannot be"),
+        (3, 16.0, "a tare of fewer samples than there can be"),
+        (10, 0.0, "limits of a tare that cannot be"),
+    ],
+)
+def test_tare_that_cannot_be(small: NativeCase, tmp_path: Path, number: int, value: float, text: str) -> None:
+    content = bytearray((small.resources / "map.bin").read_bytes())
+    begin = content.index(b"TARE\0\0\0\0")
+    struct.pack_into("<d", content, begin + 24 + 8 * number, value)
+    struct.pack_into("<I", content, begin + 16, zlib.crc32(content[begin + 24 :]))
+    assert text in refused(tmp_path, sealed(bytes(content)), small.n)
 
 
 def test_reference_that_is_not_positive(small: NativeCase, tmp_path: Path) -> None:

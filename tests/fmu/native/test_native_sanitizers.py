@@ -30,6 +30,12 @@ def test_two_hundred_instances(case: NativeCase, checked: list[str]) -> None:
     assert run_host(checked, case, "many", steps).startswith(b"many: same")
 
 
+@pytest.mark.parametrize("steps", [10, 64, 1000])
+def test_tare(case: NativeCase, checked: list[str], steps: int) -> None:
+    said = run_host(checked, case, "tare", steps).decode()
+    assert said.startswith("tare: 3 0" if steps < 64 else "tare: 2 ")
+
+
 @pytest.mark.parametrize("names", [("few gauges", "case 1"), ("case 1", "case 2")])
 def test_states_of_another_map(cases: dict[str, NativeCase], checked: list[str], names: tuple[str, str]) -> None:
     one, other = (cases[name] for name in names)

@@ -160,8 +160,8 @@ def test_array_of_fmi_3(hot: NativeCase) -> None:
     temperature = drawn_temperature(thermal, 0, np.random.default_rng(4))
     two, three = Fmu2(hot.uri, n).start(), Fmu3(str(hot.resources), n).start()
     give_temperature(two, temperature, n)
-    assert three.set("Float64", c_double, [Fmu3.TIME], temperature) == OK
-    assert three.get("Float64", c_double, [Fmu3.TIME], N_T)[1].tolist() == temperature.tolist()
+    assert three.set("Float64", c_double, [Fmu3.TARE], temperature) == OK
+    assert three.get("Float64", c_double, [Fmu3.TARE], N_T)[1].tolist() == temperature.tolist()
     assert three.get("Float64", c_double, [Fmu3.TIME + 1], 1)[0] == OK  # the time
     strain = hot.inverse_map.mean_strain
     two.set_strain(strain)

@@ -157,15 +157,17 @@ def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, 
 
 
 def test_wrong_value_references(small: NativeCase) -> None:
-    fmu, end = Fmu2(small.uri, small.n).start(), first_zero(small.n) + 2 * small.n + 1
+    fmu = Fmu2(small.uri, small.n).start()
+    tare = first_zero(small.n) + 2 * small.n + 1
+    end = tare + 2 + 2 * small.n + 1
     value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
     for name, wrong, memory in (
-        ("GetReal", [20, 23, N_OUTPUTS + small.n, end, 2**32 - 1], value),
-        ("SetReal", [0, 20, 26, N_OUTPUTS + small.n, end, 2**32 - 1], value),
-        ("GetInteger", [0, 21, 26, N_OUTPUTS, end], whole),
-        ("SetInteger", [20, 23, N_OUTPUTS], whole),
-        ("GetBoolean", [0, N_OUTPUTS, end, 2**32 - 1], whole),
-        ("SetBoolean", [0, N_OUTPUTS, end, 2**32 - 1], whole),
+        ("GetReal", [20, 23, N_OUTPUTS + small.n, tare, tare + 1, end, 2**32 - 1], value),
+        ("SetReal", [0, 20, 26, N_OUTPUTS + small.n, tare, tare + 2, end, 2**32 - 1], value),
+        ("GetInteger", [0, 21, 26, N_OUTPUTS, tare, tare + 2, end], whole),
+        ("SetInteger", [20, 23, N_OUTPUTS, tare + 1], whole),
+        ("GetBoolean", [0, N_OUTPUTS, tare + 1, tare + 2, end, 2**32 - 1], whole),
+        ("SetBoolean", [0, N_OUTPUTS, tare + 1, tare + 2, end, 2**32 - 1], whole),
         ("GetString", [0, end], ctypes.c_char_p()),
         ("SetString", [0, end], ctypes.c_char_p()),
     ):

@@ -1,0 +1,228 @@
+#include "tare.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tare_judge.h"
+
+#define N_LIMITS 10
+
+static int parse(const Section *section, size_t n, TareLimits *limits, char *text) {
+    const double *next = (const double *)(const void *)section->content;
+    int good = section->length == (N_LIMITS + n) * sizeof *next;
+    for (size_t k = 0; good && k < N_LIMITS + n; k++) {
+        good = isfinite(next[k]) && next[k] >= 0.0 && (k < N_LIMITS || next[k] > 0.0);
+    }
+    if (!good) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds limits of a tare that cannot be");
+        return 0;
+    }
+    limits->dynamic_pressure = *take_doubles(&next, 1);
+    limits->zero = *take_doubles(&next, 1);
+    limits->drift = *take_doubles(&next, 1);
+    limits->least_samples = *take_doubles(&next, 1);
+    limits->least_part = *take_doubles(&next, 1);
+    limits->least_gauges = *take_doubles(&next, 1);
+    limits->own_factor = *take_doubles(&next, 1);
+    limits->moved = *take_doubles(&next, 1);
+    limits->loud = *take_doubles(&next, 1);
+    limits->like_load = *take_doubles(&next, 1);
+    limits->noise_std = take_doubles(&next, n);
+    if (limits->least_samples < 4.0 * LEAST_STRETCHES) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a tare of fewer samples than there can be");
+        return 0;
+    }
+    return 1;
+}
+
+int tare_create(const Section *section, size_t n_gauges, double largest_zero, Tare *tare, char text[MODEL_TEXT_SIZE]) {
+    const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
+    if (section->content == NULL) {
+        return 1;
+    }
+    if (!parse(section, n, &tare->limits, text)) {
+        return 0;
+    }
+    const size_t count = zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n);
+    tare->memory = calloc(1, count * sizeof(double) + n);
+    if (tare->memory == NULL) {
+        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
+        return 0;
+    }
+    tare->zero = tare->memory;
+    window_arrays(&tare->window, n, tare->zero + zeros);
+    tare->found.mean = tare->zero + zeros + window_doubles(n);
+    tare->found.scatter = tare->found.mean + n;
+    tare->found.stretch = tare->found.scatter + n;
+    tare->reading = tare->found.stretch + stretches;
+    tare->scratch = tare->reading + n;
+    tare->found.reads = (unsigned char *)(tare->zero + count);
+    tare->n_gauges = n;
+    tare->largest_zero = largest_zero;
+    tare->present = 1;
+    return 1;
+}
+
+void tare_free(Tare *tare) {
+    free(tare->memory);
+}
+
+void tare_reset(Tare *tare) {
+    if (tare->present) {
+        tare->up = tare->to_report = 0;
+        tare->flags = (TareFlags){.state = TARE_IDLE};
+        memset(tare->zero, 0, (2 * tare->n_gauges + 1) * sizeof *tare->zero);
+        window_begin(&tare->window);
+    }
+}
+
+static int refuse(Tare *tare, const char *why) {
+    tare->flags.state = TARE_REFUSED;
+    tare->to_report = 1;
+    snprintf(tare->text, sizeof tare->text, "tare refused: %.200s; zeros as before", why);
+    return 0;
+}
+
+static void say_taken(Tare *tare) {
+    const size_t n = tare->n_gauges;
+    double square = 0.0, largest = 0.0;
+    size_t used = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (tare->zero[n + i] < tare->largest_zero) {
+            used++;
+            square += tare->zero[i] * tare->zero[i];
+            largest = tare->zero[n + i] > largest ? tare->zero[n + i] : largest;
+        }
+    }
+    tare->to_report = 1;
+    snprintf(tare->text, sizeof tare->text,
+             "tare taken: %lu zeros from %.0f steps, rms %.4g um/m, standard deviations up to %.2g um/m each and %.2g "
+             "um/m in common",
+             (unsigned long)used, tare->window.counts.samples, 1e6 * sqrt(square / (double)used), 1e6 * largest,
+             1e6 * tare->zero[2 * n]);
+}
+
+static int finish(Tare *tare, const double *mean_strain) {
+    char why[MODEL_TEXT_SIZE];
+    if (tare->window.counts.samples < tare->limits.least_samples) {
+        snprintf(why, sizeof why, "window: expected at least %.0f steps, got %.0f", tare->limits.least_samples,
+                 tare->window.counts.samples);
+        return refuse(tare, why);
+    }
+    window_statistics(&tare->window, tare->limits.least_part, &tare->found);
+    if (!tare_judge(tare, mean_strain, why)) {
+        return refuse(tare, why);
+    }
+    tare->flags.has_zeros = 1.0;
+    tare->flags.state = TARE_DONE;
+    say_taken(tare);
+    return 1;
+}
+
+int tare_follow(Tare *tare, const double *mean_strain) {
+    const int was_up = tare->flags.is_up != 0.0;
+    tare->flags.is_up = tare->up;
+    if (tare->up && !was_up) {
+        tare->flags.state = TARE_AVERAGING;
+        window_begin(&tare->window);
+    }
+    return was_up && !tare->up && tare_is_averaging(tare) && finish(tare, mean_strain);
+}
+
+void tare_take(Tare *tare, double dynamic_pressure) {
+    char why[MODEL_TEXT_SIZE];
+    if (!tare_is_averaging(tare)) {
+        return;
+    }
+    if (isnan(dynamic_pressure)) {
+        refuse(tare, "loads are not known: no dynamic pressure");
+    } else if (fabs(dynamic_pressure) > tare->limits.dynamic_pressure) {
+        snprintf(why, sizeof why, "loads are not known: dynamic pressure is %.4g Pa, expected at most %g Pa",
+                 dynamic_pressure, tare->limits.dynamic_pressure);
+        refuse(tare, why);
+    } else {
+        window_add(&tare->window, tare->reading);
+    }
+}
+
+void tare_drop(Tare *tare) {
+    tare->flags.has_zeros = 0.0;
+    if (!tare_is_averaging(tare)) {
+        tare->flags.state = TARE_IDLE;
+    }
+}
+
+/* State: flags, the input, counts of the window, then the arrays of zeros and window, which follow each other. */
+
+static size_t array_size(const Tare *tare) {
+    return (2 * tare->n_gauges + 1 + window_doubles(tare->n_gauges)) * sizeof(double);
+}
+
+size_t tare_state_size(const Tare *tare) {
+    return tare->present ? sizeof tare->flags + sizeof(double) + sizeof(WindowCounts) + array_size(tare) : 0;
+}
+
+void tare_write_state(const Tare *tare, unsigned char *bytes) {
+    const double up = tare->up;
+    if (!tare->present) {
+        return;
+    }
+    memcpy(bytes, &tare->flags, sizeof tare->flags);
+    bytes += sizeof tare->flags;
+    memcpy(bytes, &up, sizeof up);
+    bytes += sizeof up;
+    memcpy(bytes, &tare->window.counts, sizeof tare->window.counts);
+    memcpy(bytes + sizeof tare->window.counts, tare->zero, array_size(tare));
+}
+
+void tare_read_state(Tare *tare, const unsigned char *bytes) {
+    double up;
+    if (!tare->present) {
+        return;
+    }
+    memcpy(&tare->flags, bytes, sizeof tare->flags);
+    bytes += sizeof tare->flags;
+    memcpy(&up, bytes, sizeof up);
+    bytes += sizeof up;
+    tare->up = up != 0.0;
+    memcpy(&tare->window.counts, bytes, sizeof tare->window.counts);
+    memcpy(tare->zero, bytes + sizeof tare->window.counts, array_size(tare));
+    tare->to_report = 0;
+}
+
+static int is_flag(double value) {
+    return value == 0.0 || value == 1.0;
+}
+
+/* Arrays in the bytes need not be aligned: numbers are copied one by one. */
+static int arrays_fit(const Tare *tare, const unsigned char *bytes) {
+    const size_t n = tare->n_gauges;
+    int good = 1;
+    for (size_t k = 0; k < array_size(tare) / sizeof(double); k++) {
+        double value;
+        memcpy(&value, bytes + k * sizeof value, sizeof value);
+        const double least = k < n ? -tare->largest_zero : 0.0;
+        good = good && isfinite(value) && (k > 2 * n || (value >= least && value <= tare->largest_zero));
+    }
+    return good;
+}
+
+int tare_state_fits(const Tare *tare, const unsigned char *bytes) {
+    TareFlags flags;
+    WindowCounts counts;
+    double up;
+    if (!tare->present) {
+        return 1;
+    }
+    memcpy(&flags, bytes, sizeof flags);
+    bytes += sizeof flags;
+    memcpy(&up, bytes, sizeof up);
+    bytes += sizeof up;
+    memcpy(&counts, bytes, sizeof counts);
+    return is_flag(flags.is_up) && is_flag(flags.has_zeros) && is_flag(up)
+        && (flags.state == TARE_IDLE || flags.state == TARE_AVERAGING || flags.state == TARE_DONE
+            || flags.state == TARE_REFUSED)
+        && window_counts_fit(&counts) && arrays_fit(tare, bytes + sizeof counts);
+}

@@ -1,0 +1,101 @@
+#include "tare_window.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LARGEST_COUNT 9007199254740992.0 /* 2^53, up to which every whole number is a double */
+
+size_t window_doubles(size_t n_gauges) {
+    return (2 + 2 * MAX_STRETCHES) * n_gauges;
+}
+
+void window_arrays(TareWindow *window, size_t n_gauges, double *doubles) {
+    window->n_gauges = n_gauges;
+    window->first = doubles;
+    window->square = window->first + n_gauges;
+    window->total = window->square + n_gauges;
+    window->count = window->total + MAX_STRETCHES * n_gauges;
+}
+
+void window_begin(TareWindow *window) {
+    window->counts = (WindowCounts){.length = 1.0};
+    memset(window->first, 0, window_doubles(window->n_gauges) * sizeof *window->first);
+}
+
+static void join_stretches(TareWindow *window) {
+    const size_t n = window->n_gauges;
+    double *const table[] = {window->total, window->count};
+    for (size_t t = 0; t < 2; t++) {
+        for (size_t k = 0; k < LEAST_STRETCHES; k++) {
+            for (size_t i = 0; i < n; i++) {
+                table[t][k * n + i] = table[t][2 * k * n + i] + table[t][(2 * k + 1) * n + i];
+            }
+        }
+        memset(table[t] + LEAST_STRETCHES * n, 0, LEAST_STRETCHES * n * sizeof *table[t]);
+    }
+    window->counts.length *= 2.0;
+    window->counts.stretches = LEAST_STRETCHES;
+}
+
+static double sum_of(const double *table, size_t rows, size_t n, size_t column) {
+    double sum = 0.0;
+    for (size_t k = 0; k < rows; k++) {
+        sum += table[k * n + column];
+    }
+    return sum;
+}
+
+void window_add(TareWindow *window, const double *strain) {
+    WindowCounts *counts = &window->counts;
+    const size_t n = window->n_gauges, row = (size_t)counts->stretches * n;
+    for (size_t i = 0; i < n; i++) {
+        if (!isfinite(strain[i])) {
+            continue;
+        }
+        if (sum_of(window->count, MAX_STRETCHES, n, i) == 0.0) {
+            window->first[i] = strain[i];
+        }
+        const double part = strain[i] - window->first[i];
+        window->square[i] += part * part;
+        window->total[row + i] += part;
+        window->count[row + i] += 1.0;
+    }
+    counts->samples += 1.0;
+    counts->filled += 1.0;
+    if (counts->filled == counts->length) {
+        counts->filled = 0.0;
+        counts->stretches += 1.0;
+        if (counts->stretches == MAX_STRETCHES) {
+            join_stretches(window);
+        }
+    }
+}
+
+static int whole(double value, double least, double largest) {
+    return value >= least && value <= largest && value == (double)(long long)value;
+}
+
+int window_counts_fit(const WindowCounts *counts) {
+    return whole(counts->length, 1.0, LARGEST_COUNT) && whole(counts->stretches, 0.0, MAX_STRETCHES - 1.0)
+        && whole(counts->filled, 0.0, counts->length - 1.0)
+        && counts->samples == counts->stretches * counts->length + counts->filled;
+}
+
+void window_statistics(const TareWindow *window, double least_part, WindowStatistics *found) {
+    const size_t n = window->n_gauges;
+    const double samples = window->counts.samples, length = window->counts.length;
+    found->n_stretches = (size_t)window->counts.stretches & ~(size_t)1;
+    for (size_t i = 0; i < n; i++) {
+        const double count = sum_of(window->count, MAX_STRETCHES, n, i);
+        const double total = sum_of(window->total, MAX_STRETCHES, n, i);
+        found->reads[i] = count >= least_part * samples;
+        const double mean = found->reads[i] ? total / count : 0.0, square = window->square[i] - mean * total;
+        found->mean[i] = found->reads[i] ? window->first[i] + mean : 0.0;
+        found->scatter[i] = found->reads[i] && square > 0.0 ? sqrt(square / (samples - 1.0)) : 0.0;
+        for (size_t k = 0; k < found->n_stretches; k++) {
+            const double missing = length - window->count[k * n + i];
+            const double stretch = (window->total[k * n + i] + missing * mean) / length;
+            found->stretch[k * n + i] = found->reads[i] ? stretch : 0.0;
+        }
+    }
+}

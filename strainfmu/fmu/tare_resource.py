@@ -1,0 +1,36 @@
+"""What a tare needs of a map, as the native FMU reads it: a section of ``resources/map.bin``.
+
+Its content is float64 values in the order of :func:`tare_section`; ``fmus/native/estimator/tare.h`` describes them
+to the C code.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.reading_window import LEAST_PART
+from strainfmu.estimator.tare import LEAST_SAMPLES, LIKE_LOAD, LOUD, MOVED, OWN_FACTOR, TareLimits
+from strainfmu.estimator.tare_verdict import LEAST_GAUGES
+from strainfmu.fmu.resource_sections import section
+
+SECTION = b"TARE\0\0\0\0"
+
+
+def tare_section(inverse_map: InverseMap) -> bytes:
+    """Return the section: limits, then the noise of each gauge of ``inverse_map`` (n_d,) [m/m]."""
+    limits = TareLimits()
+    numbers = [
+        limits.dynamic_pressure,
+        limits.zero,
+        limits.drift,
+        LEAST_SAMPLES,
+        LEAST_PART,
+        LEAST_GAUGES,
+        OWN_FACTOR,
+        MOVED,
+        LOUD,
+        LIKE_LOAD,
+    ]
+    values = np.concatenate([numbers, inverse_map.noise_std])
+    return section(SECTION, values.astype("<f8").tobytes())

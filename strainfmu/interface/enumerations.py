@@ -1,0 +1,55 @@
+"""Enumerations among the variables of the estimator FMU: their names, and what each value means."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.tare_edge import TareState
+
+HEALTH_TYPE = "HealthState"
+
+HEALTH_ITEMS = (
+    (HealthState.OK, "Strains and dynamic pressure are valid and the residual is as expected"),
+    (
+        HealthState.INCONSISTENT,
+        "The residual's chi-square is above its limit: the strains fit no known pressure",
+    ),
+    (
+        HealthState.NO_COEFFICIENTS,
+        "Dynamic pressure is not 1e-6 to 1e7 Pa, or its deviation impossible: no coefficients",
+    ),
+    (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
+    (HealthState.DEGRADED, "Gauges are missing, the others identify the state: sigma has grown accordingly"),
+    (
+        HealthState.UNIDENTIFIED,
+        "Gauges are missing, the others do not identify the state: nothing is computed",
+    ),
+    (HealthState.SUSPECT, "The chi-square is in order, but one gauge does not fit the others"),
+    (
+        HealthState.OUTSIDE,
+        "Dynamic pressure, navigation or the coefficients leave what the map covers: sigma need not hold",
+    ),
+)
+
+TARE_TYPE = "TareState"
+
+TARE_ITEMS = (
+    (TareState.IDLE, "No tare was asked for, or zeros were set since"),
+    (TareState.AVERAGING, "Strains of the steps are averaged"),
+    (TareState.DONE, "The zeros of the window are in use"),
+    (TareState.REFUSED, "Loads were not known, or the readings are no zeros: zeros as before"),
+)
+
+Items = tuple[tuple[IntEnum, str], ...]
+
+ENUMERATIONS: dict[str, tuple[str, Items]] = {
+    HEALTH_TYPE: ("How far an estimate can be trusted; the numbers are no ranks", HEALTH_ITEMS),
+    TARE_TYPE: ("What has become of the last tare", TARE_ITEMS),
+}
+"""Description and items by name."""
+
+
+def used_enumerations(declared: set[str | None]) -> dict[str, tuple[str, Items]]:
+    """Return those of :data:`ENUMERATIONS` whose names are among ``declared``."""
+    return {name: one for name, one in ENUMERATIONS.items() if name in declared}

@@ -1,0 +1,139 @@
+"""A tare by the input of the FMU: every kind takes the same zeros, and tells what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmu_host import COEFFICIENTS, STRAINS, Host, loaded
+from synthetic_vehicle import N_GAUGES, SyntheticFiles
+
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.tare import tare
+from strainfmu.estimator.tare_edge import TareState
+from strainfmu.interface.tare_variables import zero_in_use_names
+from strainfmu.interface.zero_variables import zero_names
+
+pytestmark = pytest.mark.fast
+
+IN_USE = zero_in_use_names(N_GAUGES)
+N = 90
+
+
+def readings(seed: int = 0) -> np.ndarray:
+    """(n, n_d) of random zeros."""
+    random = np.random.default_rng(seed)
+    return 1e-4 * random.normal(size=N_GAUGES) + 1e-7 * random.normal(size=(N, N_GAUGES))
+
+
+@pytest.fixture(scope="module")
+def hosts(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Host]]:
+    with ExitStack() as stack:
+        folder = tmp_path_factory.mktemp("tare")
+        yield [stack.enter_context(loaded(fmus[kind], folder / kind)) for kind in ("native", "python")]
+
+
+def begin(host: Host) -> None:
+    host.fmu.reset()
+    host.initialize()
+
+
+def window(host: Host, strain: np.ndarray, pressure: float, *, asked: bool = True) -> None:
+    """Steps with the flag up, and one with it down."""
+    host.set(["dynamic_pressure"], [pressure])
+    host.set_booleans(["tare"], [asked])
+    for row in strain:
+        host.set(STRAINS, row.tolist())
+        host.fmu.doStep(0.0, 0.1)
+    host.set_booleans(["tare"], [False])
+
+
+def state(host: Host) -> TareState:
+    return TareState(host.integers(["tare_state"])[0])
+
+
+def test_every_kind_takes_the_zeros_of_the_window(hosts: list[Host], synthetic: SyntheticFiles) -> None:
+    held, strain = load_inverse_map(synthetic.map_1), readings()
+    expected = tare(held, strain, np.zeros(N)).zeros
+    for host in hosts:
+        begin(host)
+        assert state(host) == TareState.IDLE
+        window(host, strain, 0.0)
+        assert state(host) == TareState.AVERAGING
+        assert not host.get(IN_USE).any()
+        host.fmu.doStep(0.0, 0.1)
+        assert state(host) == TareState.DONE
+        found = host.get(IN_USE)
+        np.testing.assert_allclose(found[:N_GAUGES], expected.value, rtol=1e-12)
+        np.testing.assert_allclose(found[N_GAUGES:-1], expected.std, rtol=1e-12)
+        assert found[-1] == pytest.approx(expected.common_std, rel=1e-12)
+        assert not host.get(zero_names(N_GAUGES)).any()  # parameters are the host's
+        reading = held.mean_strain + expected.value
+        host.set([*STRAINS, "dynamic_pressure"], [*reading, 9e4])
+        known = Estimator(held).with_zeros(expected).estimate(reading, 9e4)
+        np.testing.assert_allclose(host.get(COEFFICIENTS), known.coefficients, rtol=1e-10)
+        host.set([zero_names(N_GAUGES)[0]], [1e-5])
+        assert state(host) == TareState.IDLE
+        assert host.get(IN_USE).tolist() == [1e-5, *[0.0] * (2 * N_GAUGES)]
+
+
+def test_refused_in_flight_and_where_pressure_is_not_known(hosts: list[Host]) -> None:
+    for host in hosts:
+        for pressure in (5e3, np.nan, -1e9):
+            begin(host)
+            window(host, readings(), pressure)
+            assert state(host) == TareState.REFUSED
+            host.fmu.doStep(0.0, 0.1)
+            assert state(host) == TareState.REFUSED
+            assert not host.get(IN_USE).any()
+        window(host, readings(), 0.0, asked=False)
+        assert state(host) == TareState.REFUSED  # what became of the last one
+
+
+def test_a_state_within_a_window_goes_on(hosts: list[Host]) -> None:
+    strain = readings()
+    for host in hosts:
+        begin(host)
+        host.set(["dynamic_pressure"], [0.0])
+        host.set_booleans(["tare"], [True])
+        for row in strain[:50]:
+            host.set(STRAINS, row.tolist())
+            host.fmu.doStep(0.0, 0.1)
+        kept = host.fmu.serializeFMUstate(host.fmu.getFMUstate())
+        found = []
+        for _ in range(2):
+            host.fmu.setFMUstate(host.fmu.deSerializeFMUstate(kept))
+            assert state(host) == TareState.AVERAGING
+            window(host, strain[50:], 0.0)
+            host.fmu.doStep(0.0, 0.1)
+            found.append(host.get(IN_USE))
+        assert found[0].any()
+        assert found[0].tobytes() == found[1].tobytes()
+
+
+@pytest.mark.parametrize("kind", ["native", "native_3", "python"])
+def test_a_host_asks_by_a_table_of_inputs(
+    fmus: dict[str, Path], kind: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    signals = np.array(
+        [(0.0, True, 0.0), (1.0, False, 0.0), (2.0, False, 9e4)],
+        dtype=[("time", float), ("tare", bool), ("dynamic_pressure", float)],
+    )
+    result = fmpy.simulate_fmu(
+        str(fmus[kind]),
+        stop_time=2.0,
+        output_interval=0.01,
+        input=signals,
+        output=["tare_state"],
+        debug_logging=True,
+    )
+    states = result["tare_state"].astype(int).tolist()
+    assert sorted(set(states)) == [TareState.IDLE, TareState.AVERAGING, TareState.DONE]
+    assert states == sorted(states)
+    said = "".join(capfd.readouterr())
+    assert said.count("tare taken: 6 zeros from ") == 1
