@@ -39,6 +39,7 @@ from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.native_package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names
+from strainfmu.interface.parameter_variables import PREFIX
 
 STEP_SIZE = 0.01
 """Time between samples of the flight [s]: 100 Hz."""
@@ -128,15 +129,18 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
     strain = flown.strain + noise
     pressure = np.array([condition.dynamic_pressure for condition in flown.conditions])
     stated = pressure * (1.0 + float(built.dynamic_pressure))
-    further = {"mach_number": "mach_number", "altitude": "altitude"}
+    parameters = tuple(pipeline.vehicle.conditions.parameters)
+    further = ("mach_number", "altitude", *(f"{PREFIX}{name}" for name in parameters))
     rows, cost = [], []
     with (
         pipeline.reporter.stage("Flight: the estimator FMU") as progress,
-        FmuStep(pipeline.path("estimator.fmu"), tuple(further), (LIMIT, *OF_ROLLING)) as step,
+        FmuStep(pipeline.path("estimator.fmu"), further, (LIMIT, *OF_ROLLING)) as step,
     ):
         of_rolling = [name for name in OF_ROLLING if name in step.further_outputs]
         for i, condition in enumerate(flown.conditions):
-            values = {"mach_number": condition.mach_number, "altitude": condition.altitude}
+            values = dict(
+                zip(further, (condition.mach_number, condition.altitude, *condition.parameters), strict=True)
+            )
             begun = perf_counter()
             result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.further_inputs})
             cost.append(perf_counter() - begun)
@@ -152,7 +156,6 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
             if i % 100 == 0:
                 progress(i, len(strain))
     table = np.array([condition.as_row() for condition in flown.conditions])
-    parameters = list(pipeline.vehicle.conditions.parameters)
     rolling = [ROLLING] if of_rolling else []
     plant = [*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1]), "dynamic_pressure"]
     plant += ["mach_number", "angle_of_attack", "sideslip_angle", "altitude", *parameters]

@@ -23,8 +23,8 @@ def check_parameters(
 ) -> None:
     """Refuse a manoeuvre that takes a further parameter out of the range of ``conditions``, the snapshots'.
 
-    The estimate does not know the parameter, so no health tells that it left the map; Mach number and incidence
-    do, and get a warning.
+    Health would be OUTSIDE there, as the parameters are inputs of the estimator. Mach number and incidence beyond
+    those of the snapshots get a warning.
 
     Raises
     ------

@@ -38,6 +38,7 @@ from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_cons
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.interface.parameter_variables import parameter_names
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
@@ -81,6 +82,7 @@ class EstimatorSlave(Fmi2Slave):
         estimated = (v.name for v in interface if v.causality == "output" and v.name != TARE_STATE)
         self._outputs = [references[name] for name in estimated]
         self._inputs = [references[v.name] for v in interface if v.causality in ("input", "parameter")]
+        self._flow_parameters = [references[name] for name in parameter_names(inverse_map)]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Real inputs, which go without a check of their values.
@@ -237,7 +239,17 @@ class EstimatorSlave(Fmi2Slave):
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
             found, self._next = self._switched(estimator).step(inputs, self._track, self._time)
             return found
-        return self._estimator.step(strain, flow.pop("dynamic_pressure"), valid, temperature=temperature, **flow)
+        values = known_flow(self._values[self._flow_parameters].tolist())
+        return self._estimator.step(
+            strain,
+            flow["dynamic_pressure"],
+            valid,
+            flow["dynamic_pressure_std"],
+            mach_number=flow["mach_number"],
+            altitude=flow["altitude"],
+            temperature=temperature,
+            parameters=dict(zip(self._estimator.parameters.names, values, strict=True)),
+        )
 
     def _switched(self, estimator: ManifoldEstimator) -> SwitchedFilter:
         """Return the filter of ``estimator``, that of the last step if neither has changed."""

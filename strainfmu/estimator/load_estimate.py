@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads, further_names
+from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 from strainfmu.estimator.pressure_field import FieldInputs, PressureField
 
 if TYPE_CHECKING:
@@ -125,6 +124,9 @@ class LoadEstimate(NamedLoads):
     further_loads, further_loads_std : (m,) rolling moment, and six loads of each section [N, N m].
     further_coefficients, further_coefficients_std : (m,) the same over q S, moments over q S L [1].
     section_station : (n_s,) x of the sections [m].
+    parameter_score : (n_p,) part of its range in the map by which each further parameter of the flow leaves it; 0
+        inside, and where it is not known.
+    outside_parameters : names of those that leave their range, for which health is OUTSIDE.
     field_inputs : what :meth:`pressure` needs; None where the map holds no pressure field.
     """
 
@@ -147,6 +149,8 @@ class LoadEstimate(NamedLoads):
     further_coefficients: FloatArray
     further_coefficients_std: FloatArray
     section_station: FloatArray
+    parameter_score: FloatArray
+    outside_parameters: tuple[str, ...]
     field_inputs: FieldInputs | None = None
 
     def pressure(self, with_std: bool = True) -> PressureField:
@@ -175,7 +179,9 @@ class LoadEstimate(NamedLoads):
 
     def to_dataframe(self) -> DataFrame:
         """Return one row: coefficients, loads, their standard deviations and health. Needs pandas."""
-        return _dataframe(self, [self.health.name])
+        from strainfmu.estimator.estimate_table import dataframe_of
+
+        return dataframe_of(self, [self.health.name])
 
     def _repr_html_(self) -> str:
         from strainfmu.estimator.notebook import estimate_html
@@ -200,6 +206,8 @@ class LoadEstimates(NamedLoads):
     envelope_score : (k,).
     further_loads, further_loads_std, further_coefficients, further_coefficients_std : (k, m).
     section_station : (n_s,) of all of them.
+    parameter_score : (k, n_p).
+    outside_parameters : (k,) of tuples.
     field_inputs : as of one sample, for all of them.
     """
 
@@ -222,6 +230,8 @@ class LoadEstimates(NamedLoads):
     further_coefficients: FloatArray
     further_coefficients_std: FloatArray
     section_station: FloatArray
+    parameter_score: FloatArray
+    outside_parameters: np.ndarray[tuple[int], np.dtype[np.object_]]
     field_inputs: FieldInputs | None = None
 
     @property
@@ -259,13 +269,17 @@ class LoadEstimates(NamedLoads):
             further_coefficients=self.further_coefficients[sample],
             further_coefficients_std=self.further_coefficients_std[sample],
             section_station=self.section_station,
+            parameter_score=self.parameter_score[sample],
+            outside_parameters=self.outside_parameters[sample],
             field_inputs=None if self.field_inputs is None else self.field_inputs.of_sample(sample),
         )
 
     def to_dataframe(self) -> DataFrame:
         """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
+        from strainfmu.estimator.estimate_table import dataframe_of
+
         names = np.array([state.name for state in HealthState])
-        return _dataframe(self, names[self.health])
+        return dataframe_of(self, names[self.health])
 
     def _repr_html_(self) -> str:
         from strainfmu.estimator.notebook import estimates_html
@@ -276,7 +290,8 @@ class LoadEstimates(NamedLoads):
 def series_of(samples: Sequence[LoadEstimate]) -> LoadEstimates:
     """Return ``samples`` as one series, which states no pressure field."""
     stations = samples[0].section_station if samples else np.zeros(0)
-    series = empty_estimates(len(samples), len(samples[0].valid) if samples else 0, section_station=stations)
+    n_gauges, n_parameters = (len(samples[0].valid), len(samples[0].parameter_score)) if samples else (0, 0)
+    series = empty_estimates(len(samples), n_gauges, section_station=stations, n_parameters=n_parameters)
     for name in (entry.name for entry in fields(LoadEstimate) if entry.name not in _OF_ALL):
         for row, one in enumerate(samples):
             getattr(series, name)[row] = getattr(one, name)
@@ -292,10 +307,13 @@ def empty_estimates(
     n_gauges: int,
     field_inputs: FieldInputs | None = None,
     section_station: FloatArray | None = None,
+    n_parameters: int = 0,
 ) -> LoadEstimates:
     """Return estimates of ``k`` samples whose arrays are to be filled; the other arguments are of all of them."""
     stations = np.zeros(0) if section_station is None else section_station
     m = 1 + len(SECTION_LOADS) * len(stations)
+    none_outside = np.empty(k, dtype=object)
+    none_outside[:] = [()] * k
     return LoadEstimates(
         loads=np.empty((k, 5)),
         loads_std=np.empty((k, 5)),
@@ -316,6 +334,8 @@ def empty_estimates(
         further_coefficients=np.zeros((k, m)),
         further_coefficients_std=np.zeros((k, m)),
         section_station=stations,
+        parameter_score=np.zeros((k, n_parameters)),
+        outside_parameters=none_outside,
         field_inputs=field_inputs,
     )
 
@@ -367,23 +387,3 @@ def _section_loads(estimate: LoadEstimate | LoadEstimates) -> SectionLoads:
         for values in (estimate.further_loads, estimate.further_loads_std)
     )
     return SectionLoads(estimate.section_station, loads, std)
-
-
-def _dataframe(estimate: LoadEstimate | LoadEstimates, health: Any) -> DataFrame:
-    from pandas import DataFrame
-
-    columns: dict[str, Any] = {}
-    rolling = (estimate.further_coefficients[..., :1], estimate.further_coefficients_std[..., :1])
-    rows: tuple[tuple[tuple[str, ...], FloatArray, FloatArray], ...] = (
-        (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
-        (LOAD_NAMES, estimate.loads, estimate.loads_std),
-        (("M_R",), *rolling),
-        (further_names(estimate.section_station), estimate.further_loads, estimate.further_loads_std),
-    )
-    for names, values, std in rows:
-        columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))
-        columns |= {f"sigma.{name}": row for name, row in zip(names, np.atleast_2d(std).T, strict=True)}
-    columns["chi_square"] = np.atleast_1d(estimate.chi_square)
-    columns["health"] = health
-    columns["valid_gauges"] = np.atleast_1d(np.sum(estimate.valid, axis=-1))
-    return DataFrame(columns)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
+from strainfmu.estimator.arguments import checked_mask, strain_of_one, strain_of_samples
 from strainfmu.estimator.at_temperature import SensorSets, scattered
-from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
+from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces
+from strainfmu.estimator.flow import Flow, flow_of, known_pressure, parameters_outside
+from strainfmu.estimator.flow import outside as outside_by_flow
+from strainfmu.estimator.flow_parameters import flow_parameters
 from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
@@ -32,25 +35,11 @@ from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors
 
-MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
-"""q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
-
 BLOCK = 1024
 """Samples of a series that are computed together: few enough to stay in the processor's cache."""
 
 CACHED_MASKS = 32
 """Sets of missing gauges whose matrices are kept, the one unused for longest dropped first."""
-
-_FLOW = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-
-
-class _Flow(NamedTuple):
-    """Dynamic pressure and its deviation [Pa], Mach number [1] and altitude [m] of k samples, (k,) each."""
-
-    dynamic_pressure: FloatArray
-    dynamic_pressure_std: FloatArray
-    mach_number: FloatArray
-    altitude: FloatArray
 
 
 class Estimator:
@@ -89,6 +78,7 @@ class Estimator:
         self._parts = map_parts(inverse_map)
         self._masked: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
         self._scaled = ScaledLoads(inverse_map) if inverse_map.form == "dynamic_pressure" else None
+        self.parameters = flow_parameters(inverse_map)
         self._ranges, self._envelope = flight_ranges(inverse_map), half_spaces(inverse_map)
         self._complete = complete_map(self._parts)
         self._apply_settings(settings or default_settings(inverse_map))
@@ -142,6 +132,7 @@ class Estimator:
         mach_number: ArrayLike = np.nan,
         altitude: ArrayLike = np.nan,
         temperature: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> LoadEstimate | LoadEstimates:
         """Estimate the loads of one sample, or of k samples at once.
 
@@ -157,23 +148,25 @@ class Estimator:
             whether q_inf agrees with 0.7 M^2 p(h).
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none. What the wall's temperature strains is taken off, as far as they tell.
+        parameters : further parameters of the flow by the names of the map, such as deflections of controls, one
+            value for all samples or (k,), NaN where not known. They too decide on health alone.
 
         Raises
         ------
         InputError
-            An argument has the wrong shape or is no number, ``valid`` is not of bool, or there are temperatures of
-            which the map knows nothing. Values that are not
+            An argument has the wrong shape or is no number, ``valid`` is not of bool, or there are temperatures or
+            parameters of which the map knows nothing. Values that are not
             finite are no error: the estimate goes without the gauge or without coefficients, and health states it.
         """
         d = np.asarray(strain, dtype=float)
         if d.ndim != 2:
             flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-            return self._one(d, valid, flow, temperature)
+            return self._one(d, valid, flow, temperature, parameters)
         n = self.inverse_map.n_gauges
         d = strain_of_samples(d, n)
         mask = None if valid is None else np.broadcast_to(checked_mask(valid, n, len(d)), d.shape)
         values = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-        flows = _Flow(*(per_sample(name, value, len(d)) for name, value in zip(_FLOW, values, strict=True)))
+        flows = flow_of(values, self.parameters, parameters, len(d))
         return self._at_temperature(d, mask, flows, temperature)
 
     def step(
@@ -186,10 +179,11 @@ class Estimator:
         mach_number: float = np.nan,
         altitude: float = np.nan,
         temperature: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> LoadEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`estimate`."""
         flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
-        return self._one(strain, valid, flow, temperature)
+        return self._one(strain, valid, flow, temperature, parameters)
 
     def _one(
         self,
@@ -197,14 +191,15 @@ class Estimator:
         valid: ArrayLike | None,
         flow: tuple[ArrayLike, ...],
         temperature: ArrayLike | None,
+        parameters: Mapping[str, ArrayLike] | None,
     ) -> LoadEstimate:
         d = strain_of_one(strain, self.inverse_map.n_gauges)
         mask = None if valid is None else checked_mask(valid, self.inverse_map.n_gauges)[None, :]
-        values = (per_sample(name, value, 1) for name, value in zip(_FLOW, flow, strict=True))
-        return self._at_temperature(d[None, :], mask, _Flow(*values), temperature)[0]
+        of_one = flow_of(flow, self.parameters, parameters, 1)
+        return self._at_temperature(d[None, :], mask, of_one, temperature)[0]
 
     def _at_temperature(
-        self, readings: FloatArray, valid: BoolArray | None, flow: _Flow, temperature: ArrayLike | None
+        self, readings: FloatArray, valid: BoolArray | None, flow: Flow, temperature: ArrayLike | None
     ) -> LoadEstimates:
         """Return the estimates of k samples (k, n_d) with what is known of the temperature, if anything."""
         if temperature is None:
@@ -217,13 +212,13 @@ class Estimator:
         parts = []
         for rows, key in self._warm.groups(known):
             estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
-            of_rows = _Flow(*(one[rows] for one in flow))
+            of_rows = Flow(*(one[rows] for one in flow))
             parts.append((rows, estimator._series(strain * scale, used[rows], of_rows, is_checked=True)))
         found: LoadEstimates = scattered(parts, len(readings))
         return found
 
     def _series(
-        self, readings: FloatArray, valid: BoolArray | None, flow: _Flow, is_checked: bool = False
+        self, readings: FloatArray, valid: BoolArray | None, flow: Flow, is_checked: bool = False
     ) -> LoadEstimates:
         """Return the estimates of k samples: readings and valid are (k, n_d).
 
@@ -234,7 +229,15 @@ class Estimator:
         d = (readings if sensors is None else readings / sensors.scale) - self.zeros.value
         stations = None if further is None else further.section_station
         inputs = self._field_inputs(d, flow)
-        series = empty_estimates(len(d), d.shape[1], field_inputs=inputs, section_station=stations)
+        series = empty_estimates(
+            len(d),
+            d.shape[1],
+            field_inputs=inputs,
+            section_station=stations,
+            n_parameters=len(self.parameters.names),
+        )
+        if self.parameters.names:
+            self._fill_parameters(series, flow)
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
@@ -255,10 +258,15 @@ class Estimator:
                     self._fill(series, of_mask, masked, d, flow)
         return series
 
-    def _field_inputs(self, d: FloatArray, flow: _Flow) -> FieldInputs | None:
+    def _fill_parameters(self, series: LoadEstimates, flow: Flow) -> None:
+        series.parameter_score[:] = flow.parameter_score
+        for row in np.flatnonzero(parameters_outside(flow)):
+            series.outside_parameters[row] = self.parameters.outside(flow.parameter_score[row])
+
+    def _field_inputs(self, d: FloatArray, flow: Flow) -> FieldInputs | None:
         if self.inverse_map.field_modes is None:
             return None
-        known, std = self._known_pressure(flow)
+        known, std = known_pressure(flow, self.inverse_map.dynamic_pressure_error)
         unknown = np.full(len(d), np.nan)
         return FieldInputs(
             inverse_map=self.inverse_map,
@@ -275,11 +283,11 @@ class Estimator:
         rows: IntArray | slice,
         masked: MaskedMap,
         strain: FloatArray,
-        all_flow: _Flow,
+        all_flow: Flow,
     ) -> None:
         """Compute the ``rows`` of ``series``, all with the gauges of ``masked``."""
-        flow = _Flow(*(values[rows] for values in all_flow))
-        known, q_std = self._known_pressure(flow)
+        flow = Flow(*(values[rows] for values in all_flow))
+        known, q_std = known_pressure(flow, self.inverse_map.dynamic_pressure_error)
         q = np.where(known, flow.dynamic_pressure, np.nan)
         # Products below need numbers; what is not known is taken out at the end.
         found = self._loads_from(
@@ -319,7 +327,7 @@ class Estimator:
         health[outside] = HealthState.OUTSIDE
         health[suspicious] = HealthState.SUSPECT
         health[found.chi_square > limit] = HealthState.INCONSISTENT
-        health[self._outside(flow, q_std)] = HealthState.OUTSIDE
+        health[outside_by_flow(self._ranges, flow, q_std)] = HealthState.OUTSIDE
         health[~known] = HealthState.NO_COEFFICIENTS
         series.health[rows] = health
         if self._scaled is not None and not known.all():
@@ -343,16 +351,6 @@ class Estimator:
         series.further_loads_std[rows] = np.sqrt(found.further_variance + of_pressure * of_pressure)
         series.further_coefficients_std[rows] = np.sqrt(scale**2 * found.further_variance + of_both * of_both)
 
-    def _known_pressure(self, flow: _Flow) -> tuple[BoolArray, FloatArray]:
-        """Return (k,) whether q_inf gives coefficients, and the standard deviation of its error [Pa], 0 where
-        not."""
-        q, std = flow.dynamic_pressure, flow.dynamic_pressure_std
-        usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
-        q = np.where(usable, q, 0.0)
-        std = np.where(np.isnan(std), self.inverse_map.dynamic_pressure_error * q, std)
-        known = usable & (std >= 0.0) & (std < np.inf)
-        return known, np.where(known, std, 0.0)
-
     def _loads_from(self, masked: MaskedMap, d: FloatArray, q: FloatArray) -> LoadsFromStrain:
         if self._scaled is None:
             return absolute_loads(self._parts, masked, d)
@@ -368,15 +366,6 @@ class Estimator:
         covariance = scale[:, :, None] * found.load_covariance * scale[:, None, :]
         covariance = covariance + of_pressure[:, :, None] * of_pressure[:, None, :]
         return np.where(np.isnan(q), np.nan, envelope_score(self._envelope, coefficients, covariance))
-
-    def _outside(self, flow: _Flow, q_std: FloatArray) -> BoolArray:
-        return outside_by_navigation(
-            self._ranges,
-            dynamic_pressure=flow.dynamic_pressure,
-            dynamic_pressure_std=q_std,
-            mach_number=flow.mach_number,
-            altitude=flow.altitude,
-        )
 
     def masked_map(self, valid: ArrayLike) -> MaskedMap | None:
         """Return the map for the gauges of ``valid`` (n_d,) of bool; None if they do not identify the state.

@@ -9,7 +9,8 @@ Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`
 Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
 (:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), temperature modes
 (:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`), limits of
-a tare (:mod:`strainfmu.fmu.tare_resource`). A bound that the map does not state is the largest finite number.
+a tare (:mod:`strainfmu.fmu.tare_resource`), further parameters of the flow
+(:mod:`strainfmu.fmu.parameter_resource`). A bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -39,6 +40,8 @@ from strainfmu.estimator.envelope import (
     half_spaces,
 )
 from strainfmu.estimator.fixed_order import householder, product
+from strainfmu.estimator.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
+from strainfmu.estimator.flow_parameters import flow_parameters
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
@@ -46,11 +49,11 @@ from strainfmu.estimator.loads_from_strain import MIN_EXPECTED_RATIO, error_mode
 from strainfmu.estimator.map_parts import MapParts, map_parts
 from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
-from strainfmu.estimator.step import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
 from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.filter_resource import filter_section
 from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
+from strainfmu.fmu.parameter_resource import parameter_section
 from strainfmu.fmu.tare_resource import tare_section
 from strainfmu.fmu.thermal_resource import thermal_section
 from strainfmu.interface.filter_variables import has_filter
@@ -123,6 +126,9 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
         _, load, unseen = _spread(inverse_map)
         parts = decompose(inverse_map)
         sections.append(further_section(inverse_map.further, parts, load[:, 5:], np.diag(unseen)[5:]))
+    known = flow_parameters(inverse_map)
+    if known.names:
+        sections.append(parameter_section(known))
     return sections
 
 

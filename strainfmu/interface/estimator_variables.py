@@ -23,6 +23,7 @@ from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
 from strainfmu.interface.input_names import known_flow as known_flow
+from strainfmu.interface.parameter_variables import with_parameter_inputs
 from strainfmu.interface.tare_variables import TARE_ARRAYS, with_tare_variables
 from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_temperature_inputs
 from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
@@ -63,8 +64,8 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
     whole = with_zero_parameters(whole, inverse_map.gauge_names)
     whole = with_filter_parameter(with_temperature_inputs(whole, inverse_map.thermal), inverse_map)
-    whole = with_further_outputs(whole, inverse_map)
-    return with_tare_variables(whole, inverse_map.gauge_names)
+    whole = with_tare_variables(with_further_outputs(whole, inverse_map), inverse_map.gauge_names)
+    return with_parameter_inputs(whole, inverse_map)
 
 
 def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[float]:
@@ -74,7 +75,8 @@ def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[fl
     (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
     """
     of_flight = flight_outputs(estimate) if isinstance(estimate, FlightEstimate) else ()
-    return [*_linear_outputs(estimate), *of_flight, *(further_outputs(estimate) if with_further else ())]
+    further = further_outputs(estimate) if with_further else ()
+    return [*_linear_outputs(estimate), *of_flight, *further, *estimate.parameter_score.tolist()]
 
 
 def _linear_outputs(estimate: LoadEstimate) -> list[float]:

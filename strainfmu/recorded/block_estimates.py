@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypedDict, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep, outputs_of
 from strainfmu.cosim.step import StepRefused
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.flow_parameters import flow_parameters
 from strainfmu.estimator.further_loads import further_names, is_moment
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
@@ -28,6 +29,7 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.estimator.step import Estimator
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX
 from strainfmu.recorded.column_names import FLOW_NAMES
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.fmu_columns import FurtherOutput, further_outputs_of
@@ -85,10 +87,12 @@ class BlockEstimator(Protocol):
     further_columns : names and units of further columns of the output.
     inverse_map : the map, None of an FMU.
     sensor_names : temperature sensors that it takes.
+    parameter_names : further parameters of the flow that it takes.
     """
 
     gauge_names: tuple[str, ...]
     sensor_names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
     further_columns: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     reference: LevelReference
@@ -114,7 +118,12 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
     if source.suffix.lower() == ".fmu":
         further = further_outputs_of(outputs_of(source))
         asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in further))
-        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE), asked) as step:
+        parameters = tuple(
+            f"{PREFIX}{one.output.removeprefix(OUTSIDE_PREFIX)}"
+            for one in further
+            if one.output.startswith(OUTSIDE_PREFIX)
+        )
+        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE, *parameters), asked) as step:
             if zeros is not None:
                 step.set_zeros(load_zeros(zeros, step.gauge_names))
             yield _FmuBlocks(step, further)
@@ -141,12 +150,17 @@ class MapBlocks:
         self.inverse_map: InverseMap | None = inverse_map
         self.gauge_names = tuple(inverse_map.gauge_names)
         self.sensor_names = _sensor_names(inverse_map)
+        self.parameter_names = estimator.parameters.names
         self.envelope_score_limit = inverse_map.envelope_score_limit
         self.reference = _level_reference(inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         found = self.estimator.estimate(
-            block.strain, block.dynamic_pressure, temperature=block.temperature, **block.flow
+            block.strain,
+            block.dynamic_pressure,
+            temperature=block.temperature,
+            parameters=dict(block.parameters),
+            **flow_of(block),
         )
         if not isinstance(found, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
@@ -168,7 +182,7 @@ class MapBlocks:
             envelope_score=found.envelope_score,
             residual=found.standardised_residual,
             residual_limit=self._residual_limit(found),
-            further=_further_values(found) if self.further_columns else None,
+            further=_further_values(self.estimator.inverse_map, found) if self.further_columns else None,
             estimates=found,
         )
 
@@ -189,6 +203,7 @@ class FlightBlocks:
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
+    parameter_names: tuple[str, ...] = ()
     envelope_score_limit = OUTSIDE_SCORE
     further_columns = (
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
@@ -236,24 +251,43 @@ class FlightBlocks:
         return self._tracker.step(block.strain[row], float(block.dynamic_pressure[row]), temperature=warm, **flow)
 
 
+class _FlowArguments(TypedDict, total=False):
+    """Of :meth:`Estimator.estimate`."""
+
+    dynamic_pressure_std: FloatArray
+    mach_number: FloatArray
+    altitude: FloatArray
+
+
+def flow_of(block: StrainBlock) -> _FlowArguments:
+    """Return what ``block`` holds of the flow beside q_inf, as arguments of an estimator."""
+    return cast("_FlowArguments", dict(block.flow))
+
+
 def _sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
     return () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
 
 
 def _further_columns(inverse_map: InverseMap) -> tuple[tuple[str, str], ...]:
-    """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads."""
+    """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads.
+
+    Between the two stand the scores of further parameters of the flow.
+    """
+    scores = tuple((f"{OUTSIDE_PREFIX}{name}", "1") for name in flow_parameters(inverse_map).names)
     if inverse_map.further is None:
-        return ()
+        return scores
     stations = inverse_map.further.section_station
     units = np.where(is_moment(len(stations)), "N m", "N").tolist()
     named = (("M_R", "1"), *zip(further_names(stations), units, strict=True))
-    return (*named, *((f"sigma.{name}", unit) for name, unit in named))
+    return (*named, *scores, *((f"sigma.{name}", unit) for name, unit in named))
 
 
-def _further_values(found: LoadEstimates) -> FloatArray:
+def _further_values(inverse_map: InverseMap, found: LoadEstimates) -> FloatArray:
     """Return the values (n, n_f) of :func:`_further_columns`."""
+    if inverse_map.further is None:
+        return found.parameter_score
     rolling, std = found.further_coefficients[:, :1], found.further_coefficients_std[:, :1]
-    return np.hstack([rolling, found.further_loads, std, found.further_loads_std])
+    return np.hstack([rolling, found.further_loads, found.parameter_score, std, found.further_loads_std])
 
 
 def _further(one: FlightEstimate) -> FloatArray:
@@ -285,6 +319,8 @@ class _FmuBlocks:
         self.further_columns = tuple((one.column, one.unit) for one in further)
         self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
         self.inputs = step.further_inputs
+        given = (name for name in step.further_inputs if name.startswith(PREFIX))
+        self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
             noise_std=np.zeros(step.n_gauges),
@@ -297,6 +333,7 @@ class _FmuBlocks:
         health = np.full((n, len(_HEALTH)), np.nan)
         further = np.full((n, len(self._further)), np.nan)
         flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
+        flow |= {f"{PREFIX}{name}": values.tolist() for name, values in block.parameters.items()}
         if block.temperature is not None:
             flow |= {f"{TEMPERATURE}[{i}]": one.tolist() for i, one in enumerate(block.temperature.T, start=1)}
         before = np.append(last if np.isfinite(last) else block.time[0] - _first_step(block), block.time[:-1])

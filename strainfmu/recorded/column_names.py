@@ -58,7 +58,7 @@ class Wanted:
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
-    flow : the quantities of ``FLOW_NAMES`` that are read, and ``STATIC_PRESSURE``.
+    flow : the quantities of ``FLOW_NAMES`` that are read, ``STATIC_PRESSURE``, and further parameters by name.
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     needs_pressure : whether a file that neither holds q_inf nor lets it be computed is refused.

@@ -56,6 +56,7 @@ class StrainBlock:
     strain : (n, n_d) [m/m], NaN where a gauge has no value.
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
     flow : (n,) of each other quantity of ``FLOW_NAMES`` that the file holds [Pa, 1, m], NaN where it is not known.
+    parameters : (n,) of each further parameter of the flow that the file holds, as ``flow``.
     temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
     """
 
@@ -64,6 +65,7 @@ class StrainBlock:
     dynamic_pressure: FloatArray
     flow: Mapping[str, FloatArray] = field(default_factory=dict)
     temperature: FloatArray | None = None
+    parameters: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,7 +76,8 @@ class ColumnPlan:
     ----------
     time : column of the time.
     strain : n_d columns, order of the map's gauges.
-    flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, and of ``STATIC_PRESSURE``.
+    flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, of ``STATIC_PRESSURE``, and of
+        further parameters.
     fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, or where it is computed.
     unused : names of the columns that are not read.
     reference : strains that the map expects, None if they are not known.
@@ -148,7 +151,8 @@ class ColumnPlan:
         # A strain that no gauge bears is no value.
         strain = np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan)
         warm = temperatures(self.temperature, table[:, 1 + n_d + len(self.flow) :])
-        return StrainBlock(time, strain, pressure, flow, warm)
+        parameters = {name: flow.pop(name) for name in tuple(flow) if name not in FLOW_NAMES}
+        return StrainBlock(time, strain, pressure, flow, warm, parameters)
 
     def _unit_hint(self, strain: FloatArray) -> str:
         """Return what to do about strains that no gauge bears, with the unit that the map's strains suggest."""
@@ -270,8 +274,11 @@ def strain_factor(path: Path, name: str, unit: str | None) -> float:
 
 
 def flow_factor(path: Path, heading: str, name: str, unit: str | None) -> float:
-    """Return the factor from ``unit`` to the SI unit of ``name``, one of ``FLOW_NAMES``; 1 without a unit."""
-    units, default = _FLOW_UNITS[name]
+    """Return the factor from ``unit`` to the SI unit of ``name``, one of ``FLOW_NAMES``; 1 without a unit.
+
+    A further parameter of the flow is in the unit of the vehicle file and has none.
+    """
+    units, default = _FLOW_UNITS.get(name, (NUMBER_UNITS, "1"))
     return _factor(path, heading, unit, units=units, default=default)
 
 

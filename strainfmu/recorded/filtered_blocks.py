@@ -16,7 +16,7 @@ from strainfmu.estimator.filter.linear_filter import LinearFilter, LinearStep
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.load_estimate import LoadEstimates, series_of
-from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, FlightBlocks, MapBlocks
+from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, FlightBlocks, MapBlocks, flow_of
 from strainfmu.recorded.columns import StrainBlock
 
 Step = TypeVar("Step", FilteredStep, LinearStep)
@@ -84,7 +84,9 @@ class FilteredMap(MapBlocks):
 
     def steps(self, block: StrainBlock, last: float) -> list[LinearStep]:
         """Return the steps of a block."""
-        static = self.estimator.estimate(block.strain, block.dynamic_pressure, **block.flow)
+        static = self.estimator.estimate(
+            block.strain, block.dynamic_pressure, parameters=dict(block.parameters), **flow_of(block)
+        )
         if not isinstance(static, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
         found = []

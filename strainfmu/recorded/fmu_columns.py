@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
+
 _PREFIXES = (
     "M_R",
     "sigma.M_R",
@@ -17,6 +19,7 @@ _PREFIXES = (
     "identified.air_data.",
     "navigation_used.",
     "health.linear_loads",
+    OUTSIDE_PREFIX,
 )
 """What the names of such outputs begin with."""
 

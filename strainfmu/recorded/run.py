@@ -140,7 +140,7 @@ def estimate_file(
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
             fixed_pressure=dynamic_pressure,
-            flow=(*FLOW_NAMES, STATIC_PRESSURE),
+            flow=(*FLOW_NAMES, STATIC_PRESSURE, *estimator.parameter_names),
             computes_pressure=True,
             ignored=tuple(ignore_columns),
             reference=estimator.reference,

@@ -45,8 +45,8 @@ def assert_equal(found: LoadEstimates, expected: list[LoadEstimate]) -> None:
     assert len(found) == len(expected)
     for entry in fields(LoadEstimate):
         values = np.array([getattr(one, entry.name) for one in expected], dtype=object)
-        if entry.name == "suspects":
-            assert found.suspects.tolist() == [one.suspects for one in expected]
+        if entry.name in ("suspects", "outside_parameters"):
+            assert getattr(found, entry.name).tolist() == [getattr(one, entry.name) for one in expected]
             continue
         if entry.name == "section_station":  # what the samples have in common
             np.testing.assert_array_equal(found.section_station, expected[0].section_station)

@@ -22,9 +22,17 @@ size_t first_temperature(const Estimator *e) {
     return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->map.n_gauges);
 }
 
-size_t estimator_inputs(const Estimator *e) {
+size_t first_parameter(const Estimator *e) {
     const int has_filter = e->map.section[FILTER_SECTION].content != NULL;
     return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0) + (has_filter ? 1 : 0);
+}
+
+size_t estimator_inputs(const Estimator *e) {
+    return first_parameter(e) + e->parameters.count;
+}
+
+size_t estimator_outside(const Estimator *e) {
+    return parameter_outside(&e->parameters, e->input + first_parameter(e), e->map.not_known);
 }
 
 /* One block for all arrays: doubles, then indices, floats and bytes. */
@@ -88,6 +96,10 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         estimator_free(e);
         return NULL;
     }
+    if (!flow_parameters_parse(&e->map.section[PARAMETER_SECTION], &e->parameters, text)) {
+        estimator_free(e);
+        return NULL;
+    }
     const size_t n_levels = CACHED_MASKS * CACHED_LEVELS;
     const Section *section = e->map.section;
     const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
@@ -95,6 +107,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL
                           || section[FURTHER_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
+        || (e->parameters.count > 0 && section[FLIGHT_SECTION].content != NULL)
         || (section[FILTER_SECTION].content != NULL && filters_else)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
@@ -277,7 +290,7 @@ static int health_state(const Estimator *e) {
     if (!e->flow.known) {
         return NO_COEFFICIENTS;
     }
-    if (outside_by_navigation(&e->map.envelope, &e->flow)) {
+    if (outside_by_navigation(&e->map.envelope, &e->flow) || estimator_outside(e) != SIZE_MAX) {
         return OUTSIDE;
     }
     if (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT]) {

@@ -9,6 +9,7 @@
 #include "added_noise.h"
 #include "envelope.h"
 #include "flight.h"
+#include "flow_parameters.h"
 #include "further_loads.h"
 #include "masked_map.h"
 #include "scaled_state.h"
@@ -61,7 +62,7 @@ enum {
 
 /* After the scalars: zero of each gauge, deviation of each of them, deviation that they have in common [1]; then the
    temperature of each sensor [K], which may be NaN or the map's not_known; or the time constant of the filter [s], 0 for
-   none, of a map that has one, which has no sensors. */
+   none, of a map that has one, which has no sensors. Then further parameters of the flow, as temperatures. */
 static inline size_t number_of_zeros(size_t n_gauges) {
     return 2 * n_gauges + 1;
 }
@@ -80,6 +81,7 @@ typedef struct Estimator {
     size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
+    FlowParameters parameters; /* of the flow */
     Further further;      /* of a map with loads beside the five */
     Thermal thermal;      /* of a map with temperature modes */
     Tare tare;
@@ -112,8 +114,12 @@ void estimator_free(Estimator *estimator);
 /* Number of inputs and settings. */
 size_t estimator_inputs(const Estimator *estimator);
 
-/* Of the inputs, the first of the temperatures. */
+/* Of the inputs, the first of the temperatures, and of the parameters of the flow. */
 size_t first_temperature(const Estimator *estimator);
+size_t first_parameter(const Estimator *estimator);
+
+/* The parameter of the flow that leaves its range; SIZE_MAX for none. */
+size_t estimator_outside(const Estimator *estimator);
 
 /* Zeros, their deviations, and that in common, in use: those of the last tare, or those of the inputs. */
 static inline const double *zeros_in_use(const Estimator *e) {

@@ -105,6 +105,12 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
     snprintf(text, MODEL_TEXT_SIZE,
              "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
              model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
+    const size_t outside = health == OUTSIDE ? estimator_outside(e) : SIZE_MAX, used = strlen(text);
+    if (outside != SIZE_MAX) {
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "; %s = %g is outside %g to %g",
+                 e->parameters.names + outside * PARAMETER_NAME_SIZE, e->input[first_parameter(e) + outside],
+                 e->parameters.minimum[outside], e->parameters.maximum[outside]);
+    }
     e->reported_health = health;
     return 1;
 }
@@ -135,6 +141,10 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
             value[k] = *further_real(e, variable);
         } else if (zero_in_use(e, variable) != SIZE_MAX) {
             value[k] = zeros_in_use(e)[zero_in_use(e, variable)];
+        } else if (parameter_output(e, variable) != SIZE_MAX) {
+            const size_t which = parameter_output(e, variable);
+            const double given = e->input[first_parameter(e) + which];
+            value[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, which, given);
         } else if (flight_real(e, variable) != SIZE_MAX) {
             estimator_outputs(e);
             value[k] = e->flight.real[flight_real(e, variable)];
@@ -190,7 +200,7 @@ static int no_input(const char *type, size_t variable, char *text) {
 int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
-    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX, end = estimator_inputs(e);
+    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX, end = first_parameter(e);
     flight_before_change(e);
     if (which->listed == NULL && gauge < n && count <= n - gauge) {
         memcpy(e->input + gauge, value, count * sizeof *value);

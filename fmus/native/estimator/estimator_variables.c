@@ -35,13 +35,18 @@ static unsigned tare_reference(const Estimator *e) {
     return further_reference(e) + (e->further.present ? OF_BODY + sections : 0);
 }
 
-unsigned time_reference(const Estimator *e) {
+/* Value reference of FMI 3.0 of the first parameter of the flow; their scores follow. */
+static unsigned parameter_reference(const Estimator *e) {
     return tare_reference(e) + (e->tare.present ? TARE_REFERENCES : 0);
+}
+
+unsigned time_reference(const Estimator *e) {
+    return parameter_reference(e) + 2 * (unsigned)e->parameters.count;
 }
 
 /* Number of the first of the further loads. */
 static size_t first_further(const Estimator *e) {
-    return first_zero(e) + estimator_inputs(e) - (e->map.n_gauges + N_ALL_SCALARS);
+    return first_zero(e) + first_parameter(e) - (e->map.n_gauges + N_ALL_SCALARS);
 }
 
 size_t tare_variable(const Estimator *e) {
@@ -51,6 +56,16 @@ size_t tare_variable(const Estimator *e) {
 size_t zero_in_use(const Estimator *e, size_t variable) {
     const size_t number = variable - (tare_variable(e) + 2);
     return e->tare.present && number < number_of_zeros(e->map.n_gauges) ? number : SIZE_MAX;
+}
+
+/* Number of the first parameter of the flow; their scores follow. */
+static size_t first_parameter_variable(const Estimator *e) {
+    return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->map.n_gauges) : 0);
+}
+
+size_t parameter_output(const Estimator *e, size_t variable) {
+    const size_t which = variable - first_parameter_variable(e) - e->parameters.count;
+    return which < e->parameters.count ? which : SIZE_MAX;
 }
 
 const double *further_real(const Estimator *e, size_t variable) {
@@ -95,8 +110,11 @@ size_t input_of(const Estimator *e, size_t variable) {
         return variable - N_OUTPUTS;
     }
     const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
-    if (zero < estimator_inputs(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures */
+    if (zero < first_parameter(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures */
         return n + N_ALL_SCALARS + zero;
+    }
+    if (variable - first_parameter_variable(e) < e->parameters.count) {
+        return first_parameter(e) + (variable - first_parameter_variable(e));
     }
     return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
 }
@@ -104,7 +122,8 @@ size_t input_of(const Estimator *e, size_t variable) {
 Type model_type_of(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX
-        || further_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX) {
+        || further_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX
+        || parameter_output(e, variable) != SIZE_MAX) {
         return REAL;
     }
     if (e->tare.present && variable - tare_variable(e) < 2) {
@@ -143,6 +162,9 @@ Selection model_array(const Model *model, unsigned reference) {
     } else if (reference < zero_reference(estimator_of(model))) {
         found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
         found.count = 1;
+    } else if (reference >= parameter_reference(estimator_of(model)) && reference < model->time_reference) {
+        const size_t which = reference - parameter_reference(estimator_of(model));
+        found = (Selection){NULL, first_parameter_variable(estimator_of(model)) + which, 1};
     } else if (reference >= tare_reference(estimator_of(model)) && reference < model->time_reference) {
         found = tare_array(estimator_of(model), reference - tare_reference(estimator_of(model)));
     } else if (reference >= further_reference(estimator_of(model)) && reference < model->time_reference) {

@@ -1,6 +1,7 @@
 /* Variables of the estimator by number: outputs, strains, valid flags, then the scalar inputs and settings; of maps with
    tables over the flight state then further inputs, real outputs and Boolean outputs; then the zeros and their deviations;
-   then temperatures, of maps with modes of it; then the loads beside the five, of maps with such; then the tare. */
+   then temperatures, of maps with modes of it; then the loads beside the five, of maps with such; then the tare; then
+   further parameters of the flow and how far they leave their ranges, of maps with such. */
 
 #ifndef ESTIMATOR_VARIABLES_H
 #define ESTIMATOR_VARIABLES_H
@@ -29,6 +30,9 @@ size_t tare_variable(const Estimator *e);
 
 /* Index of a variable among the zeros in use; SIZE_MAX for others. */
 size_t zero_in_use(const Estimator *e, size_t variable);
+
+/* Which parameter of the flow a variable states the score of; SIZE_MAX for any other. */
+size_t parameter_output(const Estimator *e, size_t variable);
 
 /* Value reference of FMI 3.0 of the time, behind all arrays. */
 unsigned time_reference(const Estimator *e);

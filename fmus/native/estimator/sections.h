@@ -13,6 +13,7 @@ typedef enum {
     FLIGHT_LOADS_SECTION,
     FILTER_SECTION,
     TARE_SECTION,
+    PARAMETER_SECTION,
     N_SECTION_KINDS
 } SectionKind;
 

@@ -1,0 +1,30 @@
+/* Further parameters of the flow: their ranges, which the estimate does not use, and health does.
+
+   The C counterpart of strainfmu/estimator/flow_parameters.py; strainfmu/fmu/parameter_resource.py writes the section
+   of resources/map.bin. */
+
+#ifndef FLOW_PARAMETERS_H
+#define FLOW_PARAMETERS_H
+
+#include "sections.h"
+
+#define PARAMETER_NAME_SIZE 48 /* bytes of a name in the file, with its final zero */
+
+/* Arrays point into the bytes of the file. */
+typedef struct {
+    size_t count; /* 0 in maps without */
+    double tolerance, largest_score;
+    const double *minimum, *maximum, *span; /* (count) */
+    const char *names;                      /* (count, PARAMETER_NAME_SIZE) */
+} FlowParameters;
+
+/* Read the section, if there is one. 1; 0 after a message. */
+int flow_parameters_parse(const Section *section, FlowParameters *parameters, char text[MODEL_TEXT_SIZE]);
+
+/* Part of its range by which parameter `which` leaves it at a value, 0 inside and for NaN. */
+double parameter_score(const FlowParameters *parameters, size_t which, double value);
+
+/* The first of the parameters that leaves its range; SIZE_MAX for none. Those that are not_known do not. */
+size_t parameter_outside(const FlowParameters *parameters, const double *value, double not_known);
+
+#endif
