@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, TypedDict, cast
 
@@ -15,7 +15,7 @@ from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep, outputs_of
 from strainfmu.cosim.step import StepRefused
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.flow_parameters import flow_parameters
+from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.estimator.further_loads import further_names, is_moment
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
@@ -55,6 +55,7 @@ class BlockEstimates:
     residual : (n, n_d) z of each gauge [1], None of an FMU.
     residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
+    outside : (n,) whether a further parameter of the flow leaves its range, by its name.
     further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
     """
 
@@ -71,6 +72,7 @@ class BlockEstimates:
     envelope_score: FloatArray
     residual: FloatArray | None
     residual_limit: FloatArray
+    outside: Mapping[str, BoolArray] = field(default_factory=dict)
     further: FloatArray | None = None
     estimates: Sequence[LoadEstimate] | LoadEstimates | None = None
 
@@ -182,6 +184,7 @@ class MapBlocks:
             envelope_score=found.envelope_score,
             residual=found.standardised_residual,
             residual_limit=self._residual_limit(found),
+            outside=_outside(self.parameter_names, found.parameter_score),
             further=_further_values(self.estimator.inverse_map, found) if self.further_columns else None,
             estimates=found,
         )
@@ -290,6 +293,11 @@ def _further_values(inverse_map: InverseMap, found: LoadEstimates) -> FloatArray
     return np.hstack([rolling, found.further_loads, found.parameter_score, std, found.further_loads_std])
 
 
+def _outside(names: Sequence[str], score: FloatArray) -> dict[str, BoolArray]:
+    """Return (n,) whether each parameter leaves its range, by their ``score`` (n, n_p)."""
+    return {name: one > PARAMETER_TOLERANCE for name, one in zip(names, score.T, strict=True)}
+
+
 def _further(one: FlightEstimate) -> FloatArray:
     """Return the values of ``FlightBlocks.further_columns``."""
     air = one.air_data
@@ -321,6 +329,7 @@ class _FmuBlocks:
         self.inputs = step.further_inputs
         given = (name for name in step.further_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
+        self._scores = [self._further.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
             noise_std=np.zeros(step.n_gauges),
@@ -363,6 +372,7 @@ class _FmuBlocks:
             envelope_score=score,
             residual=None,
             residual_limit=np.full(n, np.nan),
+            outside=_outside(self.parameter_names, further[:, self._scores]),
             further=further,
         )
 

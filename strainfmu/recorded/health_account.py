@@ -25,7 +25,8 @@ class HealthAccount:
     ----------
     samples : number of samples by state.
     blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
-        and a suspect, or else the one of the largest residual, where the strains do not fit.
+        and a suspect, or else the one of the largest residual, where the strains do not fit. Of OUTSIDE, a further
+        parameter of the flow that left its range.
     beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     """
 
@@ -49,6 +50,8 @@ class HealthAccount:
                 beyond = int((found.envelope_score[rows] > envelope_score_limit).sum())
                 self.beyond = beyond + (self.beyond or 0)
             blamed = {gauge: int(k) for gauge, k in zip(gauge_names, counts, strict=True) if k}
+            if state == HealthState.OUTSIDE:
+                blamed = {one: int(k) for one, left in found.outside.items() if (k := left[rows].sum())}
             self.blamed.setdefault(name, Counter()).update(blamed)
 
     def lines(self) -> list[str]:
@@ -65,9 +68,9 @@ class HealthAccount:
             if name == HealthState.OUTSIDE.name and self.beyond is not None:
                 by_flow = number - self.beyond
                 text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
-            gauge = next(iter(self.blamed[name].most_common(1)), None)
-            if gauge is not None:
-                text += f"; most often to blame: '{gauge[0]}' (in {gauge[1]})"
+            worst = next(iter(self.blamed[name].most_common(1)), None)
+            if worst is not None:
+                text += f"; most often to blame: '{worst[0]}' (in {worst[1]})"
             lines.append(text)
         return lines
 

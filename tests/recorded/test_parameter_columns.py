@@ -1,0 +1,71 @@
+"""Further parameters of the flow as columns of recorded data: health follows them, through map, FMU and filter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from further_maps import with_further
+from parameter_maps import with_parameters
+from recorded_case import read_csv, write_csv
+from scaled_maps import NOMINAL, scaled_map
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.fmu.export import export_estimator
+from strainfmu.recorded.run import EstimationSummary, estimate_file
+
+pytestmark = pytest.mark.fast
+
+FIN = np.array([0.0, 3.9, 6.0, np.nan, -8.0, 4.0])
+POWER = np.array([0.2, 0.2, 0.2, 0.2, 0.9, 0.2])
+STATES = [HealthState.OUTSIDE if k in (2, 4) else HealthState.OK for k in range(6)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("parameters")
+    held: InverseMap = with_parameters(with_further(scaled_map(1, 2)))
+    save_inverse_map(held, made / "map.h5")
+    export_estimator(made / "map.h5", made / "e.fmu")
+    strain = np.tile(held.mean_strain, (6, 1))
+    headings = ["time", *held.gauge_names, "fin_deg", "plant.power"]
+    write_csv(made / "d.csv", headings, 1e-3 * np.arange(6), strain, FIN, POWER)
+    write_csv(made / "unit.csv", [*headings[:-2], "fin_deg [deg]"], 1e-3 * np.arange(6), strain, FIN)
+    return made
+
+
+def estimated(folder: Path, source: str, time_constant: float | None = None) -> EstimationSummary:
+    return estimate_file(folder / source, folder / "d.csv", folder / "o.csv", NOMINAL, time_constant=time_constant)
+
+
+@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
+def test_health_and_scores(folder: Path, source: str) -> None:
+    summary = estimated(folder, source)
+    found = read_csv(folder / "o.csv")
+    assert [HealthState(int(one)) for one in found["health.state [1]"]] == STATES
+    np.testing.assert_allclose(found["health.outside.fin_deg [1]"], [0.0, 0.0, 0.25, 0.0, 0.5, 0.0], rtol=1e-6)
+    np.testing.assert_allclose(found["health.outside.power [1]"], [0.0, 0.0, 0.0, 0.0, 0.8, 0.0], rtol=1e-6)
+    assert not found["health.outside.cant_deg [1]"].any()
+    assert summary.account.blamed["OUTSIDE"] == {"fin_deg": 2, "power": 1}
+    assert "most often to blame: 'fin_deg' (in 2)" in "\n".join(summary.account.lines())
+
+
+def test_columns_are_in_one_order(folder: Path) -> None:
+    order = []
+    for source in ("map.h5", "e.fmu"):
+        estimated(folder, source)
+        order.append(list(read_csv(folder / "o.csv")))
+    assert order[0] == order[1]
+
+
+def test_a_filter_keeps_the_health(folder: Path) -> None:
+    estimated(folder, "map.h5", time_constant=0.01)
+    assert [HealthState(int(one)) for one in read_csv(folder / "o.csv")["health.state [1]"]] == STATES
+
+
+def test_a_unit_is_refused(folder: Path) -> None:
+    with pytest.raises(InputError, match=r"column 'fin_deg \[deg\]': unit: expected one of"):
+        estimate_file(folder / "map.h5", folder / "unit.csv", folder / "o.csv", NOMINAL)
