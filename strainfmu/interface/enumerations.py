@@ -28,7 +28,8 @@ HEALTH_ITEMS = (
     (HealthState.SUSPECT, "The chi-square is in order, but one gauge does not fit the others"),
     (
         HealthState.OUTSIDE,
-        "Dynamic pressure, navigation or the coefficients leave what the map covers: sigma need not hold",
+        "Dynamic pressure, navigation, a parameter of the flow or the coefficients leave what the map covers: "
+        "sigma need not hold",
     ),
 )
 

@@ -24,6 +24,7 @@ STATIC_PRESSURE = "static_pressure"
 SIGNALS = frozenset(
     {
         *COEFFICIENTS,
+        "M_R",
         *("angle_of_attack", "sideslip_angle", "pitch_rate", "control_moment", "commanded_angle_of_attack"),
         *("estimated_angle_of_attack", "trusted", "isolated_gauges"),
     }

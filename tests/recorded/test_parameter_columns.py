@@ -31,9 +31,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_inverse_map(held, made / "map.h5")
     export_estimator(made / "map.h5", made / "e.fmu")
     strain = np.tile(held.mean_strain, (6, 1))
-    headings = ["time", *held.gauge_names, "fin_deg", "plant.power"]
-    write_csv(made / "d.csv", headings, 1e-3 * np.arange(6), strain, FIN, POWER)
-    write_csv(made / "unit.csv", [*headings[:-2], "fin_deg [deg]"], 1e-3 * np.arange(6), strain, FIN)
+    headings = ["time", *held.gauge_names, "fin_deg", "plant.power", "plant.M_R"]
+    write_csv(made / "d.csv", headings, 1e-3 * np.arange(6), strain, FIN, POWER, FIN)
+    write_csv(made / "unit.csv", [*headings[:-3], "fin_deg [deg]"], 1e-3 * np.arange(6), strain, FIN)
     return made
 
 
