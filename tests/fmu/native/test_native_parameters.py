@@ -47,7 +47,8 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 def first(case: NativeCase) -> int:
     """Value reference of the first parameter."""
     more = 0 if case.inverse_map.further is None else N_T + 4 + 12 * len(STATIONS)
-    return first_zero(case.n) + 2 * case.n + 1 + more
+    tare = 2 + 2 * case.n + 1
+    return first_zero(case.n) + 2 * case.n + 1 + more + tare
 
 
 def give(fmu: Fmu2, case: NativeCase, values: Sequence[float]) -> int:
