@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 GAUGE_COLOUR = "#c02020"
 
 
-def _turned(yaw: float, pitch: float) -> FloatArray:
+def turned(yaw: float, pitch: float) -> FloatArray:
     """Return the matrix (3, 3) of a view turned about z and then tilted."""
     c, s, d, e = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
     about_z = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -30,7 +30,7 @@ def _turned(yaw: float, pitch: float) -> FloatArray:
 VIEWS = (
     ("from above", np.eye(3), "y [m]"),
     ("from port", np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), "z [m]"),
-    ("obliquely, from port, behind and above", _turned(np.deg2rad(30.0), np.deg2rad(25.0)), ""),
+    ("obliquely, from port, behind and above", turned(np.deg2rad(30.0), np.deg2rad(25.0)), ""),
 )
 """Name, rows that point right, up and at the viewer, and the axis that points up."""
 

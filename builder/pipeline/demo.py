@@ -27,6 +27,7 @@ from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, f
 from builder.pipeline.free_demo import fly_free_shape
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.pipeline.map_files import make_independent_flows, make_map, true_structure_of
+from builder.pipeline.pictures import make_pictures
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
@@ -327,6 +328,7 @@ def _figures(pipeline: Pipeline, recording: Recording) -> None:
         for done, (name, holds, inputs, draw) in enumerate(drawings, start=1):
             pipeline.make(name, holds, inputs, partial(_save, draw))
             progress(done, len(drawings))
+        make_pictures(pipeline)
 
 
 def _estimators(pipeline: Pipeline, recording: Recording) -> dict[str, Any]:

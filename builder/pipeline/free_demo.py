@@ -21,6 +21,7 @@ from builder.figures.free_shape import shape_with_gauges
 from builder.pipeline.flight_score import ROLLING
 from builder.pipeline.manoeuvre import check_parameters
 from builder.pipeline.map_files import make_map
+from builder.pipeline.pictures import make_pictures
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
 from builder.structure.mesh_check import MeshCheck
@@ -194,3 +195,4 @@ def _figures(pipeline: Pipeline, recording: Recording) -> None:
             path,
         ),
     )
+    make_pictures(pipeline)

@@ -7,6 +7,8 @@ import numpy as np
 from builder.figures import build_report as draw
 from builder.figures import hover_report as hover
 from builder.figures.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
+from builder.figures.scene import scene_of
+from builder.figures.solid_view import solid_view
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import MICROSTRAIN_PER_KPA, main_class
 from builder.reports.flight_accuracy import NAVIGATION, FlightAccuracy
@@ -54,6 +56,20 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "best: by the best linear map of the same gauges and noise."
             ),
             tables["classes"],
+            picture(
+                solid_view(
+                    scene_of(
+                        report.surface,
+                        np.nan_to_num(np.clip(100.0 * report.observability.node_removed, 0.0, 100.0)),
+                        "variance removed [%]",
+                        report.inverse_map,
+                        report.vehicle,
+                    )
+                ),
+                "The vehicle from two sides: fraction of the pressure's variance that the data remove, and the "
+                "gauges as bars on the outside, along their directions.",
+                "Two oblique views of the vehicle with its gauges.",
+            ),
             picture(
                 draw.known_pressure(report.surface, report.observability.node_removed, report.inverse_map),
                 "Fraction of the pressure's variance that the data remove, on the unrolled body. Circles are "

@@ -39,6 +39,8 @@ FILES = (
     "pressure_on_body.png",
     "gauges.png",
     "coefficients.png",
+    "vehicle.png",
+    "vehicle.glb",
     "estimators.json",
     "summary.json",
 )
