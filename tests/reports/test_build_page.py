@@ -54,7 +54,7 @@ def test_sections_of_the_page_in_order(report: BuildReport, html: str) -> None:
     expected = [name for name in SECTIONS if report.gamma or name != "weight-of-the-prior"]
     assert sections == expected
     assert "nan" not in page.text.lower().replace("nano", "").split()
-    assert len(page.alternatives) == (9 if report.gamma else 7)
+    assert len(page.alternatives) == (10 if report.gamma else 8)
     assert blind_line(report) in page.text
 
 

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from strainfmu.cli.commands.number_ranges import within
+
 
 def picture(
     folder: Annotated[
@@ -17,7 +19,9 @@ def picture(
     case: Annotated[
         int | None,
         typer.Option(
-            min=1, help="Number of the snapshot whose pressure is shown. Default: of greatest incidence."
+            metavar="NUMBER",
+            callback=within(1, 1e6),
+            help="Number of the snapshot whose pressure is shown. Default: of greatest incidence.",
         ),
     ] = None,
     excluded: Annotated[
