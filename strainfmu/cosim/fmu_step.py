@@ -123,6 +123,8 @@ class FmuStep:
         self._retried = False
         self._inputs = np.zeros(len(self._set))
         self._strain_inputs = self._inputs[: self.n_gauges]
+        # The same numbers, of which one is set in half the time.
+        self._numbers = self._inputs.data
         for variable in of_flow:
             self._inputs[self._place[variable.name]] = float(variable.start or 0.0)
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
@@ -168,11 +170,11 @@ class FmuStep:
         StrainfmuError
             It cannot.
         """
-        inputs = self._inputs
+        numbers, place = self._numbers, self._place
         self._strain_inputs[:] = strain
-        inputs[self.n_gauges] = dynamic_pressure
+        numbers[self.n_gauges] = dynamic_pressure
         for name, value in further.items():
-            inputs[self._place[name]] = value
+            numbers[place[name]] = value
         begin = self._time
         self._time = begin + step_size
         try:
@@ -183,10 +185,10 @@ class FmuStep:
             self._get_outputs()
         except StrainfmuError as error:
             raise self._after(error) from error
-        values = self._values.copy()
-        chi_square, *others, health = values[_FIRST_NUMBER:].tolist()
-        further = dict(zip(self.further_outputs, others, strict=True))
-        return StepResult(values[:5], values[5:_FIRST_NUMBER], int(health), chi_square, further)
+        values = self._values.tolist()
+        further = dict(zip(self.further_outputs, values[_FIRST_NUMBER + 1 :], strict=False))
+        estimate = self._values[:_FIRST_NUMBER].copy()
+        return StepResult(estimate[:5], estimate[5:], int(values[-1]), values[_FIRST_NUMBER], further)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.

@@ -195,6 +195,14 @@ class Instance:
         """Return the bare C function, without fmpy's work per call."""
         return getattr(self._fmu.dll, name)
 
+    def _unconverted(self, name: str) -> Any:
+        """Return the bare C function for arguments that are ctypes' own and of its types: it converts none."""
+        return self._fmu.dll[name]
+
+    def _component(self) -> Any:
+        """Return the instance's address as such an argument."""
+        return ctypes.byref(ctypes.c_char.from_address(self._fmu.component))
+
     def block(
         self,
         direction: str,
@@ -240,14 +248,14 @@ class Instance:
         value_references = (ctypes.c_uint * n)(*references)
         if buffer is None:
             buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
-        pointer = buffer.ctypes.data_as(ctypes.POINTER(ctypes.c_double if real else ctypes.c_int))
-        # Of the very types that the function takes: others would be converted in every call.
-        first_reference = ctypes.cast(value_references, ctypes.POINTER(ctypes.c_uint))
-        count, component = ctypes.c_size_t(n), ctypes.c_void_p(self._fmu.component)
-        c_function = self._function(function)
+        held = (ctypes.c_double * n if real else ctypes.c_int * n).from_buffer(buffer)
+        # Made ready once, as all that is converted in every call takes longer than the call.
+        component, count = self._component(), ctypes.c_size_t.from_param(n)
+        first_reference, first_value = ctypes.byref(value_references), ctypes.byref(held)
+        c_function = self._unconverted(function)
 
         def call() -> None:
-            status = c_function(component, first_reference, count, pointer)
+            status = c_function(component, first_reference, count, first_value)
             if status:
                 self._check(function, status)
 
@@ -270,10 +278,12 @@ class Instance:
 
     def stepper(self) -> Callable[[float, float], None]:
         """Return the step: a function of current communication point and step size [s]."""
-        do_step, component = self._function("fmi2DoStep"), self._fmu.component
+        do_step, component = self._unconverted("fmi2DoStep"), self._component()
+        at, by, no_going_back = ctypes.c_double(), ctypes.c_double(), ctypes.c_int.from_param(1)
 
         def step(time: float, step_size: float) -> None:
-            status = do_step(component, time, step_size, 1)
+            at.value, by.value = time, step_size
+            status = do_step(component, at, by, no_going_back)
             if status:
                 self._check("fmi2DoStep", status, f" at time {time:.6g} s")
 

@@ -59,6 +59,9 @@ class Verdict(Enum):
     RESTARTED = "accepted after a restart of the sender"
 
 
+_ACCEPTED, _REPEATED, _LATE, _RESTARTED = Verdict
+
+
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """Definition of a cycle.
@@ -105,15 +108,15 @@ class CycleAssembler:
 
     def offer(self, arrival: Arrival) -> tuple[Verdict, list[Cycle]]:
         """Take in a frame; return its fate and the cycles that it closes, the older first."""
-        verdict = Verdict.ACCEPTED
+        verdict = _ACCEPTED
         closed: list[Cycle] = []
         if self._is_timed:
             verdict = self._in_time(arrival)
-            if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
+            if verdict is _LATE or verdict is _REPEATED:
                 return verdict, closed
         elif self._open is not None and arrival.slot in self._open.arrivals:
             closed += self._close()
-        if (self._is_timed and arrival.sample_time != self._newest) or verdict is Verdict.RESTARTED:
+        if (self._is_timed and arrival.sample_time != self._newest) or verdict is _RESTARTED:
             closed += self._close()
         if self._open is None:
             self._open = Cycle(arrival, arrival.frame.time)
@@ -130,15 +133,15 @@ class CycleAssembler:
         """Compare the sample time of ``arrival`` with that of the newest cycle."""
         assert arrival.sample_time is not None
         if self._newest is None:
-            return Verdict.ACCEPTED
+            return _ACCEPTED
         half = self._half
         ahead = (arrival.sample_time - self._newest + half) % (2 * half) - half
         if ahead > 0:
-            return Verdict.ACCEPTED
+            return _ACCEPTED
         if ahead == 0 and self._open is not None and arrival.counter == self._open.first.counter:
-            return Verdict.REPEATED if arrival.slot in self._open.arrivals else Verdict.ACCEPTED
+            return _REPEATED if arrival.slot in self._open.arrivals else _ACCEPTED
         self._late += 1
-        return Verdict.LATE if self._late <= self._limits.late_limit else Verdict.RESTARTED
+        return _LATE if self._late <= self._limits.late_limit else _RESTARTED
 
     def _close(self) -> list[Cycle]:
         closed = [] if self._open is None else [self._open]

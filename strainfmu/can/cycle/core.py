@@ -31,6 +31,8 @@ _CATCH_UP = 10
 
 _KEPT_SKIPS = 10_000
 
+_ACCEPTED, _NOTHING = Verdict.ACCEPTED, Cause.NONE
+
 _REFUSALS, _REFUSALS_PER_CYCLE = 20.0, 2.0
 """Results without coefficients at once, and per cycle for long: a babbling input gets no babbling answer."""
 
@@ -188,13 +190,13 @@ class BridgeCore:
         """Put a frame into its cycle; return the results of the cycles that it ends."""
         verdict, closed = self._assembler.offer(arrival)
         time = arrival.frame.time
-        if verdict is Verdict.RESTARTED:
+        if verdict is not _ACCEPTED:
+            if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
+                self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
+                return []
             self._judge.forget_sender()
             self.note(Cause.CLOCK_JUMP)
-        if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
-            self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
-        else:
-            self.account.pending += 1
+        self.account.pending += 1
         return self._close(closed, time, is_answered) if closed else []
 
     # --- one cycle --------------------------------------------------------------------------------------------
@@ -243,7 +245,7 @@ class BridgeCore:
 
     def _take_noted(self, now: float) -> Cause:
         """Return the causes noted since the last result, and those that last."""
-        noted, self._noted = self._noted, Cause.NONE
+        noted, self._noted = self._noted, _NOTHING
         if now - self._other_bridge <= self.settings.alarm_cycles * self.layout.cycle_time:
             noted |= Cause.SECOND_BRIDGE
         return noted

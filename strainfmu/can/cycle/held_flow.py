@@ -35,6 +35,8 @@ _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 """The same of a temperature [K]."""
 
 
+_NOTHING_LOST = Cause.NONE
+
 _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
 
@@ -250,7 +252,7 @@ class HeldFlow:
             for value in self._values:
                 hides_delay = hides_delay or value.hides_delay
         mach_number, altitude = _at(self._mach_number, now), _at(self._altitude, now)
-        lost = Cause.NONE
+        lost = _NOTHING_LOST
         if _is_lost(self._mach_number, mach_number) or _is_lost(self._altitude, altitude):
             lost |= Cause.NAVIGATION
         for held in self._sensors:

@@ -28,6 +28,9 @@ _READABLE = (None, FrameClass.NOT_TRUSTED)
 _UNUSABLE = Cause.CLOCK_JUMP | Cause.OLD | Cause.FROZEN
 """Causes by time with which strains are not used."""
 
+# Members of an Enum by name: through its class each use takes as long as a call.
+_USED, _NOTHING = FrameClass.USED, Cause.NONE
+
 _LONGEST_STEP = 100
 """Maximum number of cycles in one step of the FMU."""
 
@@ -91,7 +94,7 @@ class CycleJudge:
             return FrameClass.NOT_TRUSTED
         frame = self._layout.frames[arrival.slot]
         usable = self._flow.take(frame, arrival, self._strain_time(arrival.frame.time))
-        return FrameClass.USED if usable else FrameClass.NOT_USABLE
+        return _USED if usable else FrameClass.NOT_USABLE
 
     def take_held(self, arrival: Arrival) -> FrameClass:
         """Hold a frame of strains that comes more slowly than cycles; return its class."""
@@ -145,7 +148,9 @@ class CycleJudge:
         # Strains whose CRC fits are checked even while they are not trusted yet.
         readable = trailer.refused is None or trailer.refused in _READABLE
         n_strain = reception.n_strain
-        strains = [a for a in arrivals.values() if a.slot < n_strain] if readable else []
+        strains = list(arrivals.values()) if readable else []
+        if self._trailer is not None:
+            strains = [arrival for arrival in strains if arrival.slot < n_strain]
         decoded = self._decoder.decode(strains, trailer.status)
         plausible = self._plausible(decoded, cycle, whole)
         age, uncertainty, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
@@ -162,7 +167,7 @@ class CycleJudge:
         if self._gauges.has_frozen:
             causes |= Cause.FROZEN
         refused = trailer.refused or (FrameClass.TOO_OLD if of_time and of_time & _UNUSABLE else None)
-        classes: FrameClass | list[FrameClass] = FrameClass.USED
+        classes: FrameClass | list[FrameClass] = _USED
         valid, verdicts = plausible, None
         if refused or not (all_trusted and all_plausible):
             valid = np.zeros_like(plausible) if refused else plausible & trusted
@@ -223,7 +228,7 @@ class CycleJudge:
         self, cycle: Cycle, now: float, decoded: DecodedCycle, trailer: TrailerVerdict
     ) -> tuple[float, float, Cause]:
         """Return the age of the strains at ``now`` [s], its uncertainty [s], and the causes if it is in doubt."""
-        age, uncertainty, causes = now - cycle.first_time, np.nan, Cause.NONE
+        age, uncertainty, causes = now - cycle.first_time, np.nan, _NOTHING
         limit = self._max_age
         readable = trailer.refused is None or trailer.refused in _READABLE
         is_new = self._seen.add(self._strain_data(cycle)) if readable else False
@@ -314,11 +319,13 @@ class CycleJudge:
             causes |= Cause.HIDDEN_DELAY
         # Without verdicts all gauges are valid.
         strain = decoded.strain if verdicts is None or _is_full(valid) else np.where(valid, decoded.strain, np.nan)
-        step, quality = None, Quality.INVALID if self.has_published else Quality.NO_DATA
+        step = None
         if verdicts is None or np.count_nonzero(valid):
             step, quality, causes = self._estimate(strain, flow, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
+        else:
+            quality = Quality.INVALID if self.has_published else Quality.NO_DATA
         published = step is not None and quality.has_coefficients
         self.has_published = self.has_published or published
         if step is not None and causes and causes & Cause.UNPROVEN_RESTART:
@@ -397,4 +404,4 @@ def _latest(cycle: Cycle) -> float:
 
 def _is_full(mask: BoolArray) -> bool:
     """Return whether all of a mask is True."""
-    return b"\0" not in mask.tobytes()  # of so few elements four times as fast as mask.all()
+    return 0 not in mask.tobytes()  # of so few elements four times as fast as mask.all()

@@ -141,18 +141,18 @@ class GaugeChecks:
         difference = strain - self._last_strain
         change = np.abs(difference, out=self._changes[len(self._lengths)])
         # Looked for in its bytes, which takes a quarter of the time of all() of so few; False of NaN.
-        if b"\0" in (change <= self._largest_change).tobytes():
+        if 0 in (change <= self._largest_change).tobytes():
             return False
-        if not self._never_beyond and b"\0" in (np.abs(strain) <= self._largest).tobytes():
+        if not self._never_beyond and 0 in (np.abs(strain) <= self._largest).tobytes():
             return False
         zero, zeros = raw == self._nothing, None
         if not self._only_raw_zero:
             zero |= np.abs(strain) <= self._round_off
-        if b"\1" in zero.tobytes():
+        if 1 in zero.tobytes():
             zeros = (self._zeros + self._one) * zero
             # A change within this has not fallen to zero, whatever the gauge's pace.
             fell = change > self._zero_jump
-            if b"\1" in fell.tobytes() and b"\1" in (fell & zero).tobytes():
+            if 1 in fell.tobytes() and 1 in (fell & zero).tobytes():
                 return False
             if not self._none_is_zero(zeros):
                 return False
@@ -163,7 +163,7 @@ class GaugeChecks:
         elif self._has_zeros:
             self._zeros, self._has_zeros, self._most_zeros = np.zeros_like(self._zeros), False, 0
         differs, repeats = raw != self._last_raw, self._repeats
-        if b"\1" in differs.tobytes():
+        if 1 in differs.tobytes():
             self._changed_at = now
         np.add(repeats, self._one, repeats)
         np.putmask(repeats, differs, self._nothing)

@@ -76,7 +76,8 @@ class _Slot:
 
 
 _NOTHING_TO_CHECK = TrailerVerdict()
-_OK = E2EStatus.OK
+# Members of an Enum by name: through its class each use takes as long as a call.
+_OK, _VALID = E2EStatus.OK, E2EState.VALID
 _ALL_BITS = (1 << 64) - 1
 """Of a number that a plan returns as int64."""
 
@@ -228,7 +229,7 @@ class Reception:
         """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
         if self.trailer is not None and slot < self.n_strain:
             slot = self.trailer
-        return self._machines[slot].state is E2EState.VALID
+        return self._machines[slot].state is _VALID
 
     def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
         """Return (n_d,) gauges whose frame has arrived and is trusted; the array is not to be written to."""

@@ -83,6 +83,7 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
     return result
 
 
+_OK, _VALID = int(HealthState.OK), Quality.VALID
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
 _SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})
 """The deviations need not hold: OUTSIDE comes ahead of INCONSISTENT and SUSPECT, so it is no better than they."""
@@ -99,17 +100,18 @@ _DEGRADING = (
 
 def quality_of_step(step: StepResult, causes: Cause, protected: bool) -> tuple[Quality, Cause]:
     """Return the quality of a step's outputs, and the causes with what the estimator itself adds."""
-    if step.health != HealthState.OK:
+    is_healthy = step.health == _OK
+    if not is_healthy:
         causes |= Cause.HEALTH
         if step.health in _NO_ESTIMATE:
             return Quality.INVALID, causes
     if causes and causes & _UNCONFIRMED:
         return Quality.UNCONFIRMED, causes
-    if step.health != HealthState.OK:
+    if not is_healthy:
         # An unknown state is never better than suspect.
         if step.health in _SUSPECT or step.health != HealthState.DEGRADED:
             return Quality.SUSPECT, causes
         return Quality.DEGRADED, causes
     if causes and causes & _DEGRADING:
         return Quality.DEGRADED, causes
-    return (Quality.VALID if protected else Quality.UNPROTECTED), causes
+    return (_VALID if protected else Quality.UNPROTECTED), causes

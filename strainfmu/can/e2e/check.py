@@ -31,6 +31,7 @@ class E2EStatus(Enum):
 
 
 USABLE = frozenset({E2EStatus.OK, E2EStatus.OK_SOME_LOST})
+_OK = E2EStatus.OK
 
 
 class ReceptionCheck:
@@ -69,7 +70,7 @@ class ReceptionCheck:
         before, self._before, self.counter = self._before, self.counter, counter
         self._content = data, covered
         if delta == 1:
-            return E2EStatus.OK
+            return _OK
         if delta <= self._max_delta:
             return E2EStatus.OK_SOME_LOST
         self.alternates = 1 <= (counter - before) % self._modulus <= self._max_delta

@@ -22,6 +22,9 @@ class E2EState(Enum):
     INVALID = "INVALID"
 
 
+_OK, _VALID = E2EStatus.OK, E2EState.VALID
+
+
 class E2EStateMachine:
     """NODATA -> INIT -> VALID <-> INVALID over the statuses of successive checks."""
 
@@ -40,7 +43,7 @@ class E2EStateMachine:
 
     def add(self, status: E2EStatus) -> E2EState:
         """Take in the status of one check and return the state."""
-        if status is E2EStatus.OK and self._ok == self._size and self.state is E2EState.VALID:
+        if status is _OK and self._ok == self._size and self.state is _VALID:
             return self.state  # a window full of good checks stays one: what leaves it counts as what enters
         limits = self._settings
         if self.state is E2EState.NO_DATA:

@@ -113,7 +113,7 @@ class InnerRange:
             return False
         if self._is_common:
             about = raw if self._is_about_zero else raw - self._middle
-            return b"\0" not in (np.abs(about) <= self._half).tobytes()
+            return 0 not in (np.abs(about) <= self._half).tobytes()
         return bool(((raw >= self._low) & (raw <= self._high)).all())
 
 
