@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from math import inf
 
 from strainfmu.can.bridge.raw_bus import RawBus
 from strainfmu.can.bridge.receiver import AT_ONCE, FrameQueue, ReceiverBase
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame
+
+LONGEST_EXPECTED = 0.02
+"""Longest cycle [s] that is waited for by its expected end; in longer ones a wake-up more costs nothing."""
+
+EXPECTED_LATE = 0.5
+"""Time after the expected end of a cycle at which it is looked for, as part of the time for which is collected."""
 
 
 class InlineReceiver(ReceiverBase):
@@ -21,6 +28,7 @@ class InlineReceiver(ReceiverBase):
     Parameters
     ----------
     cycle : frames of a cycle; while fewer have come, further ones are collected for ``collect_time`` [s].
+    cycle_time : period of the cycles [s]; infinite if it is not known.
     """
 
     def __init__(
@@ -32,9 +40,12 @@ class InlineReceiver(ReceiverBase):
         on_received: Callable[[Frame], None] | None = None,
         collect_time: float = 0.0,
         cycle: int = 1,
+        cycle_time: float = inf,
     ) -> None:
         super().__init__(queue, acceptance, clock=clock, on_received=on_received)
         self._raw, self._collect_time, self._cycle = raw, collect_time, cycle
+        self._cycle_time = cycle_time if cycle_time <= LONGEST_EXPECTED else -inf
+        self._newest = self._last_whole = -inf
         self._known = clock()
         self._is_broken_off = self._is_drained = False
 
@@ -55,19 +66,33 @@ class InlineReceiver(ReceiverBase):
         """Wait up to ``timeout`` [s] for frames and queue them; return a time that no later frame precedes."""
         if self._is_broken_off:
             return self._clock()
+        begin = self._clock()
         try:
-            # Own frames have come back by now: they are taken without waking once more for them.
+            # Own frames have come back by then: they are taken without waking once more for them.
+            self._await_whole_cycle(begin, timeout)
             n_queued = self._take_open()
             if n_queued == 0 and timeout > 0.0:
-                self._raw.wait(timeout)
+                self._raw.wait(max(timeout - (self._clock() - begin), 0.0))
                 n_queued = self._take_open()
             if 0 < n_queued < self._cycle and self._collect_time > 0.0:
                 time.sleep(self._collect_time)
-                self._take()
+                n_queued += self._take()
+            # Without stamps a cycle seems to come when it is looked for, and would be looked for ever later.
+            if n_queued >= self._cycle:
+                self._last_whole = self._newest if self._raw.is_stamped else -inf
         except Exception as error:  # whatever a socket raises, the bridge must learn of it
             self._known = max(self._clock(), self._known)
             self._is_broken_off = self._is_broken(error)
         return self._known
+
+    def _await_whole_cycle(self, now: float, timeout: float) -> None:
+        """Sleep until a cycle is expected to be complete: to wake for its first frame, and again, costs as much.
+
+        What comes at another time is found by the wait behind this one, or is as old as it has waited.
+        """
+        pause = self._last_whole + self._cycle_time + EXPECTED_LATE * self._collect_time - now
+        if 0.0 < pause <= timeout:
+            time.sleep(pause)
 
     def _take_open(self) -> int:
         """Take the frames of a bus that is still open, as :meth:`_take`; of one that was shut down none counts."""
@@ -83,7 +108,12 @@ class InlineReceiver(ReceiverBase):
         after = self._known
         stamped = self._clock() if found else now
         for datagram, waited in found:
-            after = min(max(_whole_microseconds(stamped - waited), after), stamped)
+            # In whole microseconds, which every log format holds exactly.
+            came = round(1e6 * (stamped - waited)) / 1e6
+            if came > after:
+                after = came
+            if after > stamped:
+                after = stamped
             try:
                 frame = self._raw.frame(datagram, after)
             except MalformedFrame as error:
@@ -92,6 +122,7 @@ class InlineReceiver(ReceiverBase):
             if self._is_accepted(frame):
                 frames.append(frame)
         if frames:
+            self._newest = frames[-1].time
             self._count_dropped(self._queue.put(frames), after)
         # Once nothing waits, all that came before is known; else what waits is younger than what was taken.
         self._known = max(after, now) if self._is_drained else after
@@ -99,8 +130,3 @@ class InlineReceiver(ReceiverBase):
 
     def _is_open(self) -> bool:
         return self._raw.is_open
-
-
-def _whole_microseconds(time: float) -> float:
-    """Return a time [s] that every log format holds exactly."""
-    return round(1e6 * time) / 1e6

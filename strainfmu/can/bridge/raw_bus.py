@@ -14,8 +14,10 @@ import struct
 import time
 from abc import ABC, abstractmethod
 from importlib import import_module
+from math import inf
 from typing import Any
 
+from strainfmu.can.bridge.datagram_shapes import DatagramShapes
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame, MalformedFrame, from_message
 from strainfmu.can.wire.libraries import import_can
 
@@ -41,6 +43,8 @@ class RawBus(ABC):
     def __init__(self, bus: Any) -> None:
         self._bus = bus
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
+        self.is_stamped = False
+        """The last datagram that was read had a time of the kernel."""
 
     @property
     def is_open(self) -> bool:
@@ -77,9 +81,9 @@ class RawBus(ABC):
             found.append((data, _stamp(ancillary)))
         if not found:
             return found, is_drained
-        now = time.time()
-        # A step of the system's clock must not make a frame younger than now.
-        return [(data, max(now - stamp, 0.0)) for data, stamp in found], is_drained
+        self.is_stamped, now = found[-1][1] < inf, time.time()
+        # A step of the system's clock must not make a frame younger than now; one without stamp is of now.
+        return [(data, now - stamp if stamp < now else 0.0) for data, stamp in found], is_drained
 
     def close(self) -> None:
         """Close this end of the socket; the bus keeps its own."""
@@ -117,9 +121,19 @@ class RawMulticast(RawBus):
         super().__init__(bus)
         self._target = target
         self._pack, self._unpack, self._unpack_as_python_can = msgpack.packb, msgpack.unpackb, unpack_message
+        self._received, self._sent = DatagramShapes(self._unpack), DatagramShapes(self._unpack)
 
     def frame(self, datagram: bytes, received: float) -> Frame:
         """Return the frame of a datagram; one out of the ordinary is read as python-can reads it."""
+        frame = self._received.frame(datagram, received)
+        if frame is None:
+            frame, is_ordinary = self._unpacked(datagram, received)
+            if is_ordinary:
+                self._received.learn(datagram, frame)
+        return frame
+
+    def _unpacked(self, datagram: bytes, received: float) -> tuple[Frame, bool]:
+        """Return the frame of a datagram of any shape, and whether it is an ordinary one."""
         try:
             content = self._unpack(datagram)
             identifier, data = content["arbitration_id"], content["data"]
@@ -140,8 +154,8 @@ class RawMulticast(RawBus):
         except Exception:  # whatever msgpack and foreign contents raise; python-can's own way decides
             is_ordinary = False
         if not is_ordinary:
-            return self._frame_of_any(datagram, received)
-        return Frame(
+            return self._frame_of_any(datagram, received), False
+        frame = Frame(
             identifier=identifier,
             data=data,
             time=received,
@@ -149,6 +163,7 @@ class RawMulticast(RawBus):
             is_fd=is_fd,
             bitrate_switch=switch,
         )
+        return frame, True
 
     def _frame_of_any(self, datagram: bytes, received: float) -> Frame:
         try:
@@ -159,6 +174,14 @@ class RawMulticast(RawBus):
 
     def send(self, frame: Frame) -> None:
         """Send ``frame`` as python-can packs it."""
+        datagram = self._sent.datagram(frame)
+        if datagram is None:
+            datagram = self._packed(frame)
+            self._sent.learn(datagram, frame)
+        self._socket.sendto(datagram, socket.MSG_DONTWAIT, self._target)
+
+    def _packed(self, frame: Frame) -> bytes:
+        """Return the datagram of ``frame``."""
         content = {
             "timestamp": 0.0,
             "arbitration_id": frame.identifier,
@@ -172,7 +195,8 @@ class RawMulticast(RawBus):
             "bitrate_switch": frame.bitrate_switch,
             "error_state_indicator": False,
         }
-        self._socket.sendto(self._pack(content), socket.MSG_DONTWAIT, self._target)
+        packed: bytes = self._pack(content)
+        return packed
 
 
 _ORDINARY = {
@@ -249,9 +273,9 @@ def raw_bus(bus: Any) -> RawBus | None:
 
 
 def _stamp(ancillary: list[tuple[int, int, bytes]]) -> float:
-    """Return the kernel's time of reception by the system's clock [s], now if it gives none."""
+    """Return the kernel's time of reception by the system's clock [s], infinity if it gives none."""
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(data) >= _TIMESPEC.size:
             seconds, nanoseconds = _TIMESPEC.unpack_from(data)
             return float(seconds) + 1e-9 * float(nanoseconds)
-    return time.time()
+    return inf

@@ -60,20 +60,23 @@ class FrameQueue:
         self._capacity, self._cycle = max(capacity, cycle), cycle
         self._uncounted, self._counted = frozenset(uncounted), 0
         self._ready = threading.Condition(self.lock)
-        self.highest = 0
+        self.highest, self._is_waited_for = 0, False
 
     def put(self, items: Iterable[Frame | BusFault]) -> int:
         """Add ``items`` and wake the waiting thread; return the number of frames dropped for them."""
         with self._ready:
             dropped, waiting, capacity = 0, self._items, self._capacity
+            uncounted = self._uncounted
             for item in items:
                 if self._counted >= capacity or len(waiting) >= 2 * capacity:
                     dropped += sum(isinstance(old, Frame) for old in self._oldest_cycle())
                 waiting.append(item)
-                self._counted += self._counts(item)
+                if isinstance(item, BusFault) or item.key not in uncounted:
+                    self._counted += 1
                 if len(waiting) > self.highest:
                     self.highest = len(waiting)
-            self._ready.notify()
+            if self._is_waited_for:
+                self._ready.notify()
         return dropped
 
     def __len__(self) -> int:
@@ -84,24 +87,23 @@ class FrameQueue:
         """Wait up to ``timeout`` [s]; return at most a cycle of items and a time that no later item precedes."""
         with self._ready:
             if not self._items and timeout > 0.0:
+                self._is_waited_for = True
                 self._ready.wait(timeout)
+                self._is_waited_for = False
             items = self._oldest_cycle()
             return items, self._items[0].time if self._items else clock()
 
     def _oldest_cycle(self) -> list[Frame | BusFault]:
         """Take out the oldest cycle; the lock must be held."""
         items: list[Frame | BusFault] = []
-        waiting, left = self._items, self._cycle
+        waiting, left, uncounted = self._items, self._cycle, self._uncounted
         while waiting and left:
             item = waiting.popleft()
             items.append(item)
-            if self._counts(item):
+            if isinstance(item, BusFault) or item.key not in uncounted:
                 left -= 1
                 self._counted -= 1
         return items
-
-    def _counts(self, item: Frame | BusFault) -> bool:
-        return isinstance(item, BusFault) or item.key not in self._uncounted
 
 
 class ReceiverBase(ABC):

@@ -96,20 +96,21 @@ class _ResultFrame:
         self._layout, self._protection = layout, layout.protection
         self._plan = SignalPlan(layout)
         self._names = [signal.name for signal in layout.signals]
-        self._counter = 0
-
-    def compose(self, values: Mapping[str, float]) -> Frame:
-        """Return the next frame with ``values`` by signal; signals without a value are 0."""
-        layout, counter = self._layout, self._counter
-        self._counter = (counter + 1) % self._protection.counter_modulus
-        data = self._plan.encode([values.get(name, 0.0) for name in self._names])
-        return Frame(
+        self._counter, self._modulus = 0, layout.protection.counter_modulus
+        self._frame = Frame(
             identifier=layout.identifier,
-            data=protect(data, self._protection, counter),
+            data=b"",
             is_extended=layout.is_extended,
             is_fd=layout.is_fd,
             bitrate_switch=layout.is_fd,
         )
+
+    def compose(self, values: Mapping[str, float]) -> Frame:
+        """Return the next frame with ``values`` by signal; signals without a value are 0."""
+        counter = self._counter
+        self._counter = (counter + 1) % self._modulus
+        data = self._plan.encode([values.get(name, 0.0) for name in self._names])
+        return self._frame.with_data(protect(data, self._protection, counter))
 
 
 def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:

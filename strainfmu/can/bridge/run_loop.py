@@ -46,6 +46,9 @@ HAND_OVER = 5e-4
 """Longest time for which a thread that records or publishes keeps Python to itself while the bridge waits [s]."""
 
 _LONGEST_WAIT = 0.1
+# Members of an Enum by name: through its class each use takes as long as a call.
+_OVERRUN, _SHED, _BUS_OFF = FrameClass.OVERRUN, FrameClass.SHED, BusState.BUS_OFF
+_GOOD = (Quality.VALID, Quality.UNPROTECTED)
 _LATENCIES = 200_000
 """Number of latencies kept for the percentiles, the latest ones."""
 
@@ -195,7 +198,7 @@ class Bridge:
         now = self._clock()
         if now >= self._next_status:
             self._send_status(now)
-        if self._core.bus_state is BusState.BUS_OFF and self._bus is not None:
+        if self._core.bus_state is _BUS_OFF and self._bus is not None:
             self._lose_bus("bus off", now)
         if self._back_off.due is not None and now >= self._back_off.due:
             self._reconnect(now)
@@ -226,7 +229,7 @@ class Bridge:
             if result.health is not None:
                 self._healths[result.health] += 1
             self._navigated += isfinite(result.mach_number) and isfinite(result.altitude)
-            if result.quality in (Quality.VALID, Quality.UNPROTECTED):
+            if result.quality in _GOOD:
                 self._last_valid = result
             if result.arrival is not None:
                 self._latency.append(self._clock() - result.arrival)
@@ -268,7 +271,7 @@ class Bridge:
         if self._receiver is None:
             return
         classes = self._receiver.account.classes
-        lost = classes[FrameClass.OVERRUN] + classes[FrameClass.SHED]
+        lost = classes[_OVERRUN] + classes[_SHED]
         if lost > self._shed:
             self._shed = lost
             self._core.note(Cause.OVERLOAD)
@@ -300,6 +303,7 @@ class Bridge:
                 on_received=self._on_received,
                 collect_time=collect_time,
                 cycle=core.layout.cycle_length,
+                cycle_time=core.layout.cycle_time,
             )
         self._shed = 0
         self._transmitter.use(self._bus, raw)

@@ -10,6 +10,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 
+_OWN, _SECOND_BRIDGE = FrameClass.OWN, FrameClass.SECOND_BRIDGE
+
 
 class Acceptance:
     """The first filter of received frames, cheap enough for a bus that is overloaded many times over.
@@ -46,7 +48,7 @@ class Acceptance:
         if frame.is_error:
             return FrameClass.ERROR_FRAME
         if key in self._own:
-            return FrameClass.OWN if self._comes_back(frame) else FrameClass.SECOND_BRIDGE
+            return _OWN if self._comes_back(frame) else _SECOND_BRIDGE
         if key not in self._formats:
             other_width = key ^ EXTENDED_FLAG in self._formats
             return FrameClass.WRONG_FORMAT if other_width else FrameClass.UNKNOWN_IDENTIFIER
@@ -54,7 +56,9 @@ class Acceptance:
 
     def is_reported(self, refused: FrameClass, frame: Frame) -> bool:
         """Return whether the core is to know of a refused frame: of another bridge's, once a cycle is enough."""
-        if refused is FrameClass.SECOND_BRIDGE and frame.time - self._last_reported >= self._cycle_time:
+        if refused is _OWN:
+            return False
+        if refused is _SECOND_BRIDGE and frame.time - self._last_reported >= self._cycle_time:
             self._last_reported = frame.time
             return True
         return refused is FrameClass.ERROR_FRAME

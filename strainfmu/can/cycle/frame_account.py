@@ -41,6 +41,9 @@ class FrameClass(Enum):
     UNFINISHED = "in a cycle that was open at the end"
 
 
+_UNKNOWN = FrameClass.UNKNOWN_IDENTIFIER
+
+
 @dataclass(kw_only=True)
 class FrameAccount:
     """Counts of frames by class.
@@ -71,7 +74,7 @@ class FrameAccount:
     def refuse(self, kind: FrameClass, key: int, time: float) -> None:
         """Put a refused frame into its class; count its key if that is unknown."""
         self.settle(kind, time)
-        if kind is not FrameClass.UNKNOWN_IDENTIFIER:
+        if kind is not _UNKNOWN:
             return
         if key in self.unknown or len(self.unknown) < LISTED_IDENTIFIERS:
             self.unknown[key] = self.unknown.get(key, 0) + 1

@@ -41,28 +41,20 @@ _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
 
 
-@dataclass(slots=True)  # not frozen: one is made for every frame
-class StrainTime:
-    """Time by the clock of a proven sender of strains [s], and the largest difference that counts as none [s]."""
-
-    seconds: float
-    tolerance: float
-
-
-@dataclass(slots=True, kw_only=True)  # not frozen: one is made for every cycle
+@dataclass(slots=True, kw_only=True)
 class FlowState:
-    """What is known of the flow at one time; NaN where it is not.
+    """What is known of the flow at one time; NaN where it is not. Good until the next state is asked for.
 
     Attributes
     ----------
     dynamic_pressure : q_inf [Pa].
     mach_number, altitude : by navigation [1] and [m].
     lost : causes of what was known before and is not any more: navigation, a temperature.
-    temperature : of the sensors that frames hold [K], by name of the estimator's input; good until the next state.
+    temperature : of the sensors that frames hold [K], by name of the estimator's input.
     hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
-    dynamic_pressure: float
+    dynamic_pressure: float = nan
     mach_number: float = nan
     altitude: float = nan
     lost: Cause = Cause.NONE
@@ -78,9 +70,18 @@ class HeldValue:
     frame, source : the frame, and the signal of it that holds the quantity.
     max_age : maximum time for which a value is held [s].
     clock : follows the sample times of the frame; None if it has none. No other value may use it.
+    tolerance : largest difference from the time of the strains that counts as none [s].
     """
 
-    def __init__(self, frame: InputFrame, source: FlowSignal, max_age: float, clock: SenderClock | None) -> None:
+    def __init__(
+        self,
+        frame: InputFrame,
+        source: FlowSignal,
+        max_age: float,
+        clock: SenderClock | None,
+        tolerance: float,
+    ) -> None:
+        self._tolerance = tolerance
         self._frame, self._source = frame, source
         self._max_age, self._clock = max_age, clock
         self._value = nan
@@ -122,12 +123,12 @@ class HeldValue:
         return self._frame
 
     def take(
-        self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: StrainTime | None = None
+        self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: float | None = None
     ) -> bool:
         """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
 
         ``is_new`` says that the frame has not been received before in this run; ``strain_time`` is the present
-        time by the clock of the strains, None if it is not known.
+        time by the clock of a proven sender of strains [s], None if it is not known.
         """
         index = self._source.index
         value = self._plan.value(raw, index)
@@ -143,7 +144,8 @@ class HeldValue:
             # A frame behind a restart is no recording if it is new, or at the time of the strains.
             if self._to_be_proven and not agrees and (self._shares_clock or self._new < _NEW_FRAMES):
                 return False
-            self._accept(self._clock)
+            if self._to_be_proven:
+                self._accept(self._clock)
             self._shares_clock = agrees if strain_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
         code, sampled, in_si = raw[index], time - delay, self._source.si(value)
@@ -154,20 +156,19 @@ class HeldValue:
         self.was_known = self.was_known or is_usable
         return is_usable
 
-    def _agrees(self, clock: SenderClock, ticks: int, strain_time: StrainTime | None) -> bool:
+    def _agrees(self, clock: SenderClock, ticks: int, strain_time: float | None) -> bool:
         """Return whether a sample time is that of the strains, as far as the clock's range tells."""
         if strain_time is None:
             return False
         whole = clock.range
         half = 0.5 * whole
-        difference = (clock.seconds(ticks) - strain_time.seconds + half) % whole - half
-        return abs(difference) <= strain_time.tolerance
+        difference = (clock.seconds(ticks) - strain_time + half) % whole - half
+        return abs(difference) <= self._tolerance
 
     def _accept(self, clock: SenderClock) -> None:
         """Take the sender for proven after a restart."""
-        if self._to_be_proven:
-            self._to_be_proven = False
-            clock.accept()
+        self._to_be_proven = False
+        clock.accept()
 
     def value(self, now: float) -> float:
         """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
@@ -219,8 +220,9 @@ class HeldFlow:
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
+        self._has_navigation = self._mach_number is not None or self._altitude is not None
         self._sensors = [value for value in values if is_temperature(value.quantity)]
-        self._temperature: dict[str, float] = {}
+        self._state = FlowState()
 
     def reset(self) -> None:
         """Forget the sender."""
@@ -232,10 +234,10 @@ class HeldFlow:
         for value in self._values:
             value.confirm()
 
-    def take(self, item: InputFrame, arrival: Arrival, strain_time: StrainTime | None = None) -> bool:
+    def take(self, item: InputFrame, arrival: Arrival, strain_time: float | None = None) -> bool:
         """Take in a frame of the layout's ``item``; return whether any value of it may be used.
 
-        ``strain_time`` is the present time by the clock of the strains, None if it is not known.
+        ``strain_time`` is the present time by the clock of the strains [s], None if it is not known.
         """
         frame, raw = arrival.frame, arrival.plan.numbers(arrival.frame.data)
         is_new = self._seen.add([frame.key.to_bytes(4, "little") + frame.data])
@@ -246,27 +248,22 @@ class HeldFlow:
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""
-        pressure, hides_delay = self._fixed, False
+        state, pressure, hides_delay, lost = self._state, self._fixed, False, _NOTHING_LOST
         if pressure is None:
-            pressure = _at(self._pressure, now)
+            pressure = nan if self._pressure is None else self._pressure.value(now)
             for value in self._values:
                 hides_delay = hides_delay or value.hides_delay
-        mach_number, altitude = _at(self._mach_number, now), _at(self._altitude, now)
-        lost = _NOTHING_LOST
-        if _is_lost(self._mach_number, mach_number) or _is_lost(self._altitude, altitude):
-            lost |= Cause.NAVIGATION
+        state.dynamic_pressure, state.hides_delay = pressure, hides_delay
+        if self._has_navigation:
+            state.mach_number, state.altitude = _at(self._mach_number, now), _at(self._altitude, now)
+            if _is_lost(self._mach_number, state.mach_number) or _is_lost(self._altitude, state.altitude):
+                lost |= Cause.NAVIGATION
         for held in self._sensors:
-            kelvin = self._temperature[held.quantity] = held.value(now)
+            kelvin = state.temperature[held.quantity] = held.value(now)
             if _is_lost(held, kelvin):
                 lost |= Cause.TEMPERATURE
-        return FlowState(
-            dynamic_pressure=pressure,
-            mach_number=mach_number,
-            altitude=altitude,
-            lost=lost,
-            hides_delay=hides_delay,
-            temperature=self._temperature,
-        )
+        state.lost = lost
+        return state
 
     def stated_pressure(self, now: float) -> float:
         """Return q_inf as it is stated [Pa] at ``now`` [s], also of air at rest; NaN if it is not known."""

@@ -11,7 +11,7 @@ from strainfmu.can.cycle.assembler import Arrival, Cycle
 from strainfmu.can.cycle.decoder import STATUS_DEGRADED, DecodedCycle
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
-from strainfmu.can.cycle.held_flow import FlowState, StrainTime
+from strainfmu.can.cycle.held_flow import FlowState
 from strainfmu.can.cycle.held_strains import WholeCycle
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
@@ -116,7 +116,7 @@ class CycleJudge:
             return FrameClass.NOT_USABLE
         clock = frame.layout.signals[frame.sample_time or 0]
         whole = frame.tick * (1 << clock.length)
-        apart = (arrival.sample_time * frame.tick - now.seconds + 0.5 * whole) % whole - 0.5 * whole
+        apart = (arrival.sample_time * frame.tick - now + 0.5 * whole) % whole - 0.5 * whole
         if abs(apart) > self._settings.max_age * self._layout.cycle_time:
             return FrameClass.TOO_OLD
         self._taring.ask(arrival.plan.numbers(arrival.frame.data)[frame.request or 0])
@@ -271,12 +271,12 @@ class CycleJudge:
             # The clock of q_inf may be so short that a restart looks like a delay.
             self._flow.reset()
 
-    def _strain_time(self, now: float) -> StrainTime | None:
-        """Return the time at ``now`` [s] by the clock of the strains, None if their sender is not proven."""
+    def _strain_time(self, now: float) -> float | None:
+        """Return the time at ``now`` [s] by the clock of the strains [s], None if their sender is not proven."""
         if self._last_sample is None or (self._proof is not None and not self._proof.is_proven):
             return None
         local, seconds = self._last_sample
-        return StrainTime(seconds + now - local, self._settings.jump_tolerance * self._layout.cycle_time)
+        return seconds + now - local
 
     def _strain_data(self, cycle: Cycle) -> list[bytes]:
         """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""

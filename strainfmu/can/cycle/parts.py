@@ -165,6 +165,7 @@ def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue
             source,
             max_age=flow_max_age(layout, frame, source, settings),
             clock=sender_clock(frame, layout.cycle_time, settings),
+            tolerance=settings.jump_tolerance * layout.cycle_time,
         )
         for frame in layout.flow_frames
         for source in frame.flow

@@ -29,15 +29,13 @@ class Quality(IntEnum):
     """Not proven to be the newest strains of the one sender: delay may hide, a restart may be a recording, or a
     second sender or bridge is on the bus. Coefficients for information."""
 
-    @property
-    def has_coefficients(self) -> bool:
-        """Coefficients are published with this quality."""
-        return self in _WITH_COEFFICIENTS
+    has_coefficients: bool
+    """Coefficients are published with this quality."""
 
 
-_WITH_COEFFICIENTS = frozenset(
-    {Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT, Quality.UNCONFIRMED}
-)
+_WITH_COEFFICIENTS = {Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT, Quality.UNCONFIRMED}
+for _quality in Quality:  # once, as it is asked for several times a cycle
+    _quality.has_coefficients = _quality in _WITH_COEFFICIENTS
 
 
 class Cause(IntFlag):

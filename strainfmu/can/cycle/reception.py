@@ -151,7 +151,8 @@ class Reception:
         check = slot.check
         found = _OK if check is None else check.check(data)
         if found is _OK and (configuration is None or configuration & _ALL_BITS == slot.configuration):
-            slot.machine.add(_OK)
+            if not slot.machine.is_steady:
+                slot.machine.add(_OK)
             return arrival
         return self._refused(slot, frame, configuration, found) or arrival
 
@@ -233,8 +234,12 @@ class Reception:
 
     def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
         """Return (n_d,) gauges whose frame has arrived and is trusted; the array is not to be written to."""
-        if len(arrivals) == self._n_slots and all(map(self.is_trusted, arrivals)):
-            return self._every_gauge
+        if len(arrivals) == self._n_slots:
+            for slot in arrivals:
+                if not self.is_trusted(slot):
+                    break
+            else:
+                return self._every_gauge
         trusted = np.zeros(self._layout.n_gauges, dtype=bool)
         for slot in arrivals:
             if slot < self.n_strain and self.is_trusted(slot):

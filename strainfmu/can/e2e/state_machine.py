@@ -34,17 +34,19 @@ class E2EStateMachine:
         self._ok = self._errors = 0
         self._size = settings.window_size
         self.state = E2EState.NO_DATA
+        self.is_steady = False
+        """A window full of good checks stays one with another: it changes nothing."""
 
     def reset(self) -> None:
         """Forget all checks, as after a restart of the sender or of the bus."""
         self._window.clear()
         self._ok = self._errors = 0
-        self.state = E2EState.NO_DATA
+        self.state, self.is_steady = E2EState.NO_DATA, False
 
     def add(self, status: E2EStatus) -> E2EState:
         """Take in the status of one check and return the state."""
-        if status is _OK and self._ok == self._size and self.state is _VALID:
-            return self.state  # a window full of good checks stays one: what leaves it counts as what enters
+        if status is _OK and self.is_steady:
+            return self.state  # what leaves the window counts as what enters it
         limits = self._settings
         if self.state is E2EState.NO_DATA:
             if status not in (E2EStatus.ERROR, E2EStatus.NO_NEW_DATA):
@@ -62,6 +64,7 @@ class E2EStateMachine:
                 self.state = E2EState.INVALID
         elif errors <= limits.max_error_invalid and ok >= limits.min_ok_invalid:
             self.state = E2EState.VALID
+        self.is_steady = self._ok == self._size and self.state is _VALID
         return self.state
 
     def _slide(self, status: E2EStatus) -> None:
