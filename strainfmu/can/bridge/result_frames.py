@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, nan
 
-import numpy as np
 
 from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
 from strainfmu.can.cycle.bus_state import BusState
@@ -127,7 +126,7 @@ def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
         "ChiSquare": result.chi_square,
         "Age": 1e3 * result.age,
         "Causes": low_causes(result.causes),
-        "GaugesUsed": min(int(np.count_nonzero(result.valid)), 255),
+        "GaugesUsed": min(result.valid.tobytes().count(1), 255),
         "AnsweredCounter": result.counter or 0,
         "Configuration": configuration,
         "UsedPressure": result.dynamic_pressure,

@@ -82,7 +82,7 @@ class FreezeWatch:
         self._second = np.zeros((_BLOCK, n))
         self._rows, self._held = list(self._second), 0
         self._shortest = np.full(n, SHORTEST_RUN, dtype=np.int64)
-        self._longest = 0
+        self._longest, self._late = 0, np.empty(n, dtype=bool)
         self._largest = _LARGEST_SQUARE / self._weight
         self._has_moved, self._all_moved = np.zeros(n, dtype=bool), False
         # Cycles of this block, those of them with all gauges, and whether all had a difference before.
@@ -115,7 +115,8 @@ class FreezeWatch:
         present : (n_d,) gauges of this cycle; None for all, each with a difference.
         """
         self._watch_scatter(difference, run, is_whole=present is None)
-        repeating, late = None, (run >= self._shortest).tobytes().count(1)
+        np.greater_equal(run, self._shortest, self._late)
+        repeating, late = None, self._late.tobytes().count(1)
         if late > 1 and self._may_be_improbable(late, run):
             here = self._everywhere if present is None else present
             repeating = self._repeating(self._log_probability(strain, run, here))

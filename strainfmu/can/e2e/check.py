@@ -60,10 +60,10 @@ class ReceptionCheck:
         self.conflicts = self.alternates = False
         if not self._fits(data, covered):
             return E2EStatus.ERROR
-        counter = data[self._byte] & self._bits
-        if counter >= self._modulus:
+        counter, modulus = data[self._byte] & self._bits, self._modulus
+        if counter >= modulus:
             return E2EStatus.ERROR
-        delta = (counter - self.counter) % self._modulus
+        delta = (counter - self.counter) % modulus
         if delta == 0:
             self.conflicts = self._content is not None and self._content != (data, covered)
             return E2EStatus.REPEATED

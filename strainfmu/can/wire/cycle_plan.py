@@ -105,6 +105,7 @@ class InnerRange:
         # Arrays, as numpy makes one of a single number in every call.
         self._middle, self._half = np.full(n, middle), np.full(n, half)
         self._is_about_zero = middle == 0
+        self._about, self._is_inside = np.empty(n, dtype=np.int64), np.empty(n, dtype=bool)
         self._is_empty = any(first > last for first, last in ranges)
 
     def holds(self, raw: IntArray) -> bool:
@@ -113,7 +114,9 @@ class InnerRange:
             return False
         if self._is_common:
             about = raw if self._is_about_zero else raw - self._middle
-            return 0 not in (np.abs(about) <= self._half).tobytes()
+            np.absolute(about, self._about)
+            np.less_equal(self._about, self._half, self._is_inside)
+            return 0 not in self._is_inside.tobytes()
         return bool(((raw >= self._low) & (raw <= self._high)).all())
 
 

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import nan
+from math import ceil, floor, nan
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class SignalPlan:
             plain = []
         self._plain_floats = _FloatGroup(layout, plain) if plain else None
         self._others = [
-            (index, one.raw, one.mask, one.shift, one.is_big)
+            (index, one.raw, one.mask, one.shift, one.is_big, *one.plain_range)
             for index, one in enumerate(self._encoders)
             if index not in plain
         ]
@@ -122,8 +122,10 @@ class SignalPlan:
             raise ValueError(f"expected {len(self._encoders)} values, got {len(numbers)}")
         if self._plain_floats is not None:
             little = self._plain_floats.encoded(numbers)
-        for index, raw_of, mask, shift, is_big in self._others:
-            raw = raw_of(numbers[index])
+        for index, raw_of, mask, shift, is_big, low, high in self._others:
+            raw = numbers[index]
+            if type(raw) is not int or not low <= raw <= high:
+                raw = raw_of(raw)
             if raw and is_big:
                 big |= (raw & mask) << shift
             elif raw:
@@ -132,6 +134,9 @@ class SignalPlan:
             little |= int.from_bytes(big.to_bytes(self.length, "big"), "little")
         return little.to_bytes(self.length, "little")
 
+
+_LARGEST_EXACT = 1 << 53
+"""Largest whole number up to which float64 holds all."""
 
 _LARGEST_FLOAT = float(np.finfo(np.float32).max)
 
@@ -188,6 +193,14 @@ class _Encoder:
     scale: float
     offset: float
     packed: struct.Struct | None
+
+    @property
+    def plain_range(self) -> tuple[int, int]:
+        """First and last whole number that is its own raw number; the first is above the last where none is."""
+        is_plain = self.scale == 1.0 and self.offset == 0.0 and self.packed is None
+        if not is_plain or self.raw_high > _LARGEST_EXACT:
+            return 1, 0
+        return ceil(max(self.low, self.raw_low)), floor(min(self.high, self.raw_high))
 
     def raw(self, value: float) -> int:
         """Return the raw number of ``value``; of a float its bit pattern."""
