@@ -124,7 +124,7 @@ class FmuStep:
         self._inputs = np.zeros(len(self._set))
         self._strain_inputs = self._inputs[: self.n_gauges]
         # The same numbers, of which one is set in half the time.
-        self._numbers = self._inputs.data
+        self._numbers: Any = self._inputs.data
         for variable in of_flow:
             self._inputs[self._place[variable.name]] = float(variable.start or 0.0)
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)

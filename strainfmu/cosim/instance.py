@@ -248,7 +248,7 @@ class Instance:
         value_references = (ctypes.c_uint * n)(*references)
         if buffer is None:
             buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
-        held = (ctypes.c_double * n if real else ctypes.c_int * n).from_buffer(buffer)
+        held = (ctypes.c_double * n if real else ctypes.c_int * n).from_buffer(buffer.data)
         # Made ready once, as all that is converted in every call takes longer than the call.
         component, count = self._component(), ctypes.c_size_t.from_param(n)
         first_reference, first_value = ctypes.byref(value_references), ctypes.byref(held)

@@ -1,8 +1,8 @@
 """Shapes of python-can's datagrams: what all frames of an identifier, format and length have in common.
 
-A datagram of udp_multicast is a map of msgpack in which, from one frame of an identifier to the next, only the time
-stamp and the data differ. Where they lie is found once, and proven by a datagram with others in their place. Then
-a frame is read and written without unpacking and packing the map.
+A datagram of udp_multicast is a map of msgpack in which, from one frame of an identifier to the next, only the
+time stamp and the data differ. Where they lie is found once, and proven by a datagram with others in their place.
+Then a frame is read and written without unpacking and packing the map.
 """
 
 from __future__ import annotations
@@ -64,7 +64,10 @@ class DatagramShapes:
         if self._places.setdefault(len(datagram), (stamp, begin, end)) != (stamp, begin, end):
             return
         self._frames[datagram[:stamp] + datagram[stamp + 8 : begin] + datagram[end:]] = frame
-        self._parts[frame.key, len(frame.data), frame.is_fd, frame.bitrate_switch] = datagram[:begin], datagram[end:]
+        self._parts[frame.key, len(frame.data), frame.is_fd, frame.bitrate_switch] = (
+            datagram[:begin],
+            datagram[end:],
+        )
 
     def _holds(self, datagram: bytes, places: tuple[int, int, int]) -> bool:
         """Return whether another time stamp and other data in these places change these two entries alone."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, nan
 
-
 from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass

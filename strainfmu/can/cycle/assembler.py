@@ -49,6 +49,15 @@ class Cycle:
     first_time: float
     arrivals: dict[int, Arrival] = field(default_factory=dict)
 
+    @property
+    def last_time(self) -> float:
+        """When the last frame came [s]."""
+        latest = self.first_time
+        for arrival in self.arrivals.values():
+            if arrival.frame.time > latest:
+                latest = arrival.frame.time
+        return latest
+
 
 class Verdict(Enum):
     """Fate of an offered frame."""

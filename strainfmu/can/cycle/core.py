@@ -236,8 +236,9 @@ class BridgeCore:
         arrivals = cycle.arrivals.values()
         if isinstance(classes, FrameClass):
             times = [arrival.frame.time for arrival in arrivals]
-            self.account.pending -= len(times)
-            self.account.settle(classes, times[0], len(times), last=times[-1])
+            n_frames = len(times)
+            self.account.pending -= n_frames
+            self.account.settle(classes, times[0], n_frames, times[-1])
             return result
         for arrival, kind in zip(arrivals, classes, strict=True):
             self._settle(kind, arrival.frame.time)

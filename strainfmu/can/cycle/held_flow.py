@@ -22,7 +22,7 @@ from strainfmu.can.wire.frame_layout import (
     is_temperature,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
-from strainfmu.can.wire.signal_plan import SignalPlan, unsigned
+from strainfmu.can.wire.signal_plan import SignalPlan
 
 _SENSIBLE = {
     DYNAMIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
@@ -122,9 +122,7 @@ class HeldValue:
         """The frame that holds the quantity."""
         return self._frame
 
-    def take(
-        self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: float | None = None
-    ) -> bool:
+    def take(self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: float | None = None) -> bool:
         """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
 
         ``is_new`` says that the frame has not been received before in this run; ``strain_time`` is the present
@@ -197,7 +195,8 @@ class HeldValue:
     def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
         """Return whether the sender's own status forbids to use the value."""
         status = self._frame.status
-        return status is not None and unsigned(raw, status) > STATUS_DEGRADED
+        # Of 64 bits the largest come as negative numbers.
+        return status is not None and not 0 <= raw[status] <= STATUS_DEGRADED
 
 
 class HeldFlow:

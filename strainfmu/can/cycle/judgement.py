@@ -232,7 +232,8 @@ class CycleJudge:
         limit = self._max_age
         readable = trailer.refused is None or trailer.refused in _READABLE
         is_new = self._seen.add(self._strain_data(cycle)) if readable else False
-        ticks = self._named(cycle).sample_time if readable else None
+        named = cycle.first if self._trailer is None else self._named(cycle)
+        ticks = named.sample_time if readable else None
         if self._clock is not None and ticks is not None:
             reading = self._clock.read(cycle.first_time, ticks)
             age, uncertainty = age + reading.age, reading.uncertainty
@@ -350,7 +351,7 @@ class CycleJudge:
             chi_square=np.nan if step is None else step.chi_square,
             health=None if step is None else step.health,
             envelope_score=np.nan if step is None else step.further.get(ENVELOPE_SCORE, np.nan),
-            arrival=_latest(cycle),
+            arrival=cycle.last_time,
             verdicts=verdicts,
             further={} if step is None else step.further,
         )
@@ -391,15 +392,6 @@ class CycleJudge:
             cycles = round((now - self._last_step) / period)
         self._last_step = now
         return period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period
-
-
-def _latest(cycle: Cycle) -> float:
-    """Return when the last frame of a cycle came [s]."""
-    latest = cycle.first_time
-    for arrival in cycle.arrivals.values():
-        if arrival.frame.time > latest:
-            latest = arrival.frame.time
-    return latest
 
 
 def _is_full(mask: BoolArray) -> bool:

@@ -160,11 +160,12 @@ class SampleClock:
     def read(self, local: float, ticks: int) -> ClockReading:
         """Take in a sample time that arrived at ``local`` on our clock [s]."""
         local *= self._pace
-        if self._known is None:
-            self._known = self._new(local, ticks)
-            self._begin_drift(local, self._known.floor)
+        known = self._known
+        if known is None:
+            self._known = known = self._new(local, ticks)
+            self._begin_drift(local, known.floor)
             return ClockReading(0.0)
-        offset = self._follow(self._known, local, ticks)
+        offset = self._follow(known, local, ticks)
         if offset is not None:
             self._jumped = None
             if offset < self._window_min:
@@ -172,7 +173,7 @@ class SampleClock:
             if local - self._window_start >= _WINDOW:
                 self._minima.append((self._window_start, self._window_min))
                 self._window_start, self._window_min = local, offset
-            return self._reading(self._known, offset)
+            return self._reading(known, offset)
         if self._before is not None and (offset := self._follow(self._before, local, ticks)) is not None:
             self._known, self._before, self._jumped = self._before, None, None
             self._begin_drift(local, self._known.floor)

@@ -48,7 +48,6 @@ class Frame:
     def __post_init__(self) -> None:
         self.key = self.identifier | EXTENDED_FLAG if self.is_extended else self.identifier
 
-
     def with_data(self, data: bytes, time: float = 0.0) -> Frame:
         """Return a frame of the same identifier and format with other ``data`` and ``time`` [s].
 

@@ -245,11 +245,6 @@ def _picked(numbers: Sequence[int], places: Sequence[int | None]) -> tuple[int |
     return tuple([None if place is None else numbers[place] for place in places])
 
 
-def unsigned(raw: Sequence[int] | IntArray, index: int) -> int:
-    """Return the raw number of an unsigned signal; 64 bits come as int64 from :meth:`SignalPlan.raw`."""
-    return int(raw[index]) % (1 << _WIDTH)
-
-
 def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
     """Return the encoding of ``signal`` into a frame of ``n_bytes``."""
     lowest = signal.bits[0]

@@ -134,6 +134,71 @@ def test_own_frames_that_have_come_back_do_not_end_the_wait(buses: list[can.BusA
     receiver.stop()
 
 
+def test_a_cycle_is_taken_whole_by_one_wake_up_at_its_expected_end(
+    buses: list[can.BusABC], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("strainfmu.can.bridge.inline_receiver.LONGEST_EXPECTED", 10.0)
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 2)
+    acceptance, clock = Acceptance(layout(), [], BridgeSettings()), time.monotonic
+    receiver = InlineReceiver(
+        raw, queue, acceptance=acceptance, clock=clock, collect_time=0.004, cycle=2, cycle_time=1.0
+    )
+    wakes: list[str] = []
+    pauses: list[float] = []
+    sleep, wait = time.sleep, raw.wait
+
+    def send_cycle() -> None:
+        for _ in range(2):
+            buses[1].send(to_message(FRAMES[0]))
+        sleep(0.001)
+
+    def slept(seconds: float) -> None:
+        wakes.append("sleep")
+        pauses.append(seconds)
+        send_cycle()
+
+    def waited(timeout: float) -> None:
+        wakes.append("wait")
+        wait(min(timeout, 0.01))
+
+    send_cycle()
+    receiver.collect(60.0)
+    monkeypatch.setattr("strainfmu.can.bridge.inline_receiver.time.sleep", slept)
+    monkeypatch.setattr(raw, "wait", waited)
+    for _ in range(3):
+        first, last = queue.take(0.0, clock)[0]
+        begin = clock()
+        receiver.collect(60.0)
+        assert first.time <= last.time <= begin
+        # Its end and half of the time for which frames are collected.
+        assert 0.0 < pauses[-1] <= last.time + 1.002 - begin
+    assert wakes == 3 * ["sleep"]
+    receiver.stop()
+
+
+def test_without_stamps_of_the_kernel_no_cycle_is_expected(
+    buses: list[can.BusABC], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A frame would seem to come when it is looked for, and be looked for ever later."""
+    monkeypatch.setattr("strainfmu.can.bridge.inline_receiver.LONGEST_EXPECTED", 10.0)
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 1)
+    acceptance, clock = Acceptance(layout(), [], BridgeSettings()), time.monotonic
+    receiver = InlineReceiver(
+        raw, queue, acceptance=acceptance, clock=clock, collect_time=0.004, cycle=1, cycle_time=5.0
+    )
+    monkeypatch.setattr("strainfmu.can.bridge.raw_bus._SO_TIMESTAMPNS", -1)
+    buses[1].send(to_message(FRAMES[0]))
+    time.sleep(0.01)
+    receiver.collect(60.0)
+    assert len(queue.take(0.0, clock)[0]) == 1
+    buses[1].send(to_message(FRAMES[0]))
+    time.sleep(0.002)
+    begin = clock()
+    receiver.collect(60.0)
+    assert clock() - begin < 2.5, "it is taken at once"
+    receiver.stop()
+
+
 def test_of_a_bus_that_was_shut_down_no_frame_is_answered(buses: list[can.BusABC]) -> None:
     raw, queue = raw_multicast(buses[0]), FrameQueue(100, 3)
     acceptance = Acceptance(layout(), [], BridgeSettings())
