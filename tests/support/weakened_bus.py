@@ -407,6 +407,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
                         source,
                         max_age=flow_max_age(layout, frame, source, settings),
                         clock=around(sender_clock(frame, layout.cycle_time, settings)),
+                        tolerance=settings.jump_tolerance * layout.cycle_time,
                     )
                     for frame in layout.flow_frames
                     for source in frame.flow
