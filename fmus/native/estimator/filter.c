@@ -12,13 +12,17 @@ static double *taken(double **doubles, size_t count) {
     return array;
 }
 
+static size_t larger(size_t a, size_t b) {
+    return a > b ? a : b;
+}
+
 size_t law_doubles(const Filter *filter) {
     return filter->order + filter->n * (filter->order + filter->n_considered);
 }
 
 static size_t sample_doubles(const Filter *filter) {
     const size_t rows = filter->rows, order = filter->order;
-    return 7 * order * rows + 2 * LANES * rows + filter->n_considered + 5 * rows * rows + 2 * rows + rows * order
+    return 7 * order * rows + 3 * LANES * rows + filter->n_considered + 6 * rows * rows + 3 * rows + larger(rows, order) * order
          + 3 * order * order;
 }
 
@@ -56,14 +60,16 @@ void filter_arrays(Filter *filter, double **doubles) {
     filter->fixed_gain = taken(doubles, order * rows);
     filter->fixed_spread = taken(doubles, rows * rows);
     filter->fixed_value = taken(doubles, rows);
-    filter->gain = taken(doubles, order * rows);
+    filter->gain = taken(doubles, (order + LANES) * rows);
     filter->spread = taken(doubles, rows * rows);
     filter->inverse = taken(doubles, rows * rows);
+    filter->inverse_turned = taken(doubles, rows * rows);
     filter->whitened = taken(doubles, (order + LANES) * rows);
     filter->kalman = taken(doubles, (order + LANES) * rows);
     filter->squares = taken(doubles, rows);
+    filter->innovation = taken(doubles, rows);
     filter->product = taken(doubles, order * rows);
-    filter->turned = taken(doubles, rows * order);
+    filter->turned = taken(doubles, larger(rows, order) * order);
     filter->kept = taken(doubles, order * order);
     filter->joseph = taken(doubles, 2 * order * order);
 }
@@ -124,26 +130,22 @@ static Motion motion_over(const Filter *filter, double time_step) {
     return motion;
 }
 
-/* rows = F rows for the states by row. */
+/* to = scale F from, of `count` columns. */
 static void move_rows(const Filter *filter, const Motion *motion, size_t count, double scale, const double *from,
                       double *to) {
+    const int wide = filter->solver->wide;
     const size_t shift = filter->n_read * count;
     for (size_t k = 0; k < N_STATES; k++) {
+        const double *x = from + k * count;
         for (size_t part = 0; part < 2; part++) {
-            const double a = scale * motion->pair[k][part][0], b = scale * motion->pair[k][part][1];
-            const double *x = from + k * count, *v = x + shift;
-            double *out = to + k * count + part * shift;
-            for (size_t j = 0; j < count; j++) {
-                out[j] = a * x[j] + b * v[j];
-            }
+            const double *row = motion->pair[k][part];
+            combine(wide, count, scale * row[0], x, scale * row[1], x + shift, to + k * count + part * shift);
         }
     }
-    for (size_t i = N_STATES; i < filter->n_read; i++) {
-        const double factor = scale * motion->factor[i >= FIRST_SEEN];
-        for (size_t j = 0; j < count; j++) {
-            to[i * count + j] = factor * from[i * count + j];
-        }
-    }
+    const double factor[2] = {scale * motion->factor[0], scale * motion->factor[1]};
+    const size_t first = N_STATES * count, seen = FIRST_SEEN * count;
+    combine(wide, seen - first, factor[0], from + first, 0.0, from + first, to + first);
+    combine(wide, shift - seen, factor[1], from + seen, 0.0, from + seen, to + seen);
 }
 
 /* One row times F'. */

@@ -51,16 +51,17 @@ typedef struct {
     double *white_factor; /* (rows, rows) its L */
     double *considered;   /* (order, rows) C G' */
     double *fixed_gain;   /* (order, rows) P H' + C G' but for the Jacobian by the flight state */
-    double *fixed_spread; /* (rows, rows) H P H' + .. but for the same */
+    double *fixed_spread; /* (rows, rows) H P H' + .. but for the same; its upper triangle */
     double *fixed_value;  /* (rows) strain and navigation of the states but the flight state */
-    double *gain;         /* (order, rows) P H' + C G' */
+    double *innovation;   /* (rows) what strain and navigation read beside the prediction */
+    double *gain;         /* (order, rows) P H' + C G'; then the innovation */
     double *spread;       /* (rows, rows) its L after a decomposition */
-    double *inverse;      /* (rows, rows) L^-1 */
-    double *whitened;     /* (order, rows) L^-1 of gain; then one row for the innovation */
+    double *inverse, *inverse_turned; /* (rows, rows) L^-1, and its transpose */
+    double *whitened;     /* (order, rows) of each row of gain L^-1 */
     double *kalman;       /* (order, rows) K; then S^-1 times the innovation */
     double *squares;      /* (rows) diagonal of S^-1 */
     double *product;      /* (order, rows) scratch, */
-    double *turned;       /* (rows, order), */
+    double *turned;       /* (rows or order, order), */
     double *kept;         /* (order, order) I - K H, */
     double *joseph;       /* (2, order, order) */
 } Filter;

@@ -9,9 +9,7 @@
 #include "flight_algebra.h"
 #include "wide.h"
 
-static Strided by_rows(const double *value, size_t row) {
-    return (Strided){value, row, 1};
-}
+#define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
 
 /* The first row of navigation. */
 static double *navigation_rows(const Filter *filter, double *column) {
@@ -135,31 +133,22 @@ static void set_white(Filter *filter) {
     }
 }
 
-/* to = sum over the terms of cross times them: C G'. */
+/* C G'. */
 static void set_considered(Filter *filter, const Law *law) {
+    memset(filter->considered, 0, filter->n * filter->rows * sizeof *filter->considered);
     for (size_t i = 0; i < filter->n; i++) {
-        double *row = filter->considered + i * filter->rows;
-        const double *cross = law->cross + i * filter->n_considered;
-        memset(row, 0, filter->rows * sizeof *row);
-        for (size_t k = 0; k < filter->n_terms; k++) {
-            for (size_t g = 0; g < filter->gauges; g++) {
-                row[g] += cross[k * filter->gauges + g] * filter->term[k * filter->gauges + g];
-            }
-        }
+        sum_of_products(filter->solver->wide, filter->n_terms, filter->gauges, law->cross + i * filter->n_considered,
+                        filter->term, filter->considered + i * filter->rows);
     }
 }
 
-/* matrix (rows, rows) = fixed + sum over `count` pairs of rows of left right' + right left'. */
+/* The upper triangle of fixed + the sum over `count` pairs of rows of left right' + right left', in `matrix`. */
 static void add_spread(Filter *filter, size_t count, const double *left, const double *right, const double *fixed,
                        double *matrix) {
     const size_t rows = filter->rows;
-    multiply(filter->solver->wide, rows, count, rows, (Strided){left, 1, rows}, right, rows, matrix, rows);
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double sum = matrix[i * rows + j] + matrix[j * rows + i];
-            matrix[i * rows + j] = matrix[j * rows + i] = fixed[i * rows + j] + sum;
-        }
-    }
+    const int wide = filter->solver->wide;
+    multiply_upper(wide, rows, count, (Strided){left, 1, rows}, right, fixed, matrix);
+    multiply_upper(wide, rows, count, (Strided){right, 1, rows}, left, matrix, matrix);
 }
 
 /* What does not change with the iterations, for the errors at the state of solver->response. */
@@ -170,7 +159,7 @@ static void set_fixed(Filter *filter, const Law *law) {
     set_terms(filter);
     set_white(filter);
     set_considered(filter, law);
-    multiply(wide, filter->n, others, rows, by_rows(law->covariance + N_STATES, filter->order), filter->read + first, rows,
+    multiply(wide, FULL, filter->n, others, rows, by_rows(law->covariance + N_STATES, filter->order), filter->read + first, rows,
              filter->fixed_gain, rows);
     for (size_t k = 0; k < filter->n * rows; k++) {
         filter->fixed_gain[k] += filter->considered[k];
@@ -179,15 +168,15 @@ static void set_fixed(Filter *filter, const Law *law) {
         filter->product[k] = 0.5 * (filter->fixed_gain[k] + filter->considered[k]);
     }
     add_spread(filter, others, filter->read + first, filter->product + first, filter->white, filter->fixed_spread);
-    multiply(wide, 1, others, rows, by_rows(law->mean + N_STATES, 1), filter->read + first, rows, filter->fixed_value, rows);
+    multiply(wide, FULL, 1, others, rows, by_rows(law->mean + N_STATES, 1), filter->read + first, rows, filter->fixed_value, rows);
 }
 
-/* The Jacobian by the flight state at that of solver->response, and the innovation, as the row behind filter->whitened. */
+/* The Jacobian by the flight state at that of solver->response, and the innovation, filter->innovation. */
 static void set_rows(Filter *filter, const Law *law, const double *state) {
     const FlightSolver *solver = filter->solver;
     const Sample *sample = &solver->sample;
     const size_t rows = filter->rows;
-    double *apart = filter->whitened + filter->n * rows;
+    double *apart = filter->innovation;
     memset(apart, 0, rows * sizeof *apart);
     memset(filter->read, 0, N_STATES * rows * sizeof *filter->read);
     for (size_t g = 0; g < solver->n_gauges; g++) {
@@ -218,34 +207,32 @@ static void set_rows(Filter *filter, const Law *law, const double *state) {
     }
 }
 
-/* Gains of the first `count` states, and the decomposition of the spread; both times L^-1, and the innovation. */
-static void whiten(Filter *filter, const Law *law, size_t count) {
-    const size_t rows = filter->rows;
+/* Gains of the first `count` states, and the decomposition of the spread. */
+static void set_gain(Filter *filter, const Law *law, size_t count) {
+    const size_t rows = filter->rows, of_state = N_STATES * rows;
     const int wide = filter->solver->wide;
     double *half = filter->product;
-    multiply(wide, filter->n, N_STATES, rows, by_rows(law->covariance, filter->order), filter->read, rows, filter->gain,
+    multiply(wide, FULL, count, N_STATES, rows, by_rows(law->covariance, filter->order), filter->read, rows, filter->gain,
              rows);
-    for (size_t k = 0; k < N_STATES * rows; k++) {
-        half[k] = filter->fixed_gain[k] + 0.5 * filter->gain[k];
-    }
-    for (size_t k = 0; k < count * rows; k++) {
-        filter->whitened[k] = filter->gain[k] += filter->fixed_gain[k];
-    }
+    combine(wide, of_state, 1.0, filter->fixed_gain, 0.5, filter->gain, half);
     add_spread(filter, N_STATES, filter->read, half, filter->fixed_spread, filter->spread);
-    cholesky(wide, rows, filter->spread);
-    if (count < filter->n) {
-        memcpy(filter->whitened + count * rows, filter->whitened + filter->n * rows, rows * sizeof *filter->whitened);
+    for (size_t k = 0; k < count * rows; k++) {
+        filter->gain[k] += filter->fixed_gain[k];
     }
-    solve_lower(wide, rows, filter->spread, count + 1, filter->whitened);
+    cholesky(wide, rows, filter->spread);
 }
 
 /* The next flight state. */
 static void iterate(Filter *filter, const Law *law, const double *state, double *next) {
     double step[N_STATES];
-    whiten(filter, law, N_STATES);
+    const size_t rows = filter->rows;
+    double *whitened = filter->whitened, *innovation = whitened + N_STATES * rows;
+    set_gain(filter, law, N_STATES);
+    memcpy(whitened, filter->gain, N_STATES * rows * sizeof *whitened);
+    memcpy(innovation, filter->innovation, rows * sizeof *innovation);
+    solve_lower(filter->solver->wide, rows, filter->spread, N_STATES + 1, whitened);
     for (size_t k = 0; k < N_STATES; k++) {
-        step[k] = law->mean[k] - state[k]
-                + lane_dot(filter->rows, filter->whitened + k * filter->rows, filter->whitened + N_STATES * filter->rows);
+        step[k] = law->mean[k] - state[k] + lane_dot(rows, whitened + k * rows, innovation);
     }
     flight_limited(filter->solver->map, state, step, next);
 }
@@ -260,21 +247,21 @@ static void transpose(size_t rows, size_t columns, const double *matrix, size_t 
 }
 
 /* P after the sample, in Joseph form: A P A' + X + X' with X = (K R / 2 - A C G') K', R of what is white and considered. */
-static void update_covariance(Filter *filter, const Law *law, Law *after) {
+static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
     const size_t n = filter->n, order = filter->order, rows = filter->rows;
     const int wide = filter->solver->wide;
     double *first = filter->joseph, *second = filter->joseph + order * order, *half = filter->product;
     const Strided kept = by_rows(filter->kept, order), gain = by_rows(filter->kalman, rows);
-    multiply(wide, n, rows, rows, gain, filter->white, rows, half, rows);
-    multiply(wide, n, n, rows, kept, filter->considered, rows, filter->gain, rows);
+    multiply(wide, FULL, n, rows, rows, gain, filter->white, rows, half, rows);
+    multiply(wide, FULL, n, n, rows, kept, filter->considered, rows, filter->gain, rows);
     for (size_t k = 0; k < n * rows; k++) {
         half[k] = 0.5 * half[k] - filter->gain[k];
     }
     transpose(n, rows, filter->kalman, rows, filter->turned, order);
-    multiply(wide, n, rows, order, by_rows(half, rows), filter->turned, order, second, order);
-    multiply(wide, n, n, order, kept, law->covariance, order, first, order);
+    multiply(wide, FULL, n, rows, order, by_rows(half, rows), filter->turned, order, second, order);
+    multiply(wide, FULL, n, n, order, kept, law->covariance, order, first, order);
     transpose(n, n, filter->kept, order, filter->turned, order);
-    multiply(wide, n, n, order, by_rows(first, order), filter->turned, order, after->covariance, order);
+    multiply(wide, FULL, n, n, order, by_rows(first, order), filter->turned, order, after->covariance, order);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j <= i; j++) {
             const double sum = second[i * order + j] + second[j * order + i];
@@ -284,48 +271,85 @@ static void update_covariance(Filter *filter, const Law *law, Law *after) {
     }
 }
 
+/* P after the sample: P - V V' with V of the gain times L'^-1, the same as the Joseph form but for round-off. Where the
+   sample takes nearly all of a variance, little is left of the difference: then the Joseph form. */
+static void update_covariance(Filter *filter, const Law *law, Law *after) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows;
+    double *taken = filter->joseph;
+    int enough = 1;
+    transpose(n, rows, filter->whitened, rows, filter->turned, order);
+    multiply(filter->solver->wide, FULL, n, rows, order, by_rows(filter->whitened, rows), filter->turned, order, taken,
+             order);
+    for (size_t i = 0; i < n; i++) {
+        const double before = law->covariance[i * order + i];
+        enough = enough && before - taken[i * order + i] > LEAST_LEFT * before;
+    }
+    if (!enough) {
+        joseph_covariance(filter, law, after);
+        return;
+    }
+    combine(filter->solver->wide, n * order, 1.0, law->covariance, -1.0, taken, after->covariance);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < i; j++) {
+            after->covariance[i * order + j] = after->covariance[j * order + i];
+        }
+    }
+}
+
 /* C after the sample: A C - K G. */
 static void update_cross(Filter *filter, const Law *law, Law *after) {
     const size_t n = filter->n, read = filter->n_read, count = filter->n_considered;
-    multiply(filter->solver->wide, n, read, count, by_rows(filter->kept, filter->order), law->cross, count, after->cross,
-             count);
-    for (size_t i = 0; i < n; i++) {
-        const double *row = filter->kalman + i * filter->rows, *own = law->cross + i * count;
+    const int wide = filter->solver->wide;
+    multiply(wide, FULL, n, read, count, by_rows(filter->kept, filter->order), law->cross, count, after->cross, count);
+    for (size_t i = read; i < n; i++) { /* rates: A is 1 */
+        const double *own = law->cross + i * count;
         double *cross = after->cross + i * count;
-        for (size_t k = 0; k < filter->n_terms; k++) {
-            const size_t at = k * filter->gauges;
-            for (size_t g = 0; g < filter->gauges; g++) {
-                cross[at + g] += (i < read ? 0.0 : own[at + g]) - row[g] * filter->term[at + g];
-            }
+        for (size_t k = 0; k < count; k++) {
+            cross[k] += own[k];
+        }
+    }
+    for (size_t i = 0; i < n; i++) {
+        subtract_products(wide, filter->n_terms, filter->gauges, filter->kalman + i * filter->rows, filter->term,
+                          after->cross + i * count);
+    }
+}
+
+/* K, S^-1 times the innovation, and the diagonal of S^-1. */
+static void set_kalman(Filter *filter) {
+    const size_t n = filter->n, rows = filter->rows;
+    const int wide = filter->solver->wide;
+    double *squares = filter->squares;
+    invert_lower(wide, rows, filter->spread, filter->inverse);
+    transpose(rows, rows, filter->inverse, rows, filter->inverse_turned, rows);
+    memcpy(filter->gain + n * rows, filter->innovation, rows * sizeof *filter->gain);
+    multiply(wide, UPPER, n + 1, rows, rows, by_rows(filter->gain, rows), filter->inverse_turned, rows, filter->whitened,
+             rows);
+    multiply(wide, LOWER, n + 1, rows, rows, by_rows(filter->whitened, rows), filter->inverse, rows, filter->kalman, rows);
+    memset(squares, 0, rows * sizeof *squares);
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t j = 0; j < i / LANES * LANES + LANES; j++) {
+            squares[j] += filter->inverse[i * rows + j] * filter->inverse[i * rows + j];
         }
     }
 }
 
 /* The law after the sample. */
 static void update(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
+    const size_t n = filter->n, order = filter->order, rows = filter->rows, read = filter->n_read;
     const int wide = filter->solver->wide;
-    double *turned = filter->turned, *squares = filter->squares;
-    whiten(filter, law, n);
-    invert_lower(wide, rows, filter->spread, filter->inverse);
-    multiply_lower(wide, n + 1, rows, by_rows(filter->whitened, rows), filter->inverse, rows, filter->kalman, rows);
-    memset(squares, 0, rows * sizeof *squares);
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            squares[j] += filter->inverse[i * rows + j] * filter->inverse[i * rows + j];
-        }
-    }
-    transpose(filter->n_read, rows, filter->read, rows, turned, order);
+    double *turned = filter->turned;
+    set_gain(filter, law, n);
+    set_kalman(filter);
+    transpose(read, rows, filter->read, rows, turned, order);
     for (size_t r = 0; r < rows; r++) {
-        memset(turned + r * order + filter->n_read, 0, (order - filter->n_read) * sizeof *turned);
+        memset(turned + r * order + read, 0, (order - read) * sizeof *turned);
     }
-    multiply(wide, n, rows, order, by_rows(filter->kalman, rows), turned, order, filter->kept, order);
+    multiply(wide, FULL, n, rows, order, by_rows(filter->kalman, rows), turned, order, filter->kept, order);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < order; j++) {
             filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - filter->kept[i * order + j];
         }
-        after->mean[i] =
-            law->mean[i] + lane_dot(rows, filter->whitened + i * rows, filter->whitened + n * rows);
+        after->mean[i] = law->mean[i] + lane_dot(rows, filter->kalman + i * rows, filter->innovation);
     }
     update_covariance(filter, law, after);
     update_cross(filter, law, after);
@@ -382,9 +406,9 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
     }
     set_rows(filter, law, state);
     update(filter, law, &filter->next_law);
-    const double *innovation = filter->whitened + filter->n * filter->rows;
+    const double *weighted = filter->kalman + filter->n * filter->rows;
     solver->solution.chi_square =
-        lane_dot(filter->rows, innovation, innovation) + give(filter, &filter->next_law, state);
+        lane_dot(filter->rows, filter->innovation, weighted) + give(filter, &filter->next_law, state);
     set_residuals(filter);
     filter_solution(filter);
 }

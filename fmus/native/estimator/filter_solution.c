@@ -5,17 +5,7 @@
 #include "filter.h"
 #include "flight_algebra.h"
 
-/* x = L'^-1 x; L lies by columns. */
-static void solve_upper(size_t n, const double *lower, double *x) {
-    for (size_t j = n; j-- > 0;) {
-        const double *column = lower + j * n;
-        double sum = x[j];
-        for (size_t i = j + 1; i < n; i++) {
-            sum -= column[i] * x[i];
-        }
-        x[j] = sum / column[j];
-    }
-}
+#define TURNED_LANES 8 /* N_LOADS in lanes */
 
 /* Gains of the loads on the residual: covariance with the strain of the directions that are not estimated, times that of
    strain inverted. Rows are in filter->gain; `remaining` gets what they leave of the loads' covariance. */
@@ -39,9 +29,7 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
                             - lane_dot(rows, turned + i * rows, turned + j * rows);
         }
     }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        solve_upper(rows, filter->white_factor, turned + i * rows);
-    }
+    solve_upper(solver->wide, rows, filter->white_factor, N_LOADS, turned);
 }
 
 /* What the gauges in use read beside all states, as a row behind those of the gains. */
@@ -66,8 +54,16 @@ static void set_loads(Filter *filter) {
     FlightSolver *solver = filter->solver;
     const size_t rows = filter->rows, order = filter->order;
     const double *left = set_left(filter), *mean = filter->next_law.mean;
-    double *by_state = filter->joseph;
+    double *by_state = filter->joseph, *by_row = filter->product + rows, *by_read = filter->turned;
     memset(by_state, 0, N_LOADS * order * sizeof *by_state);
+    memset(by_row, 0, rows * TURNED_LANES * sizeof *by_row);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t r = 0; r < rows; r++) {
+            by_row[r * TURNED_LANES + i] = filter->gain[i * rows + r];
+        }
+    }
+    multiply(solver->wide, FULL, filter->n_read, rows, TURNED_LANES, by_rows(filter->read, rows), by_row, TURNED_LANES,
+             by_read, TURNED_LANES);
     for (size_t i = 0; i < N_LOADS; i++) {
         const double *turned = filter->gain + i * rows;
         double *row = by_state + i * order, sum = solver->response.value[solver->n_gauges + i];
@@ -79,7 +75,7 @@ static void set_loads(Filter *filter) {
             sum += row[FIRST_SEEN + k] * mean[FIRST_SEEN + k];
         }
         for (size_t k = 0; k < filter->n_read; k++) {
-            row[k] -= lane_dot(rows, turned, filter->read + k * rows);
+            row[k] -= by_read[k * TURNED_LANES + i];
         }
         solver->solution.loads[i] = sum + lane_dot(rows, turned, left);
     }
@@ -114,7 +110,7 @@ void filter_solution(Filter *filter) {
     }
     /* Both times the covariance, then each other. */
     double *times = filter->joseph + 2 * N_LOADS * order;
-    multiply(solver->wide, 2 * N_LOADS, filter->n, order, (Strided){by_state, order, 1}, covariance, order, times, order);
+    multiply(solver->wide, FULL, 2 * N_LOADS, filter->n, order, by_rows(by_state, order), covariance, order, times, order);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
             const size_t at = i * N_LOADS + j, of = N_LOADS + i;

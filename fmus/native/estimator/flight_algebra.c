@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "flight_tables.h"
+#include "products.h"
 #include "wide.h"
 
 #define MAX_SMALL 5
@@ -42,27 +43,20 @@ EVERYWHERE void take_factors(size_t n, const double *matrix, size_t row, size_t 
     }
 }
 
-EVERYWHERE void decompose(size_t n, double *restrict a) {
-    for (size_t k = 0; k < n; k += LANES) {
-        for (size_t c = k; c < k + LANES; c++) {
-            double *restrict column = a + c * n;
-            for (size_t b = k; b < c; b++) {
-                const double *restrict before = a + b * n;
-                const double factor = before[c];
-                for (size_t i = k; i < n; i++) {
-                    column[i] -= factor * before[i];
-                }
-            }
-            const double scale = 1.0 / sqrt(column[c]);
+/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted. */
+EVERYWHERE void decompose(size_t n, size_t k, double *restrict a) {
+    for (size_t c = k; c < k + LANES; c++) {
+        double *restrict column = a + c * n;
+        for (size_t b = k; b < c; b++) {
+            const double *restrict before = a + b * n;
+            const double factor = before[c];
             for (size_t i = k; i < n; i++) {
-                column[i] *= scale;
+                column[i] -= factor * before[i];
             }
         }
-        for (size_t j = k + LANES; j < n; j += 2) {
-            double f[LANES], g[LANES];
-            take_factors(n, a, j, k, f);
-            take_factors(n, a, j + 1, k, g);
-            subtract_columns_twice(j / LANES * LANES, n, a + k * n, n, f, g, a + j * n, a + (j + 1) * n);
+        const double scale = 1.0 / sqrt(column[c]);
+        for (size_t i = k; i < n; i++) {
+            column[i] *= scale;
         }
     }
 }
@@ -93,6 +87,31 @@ EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, do
             double factor[LANES];
             memcpy(factor, x + v * n + k, sizeof factor);
             subtract_columns(k + LANES, n, lower + k * n, n, factor, x + v * n);
+        }
+    }
+}
+
+/* Elements k to k + LANES of L'^-1 x, where all below are solved. */
+EVERYWHERE void solve_block_back(size_t n, const double *restrict lower, size_t k, double *restrict x) {
+    for (size_t c = k + LANES; c-- > k;) {
+        const double *restrict column = lower + c * n;
+        double sum[LANES] = {0.0}, rest = x[c];
+        for (size_t i = k + LANES; i < n; i += LANES) {
+            for (size_t r = 0; r < LANES; r++) {
+                sum[r] += column[i + r] * x[i + r];
+            }
+        }
+        for (size_t b = c + 1; b < k + LANES; b++) {
+            rest -= column[b] * x[b];
+        }
+        x[c] = (rest - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) / column[c];
+    }
+}
+
+EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
+    for (size_t k = n; k > 0; k -= LANES) {
+        for (size_t v = 0; v < count; v++) {
+            solve_block_back(n, lower, k - LANES, x + v * n);
         }
     }
 }
@@ -152,12 +171,16 @@ EVERYWHERE void back(size_t n, const double *restrict inverse, const double *res
 }
 
 #if HAS_AVX2
-AVX2 static void decompose_avx2(size_t n, double *matrix) {
-    decompose(n, matrix);
+AVX2 static void decompose_avx2(size_t n, size_t k, double *matrix) {
+    decompose(n, k, matrix);
 }
 
 AVX2 static void forward_avx2(size_t n, const double *lower, size_t count, double *x) {
     forward(n, lower, count, x);
+}
+
+AVX2 static void backward_avx2(size_t n, const double *lower, size_t count, double *x) {
+    backward(n, lower, count, x);
 }
 
 AVX2 static void invert_avx2(size_t n, const double *lower, double *inverse) {
@@ -170,11 +193,18 @@ AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, dou
 #endif
 
 void cholesky(int wide, size_t n, double *matrix) {
-    CHOSEN(wide, decompose)(n, matrix);
+    for (size_t k = 0; k < n; k += LANES) {
+        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n, matrix + k * n + k);
+        CHOSEN(wide, decompose)(n, k, matrix);
+    }
 }
 
 void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x) {
     CHOSEN(wide, forward)(n, lower, count, x);
+}
+
+void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x) {
+    CHOSEN(wide, backward)(n, lower, count, x);
 }
 
 void invert_lower(int wide, size_t n, const double *lower, double *inverse) {

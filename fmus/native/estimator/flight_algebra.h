@@ -14,6 +14,9 @@ void cholesky(int wide, size_t n, double *matrix);
 /* x = L^-1 x for `count` vectors, n apart. */
 void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x);
 
+/* x = L'^-1 x for `count` vectors, n apart. */
+void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x);
+
 /* L^-1 (n, n) by rows; what lies right of the diagonal's LANES is not set. */
 void invert_lower(int wide, size_t n, const double *lower, double *inverse);
 

@@ -6,14 +6,18 @@
 #define BLOCK_ROWS 4
 #define BLOCK_COLUMNS 8
 
-/* A block of BLOCK_ROWS rows, or of one, over BLOCK_COLUMNS columns, or LANES: constants where it is called, so that the
-   sums stay in registers. */
-EVERYWHERE void block(size_t rows, size_t columns, size_t inner, const double *restrict left, size_t row, size_t column,
-                      const double *restrict right, size_t right_row, double *restrict product, size_t product_row) {
+/* What a product becomes: itself, what was there before and it, or what was there before without it. */
+typedef enum { SET, ADD, SUBTRACT } Change;
+
+/* A block of BLOCK_ROWS rows, or of one, over BLOCK_COLUMNS columns, or LANES: constants where it is called, as the change
+   is, so that the sums stay in registers. */
+EVERYWHERE void block(Change change, size_t rows, size_t columns, size_t inner, const double *restrict left, size_t row,
+                      size_t column, const double *restrict right, size_t right_row, const double *before,
+                      double *product, size_t product_row) {
     double sum[BLOCK_ROWS][BLOCK_COLUMNS];
     for (size_t i = 0; i < rows; i++) {
         for (size_t j = 0; j < columns; j++) {
-            sum[i][j] = 0.0;
+            sum[i][j] = change == SET ? 0.0 : before[i * product_row + j];
         }
     }
     for (size_t k = 0; k < inner; k++) {
@@ -21,7 +25,7 @@ EVERYWHERE void block(size_t rows, size_t columns, size_t inner, const double *r
         for (size_t i = 0; i < rows; i++) {
             const double a = left[i * row + k * column];
             for (size_t j = 0; j < columns; j++) {
-                sum[i][j] += a * b[j];
+                sum[i][j] = change == SUBTRACT ? sum[i][j] - a * b[j] : sum[i][j] + a * b[j];
             }
         }
     }
@@ -33,62 +37,146 @@ EVERYWHERE void block(size_t rows, size_t columns, size_t inner, const double *r
 }
 
 /* All rows over a block of columns. */
-EVERYWHERE void strip(size_t rows, size_t columns, size_t inner, const double *left, size_t row, size_t column,
-                      const double *right, size_t right_row, double *product, size_t product_row) {
+EVERYWHERE void strip(Change change, size_t rows, size_t columns, size_t inner, Strided left, const double *right,
+                      size_t right_row, const double *before, double *product, size_t product_row) {
     size_t i = 0;
     for (; i + BLOCK_ROWS <= rows; i += BLOCK_ROWS) {
-        block(BLOCK_ROWS, columns, inner, left + i * row, row, column, right, right_row, product + i * product_row,
-              product_row);
+        block(change, BLOCK_ROWS, columns, inner, left.value + i * left.row, left.row, left.column, right, right_row,
+              before + i * product_row, product + i * product_row, product_row);
     }
     for (; i < rows; i++) {
-        block(1, columns, inner, left + i * row, row, column, right, right_row, product + i * product_row, product_row);
+        block(change, 1, columns, inner, left.value + i * left.row, left.row, left.column, right, right_row,
+              before + i * product_row, product + i * product_row, product_row);
     }
 }
 
-/* `lower`: the first rows of a block of columns of right, above its diagonal, are zero. */
-EVERYWHERE void all_columns(int lower, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                            size_t right_row, double *product, size_t product_row) {
+/* Columns j to j + width. */
+EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, size_t inner, Strided left,
+                             const double *right, size_t right_row, double *product, size_t product_row) {
+    const size_t first = shape == LOWER ? j : 0, end = shape == UPPER ? j + width : inner;
+    const Strided part = {left.value + first * left.column, left.row, left.column};
+    strip(SET, rows, width, end - first, part, right + first * right_row + j, right_row, product, product + j, product_row);
+}
+
+EVERYWHERE void whole(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+                      size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
     for (; j + BLOCK_COLUMNS <= columns; j += BLOCK_COLUMNS) {
-        const size_t first = lower ? j : 0;
-        strip(rows, BLOCK_COLUMNS, inner - first, left.value + first * left.column, left.row, left.column,
-              right + first * right_row + j, right_row, product + j, product_row);
+        some_columns(shape, j, BLOCK_COLUMNS, rows, inner, left, right, right_row, product, product_row);
     }
     for (; j < columns; j += LANES) {
-        const size_t first = lower ? j : 0;
-        strip(rows, LANES, inner - first, left.value + first * left.column, left.row, left.column,
-              right + first * right_row + j, right_row, product + j, product_row);
+        some_columns(shape, j, LANES, rows, inner, left, right, right_row, product, product_row);
     }
 }
 
-EVERYWHERE void whole(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
-                      double *product, size_t product_row) {
-    all_columns(0, rows, inner, columns, left, right, right_row, product, product_row);
+EVERYWHERE void upper(size_t n, size_t inner, Strided left, const double *right, const double *added, double *product) {
+    size_t j = 0;
+    for (; j + BLOCK_COLUMNS <= n; j += BLOCK_COLUMNS) {
+        strip(ADD, j + BLOCK_COLUMNS, BLOCK_COLUMNS, inner, left, right + j, n, added + j, product + j, n);
+    }
+    for (; j < n; j += LANES) {
+        strip(ADD, j + LANES, LANES, inner, left, right + j, n, added + j, product + j, n);
+    }
 }
 
-EVERYWHERE void lower(size_t rows, size_t columns, Strided left, const double *right, size_t right_row, double *product,
-                      size_t product_row) {
-    all_columns(1, rows, columns, columns, left, right, right_row, product, product_row);
+EVERYWHERE void less(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
+                     double *product) {
+    size_t j = 0;
+    for (; j + BLOCK_COLUMNS <= columns; j += BLOCK_COLUMNS) {
+        strip(SUBTRACT, rows, BLOCK_COLUMNS, inner, left, right + j, row, product + j, product + j, row);
+    }
+    for (; j < columns; j += LANES) {
+        strip(SUBTRACT, rows, LANES, inner, left, right + j, row, product + j, product + j, row);
+    }
+}
+
+EVERYWHERE void both(size_t count, double a, const double *restrict x, double b, const double *restrict y,
+                     double *restrict out) {
+    for (size_t i = 0; i < count; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            out[r] = a * x[r] + b * y[r];
+        }
+    }
+}
+
+EVERYWHERE void sums_of(size_t rows, size_t count, const double *restrict x, const double *restrict y,
+                        double *restrict sums) {
+    for (size_t i = 0; i < count; i += LANES) {
+        double sum[LANES] = {0.0};
+        for (size_t k = 0; k < rows; k++) {
+            for (size_t r = 0; r < LANES; r++) {
+                sum[r] += x[k * count + i + r] * y[k * count + i + r];
+            }
+        }
+        for (size_t r = 0; r < LANES; r++) {
+            sums[i + r] = sum[r];
+        }
+    }
+}
+
+EVERYWHERE void subtract(size_t rows, size_t count, const double *restrict factor, const double *restrict y,
+                         double *restrict x) {
+    for (size_t k = 0; k < rows; k++) {
+        for (size_t i = 0; i < count; i += LANES) {
+            for (size_t r = i; r < i + LANES; r++) {
+                x[k * count + r] -= factor[r] * y[k * count + r];
+            }
+        }
+    }
 }
 
 #if HAS_AVX2
-AVX2 static void whole_avx2(size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+AVX2 static void whole_avx2(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
                             size_t right_row, double *product, size_t product_row) {
-    whole(rows, inner, columns, left, right, right_row, product, product_row);
+    whole(shape, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
-AVX2 static void lower_avx2(size_t rows, size_t columns, Strided left, const double *right, size_t right_row,
-                            double *product, size_t product_row) {
-    lower(rows, columns, left, right, right_row, product, product_row);
+AVX2 static void upper_avx2(size_t n, size_t inner, Strided left, const double *right, const double *added,
+                            double *product) {
+    upper(n, inner, left, right, added, product);
+}
+
+AVX2 static void less_avx2(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
+                           double *product) {
+    less(rows, inner, columns, left, right, row, product);
+}
+
+AVX2 static void both_avx2(size_t count, double a, const double *x, double b, const double *y, double *out) {
+    both(count, a, x, b, y, out);
+}
+
+AVX2 static void sums_of_avx2(size_t rows, size_t count, const double *x, const double *y, double *sums) {
+    sums_of(rows, count, x, y, sums);
+}
+
+AVX2 static void subtract_avx2(size_t rows, size_t count, const double *factor, const double *y, double *x) {
+    subtract(rows, count, factor, y, x);
 }
 #endif
 
-void multiply(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
-              double *product, size_t product_row) {
-    CHOSEN(wide, whole)(rows, inner, columns, left, right, right_row, product, product_row);
+void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+              size_t right_row, double *product, size_t product_row) {
+    CHOSEN(wide, whole)(shape, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
-void multiply_lower(int wide, size_t rows, size_t columns, Strided left, const double *right, size_t right_row,
-                    double *product, size_t product_row) {
-    CHOSEN(wide, lower)(rows, columns, left, right, right_row, product, product_row);
+void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double *right, const double *added,
+                    double *product) {
+    CHOSEN(wide, upper)(n, inner, left, right, added, product);
+}
+
+void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
+                      double *product) {
+    CHOSEN(wide, less)(rows, inner, columns, left, right, row, product);
+}
+
+void combine(int wide, size_t count, double a, const double *x, double b, const double *y, double *out) {
+    CHOSEN(wide, both)(count, a, x, b, y, out);
+}
+
+void sum_of_products(int wide, size_t rows, size_t count, const double *x, const double *y, double *sums) {
+    CHOSEN(wide, sums_of)(rows, count, x, y, sums);
+}
+
+void subtract_products(int wide, size_t rows, size_t count, const double *factor, const double *y, double *x) {
+    CHOSEN(wide, subtract)(rows, count, factor, y, x);
 }

@@ -11,13 +11,36 @@ typedef struct {
     size_t row, column;
 } Strided;
 
-/* product (rows, columns) = left (rows, inner) right (inner, columns). Columns are a multiple of LANES, rows of right
-   and product lie right_row and product_row apart. */
-void multiply(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
-              double *product, size_t product_row);
+/* One whose rows are `row` apart. */
+static inline Strided by_rows(const double *value, size_t row) {
+    return (Strided){value, row, 1};
+}
 
-/* The same with a lower triangular right (columns, columns), zero right of its diagonal. */
-void multiply_lower(int wide, size_t rows, size_t columns, Strided left, const double *right, size_t right_row,
-                    double *product, size_t product_row);
+/* Which elements of the right factor are zero. */
+typedef enum { FULL, LOWER, UPPER } Shape;
+
+/* product (rows, columns) = left (rows, inner) right (inner, columns). Columns are a multiple of LANES, rows of right
+   and product lie right_row and product_row apart. A right factor that is lower or upper triangular is square. */
+void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+              size_t right_row, double *product, size_t product_row);
+
+/* The upper triangle of product (n, n) = added + left (n, inner) right (inner, n), and some of what lies left of it. n is
+   a multiple of LANES, the distance of all rows. */
+void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double *right, const double *added,
+                    double *product);
+
+/* product (rows, columns) -= left (rows, inner) right (inner, columns), all rows of right and product `row` apart. Columns
+   are a multiple of LANES. */
+void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
+                      double *product);
+
+/* out = a x + b y for `count` elements, a multiple of LANES. */
+void combine(int wide, size_t count, double a, const double *x, double b, const double *y, double *out);
+
+/* sums = sum over `rows` rows of x y, each of `count` elements, a multiple of LANES. */
+void sum_of_products(int wide, size_t rows, size_t count, const double *x, const double *y, double *sums);
+
+/* x -= factor y for the same rows; the factor is the same for each of them. */
+void subtract_products(int wide, size_t rows, size_t count, const double *factor, const double *y, double *x);
 
 #endif
