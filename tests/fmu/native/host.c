@@ -1,7 +1,8 @@
 /* A small importer in C: drives the native FMU of FMI 2.0 and writes what it returns, or measures what it costs.
 
      host GUID LOCATION GAUGES run STEPS SEED      outputs of STEPS random steps, raw float64, to standard output
-     host GUID LOCATION GAUGES replay STEPS FILE   the same of STEPS inputs in a file: strains, valid and flow
+     host GUID LOCATION GAUGES replay STEPS FILE   the same of STEPS inputs in a file: strains, valid and flow;
+       [REFERENCE VALUE]                           first a parameter gets a value
      host GUID LOCATION GAUGES time STEPS          nanoseconds per step, and per instantiation
      host GUID LOCATION GAUGES many STEPS          200 instances, interleaved, states, freed out of order
      host GUID LOCATION GAUGES foreign 0 OTHER     states of the map in LOCATION and of that in OTHER, with one GUID
@@ -153,11 +154,16 @@ static void run(const Setup *setup, long steps, uint64_t seed) {
 }
 
 /* Each step of the file: float64 strains, as many float64 that are 0 or 1, flow and navigation. */
-static void replay(const Setup *setup, long steps, const char *path) {
+static void replay(const Setup *setup, long steps, const char *path, const char *const *parameter) {
     const unsigned n = setup->gauges;
     double inputs[2 * MOST_GAUGES + N_FLOW];
     fmi2Boolean valid[MOST_GAUGES];
     fmi2Component c = started(setup);
+    if (parameter != NULL) {
+        const fmi2ValueReference reference = (fmi2ValueReference)strtoul(parameter[0], NULL, 10);
+        const double value = strtod(parameter[1], NULL);
+        check(fmi2SetReal(c, &reference, 1, &value) == fmi2OK, "fmi2SetReal of a parameter");
+    }
     FILE *file = fopen(path, "rb");
     check(file != NULL, "fopen");
     for (long k = 0; k < steps; k++) {
@@ -428,7 +434,7 @@ int main(int argc, char **argv) {
     if (strcmp(task, "run") == 0) {
         run(&setup, steps, argc > 6 ? strtoull(argv[6], NULL, 10) : 1);
     } else if (strcmp(task, "replay") == 0 && argc > 6) {
-        replay(&setup, steps, argv[6]);
+        replay(&setup, steps, argv[6], argc > 8 ? (const char *const *)argv + 7 : NULL);
     } else if (strcmp(task, "many") == 0) {
         many(&setup, steps);
     } else if (strcmp(task, "foreign") == 0 && argc > 6) {

@@ -20,6 +20,7 @@ from flight_fmu import (
     tracked,
     whole_map,
 )
+from flight_maps import NOISE_STD, flight_map
 from raw_fmu import ERROR, GUID, OK, write_resource
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
@@ -95,6 +96,33 @@ def test_a_flight_is_that_of_numpy(fmu: FlightFmu, inverse_map: InverseMap, time
     seen = {HealthState(one.health) for one in found}
     assert {HealthState.OK, HealthState.DEGRADED} <= seen
     assert flight.track.law is not None
+
+
+@pytest.mark.parametrize("discrepancy", [0.0, 1e-3])
+def test_a_map_without_errors_of_hardware(inverse_map: InverseMap, tmp_path: Path, discrepancy: float) -> None:
+    """Nothing is considered, and without discrepancy nothing but the flight state and navigation is estimated."""
+    bare = replace(inverse_map, manifold=flight_map(discrepancy=discrepancy))
+    flight = FlightFilter(ManifoldEstimator(bare), FilterSettings(time_constant=1.0))
+    assert flight.model.of_gauge.shape[1] == 0
+    fmu = FlightFmu(write_resource(bare, tmp_path).as_uri(), N_D).start()
+    assert isinstance(fmu, FlightFmu)
+    assert fmu.filter(1.0) == OK
+    compare(fmu, flight, poor_flight(bare, 20, seed=5), np.full(20, STEP))
+    fmu.free()
+
+
+def test_errors_that_last_and_follow_no_strain(inverse_map: InverseMap, tmp_path: Path) -> None:
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    covariance = np.diag(NOISE_STD**2 * np.linspace(1.0, 3.0, N_D))
+    other = replace(inverse_map, manifold=replace(manifold, gauge_covariance=covariance))
+    flight = FlightFilter(ManifoldEstimator(other), FilterSettings(time_constant=1.0))
+    assert flight.model.own.any()
+    fmu = FlightFmu(write_resource(other, tmp_path).as_uri(), N_D).start()
+    assert isinstance(fmu, FlightFmu)
+    assert fmu.filter(1.0) == OK
+    compare(fmu, flight, poor_flight(other, 20, seed=6), np.full(20, STEP))
+    fmu.free()
 
 
 def test_off_the_tables_and_back(fmu: FlightFmu, inverse_map: InverseMap) -> None:

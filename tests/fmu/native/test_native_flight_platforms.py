@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_host import host_by_clang, loading_host, program, run_host
-from flight_fmu import N_D, random_flight, whole_map
+from flight_fmu import FILTER, N_D, random_flight, whole_map
 from native_case import NativeCase
 from raw_fmu import N_OUTPUTS, write_resource
 
@@ -58,7 +58,8 @@ def linux_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def outputs_by(command: list[str], flight: NativeCase, inputs: Path) -> bytes:
     """Outputs of all steps, and of random strains that fit no tables."""
     replayed = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs)
-    return replayed + run_host(command, flight, "run", 100, 5)
+    filtered = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs, FILTER, 1.0)
+    return replayed + filtered + run_host(command, flight, "run", 100, 5)
 
 
 @pytest.fixture(scope="module")
@@ -92,3 +93,4 @@ def test_memory(flight: NativeCase, inputs: Path, tmp_path: Path) -> None:
     host = host_by_clang(tmp_path / "host", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     assert run_host([str(host)], flight, "many", 1).startswith(b"many: same")
     assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs)
+    assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs, FILTER, 1.0)
