@@ -30,6 +30,12 @@ def has_further_outputs(inverse_map: InverseMap) -> bool:
     return inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and by_tables
 
 
+def has_section_loads_by_strain_alone(inverse_map: InverseMap) -> bool:
+    """Return whether the linear map alone holds such loads, beside tables without them, as of an earlier version."""
+    manifold = inverse_map.manifold
+    return inverse_map.further is not None and manifold is not None and manifold.further is None
+
+
 def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
     """Return ``interface`` with the further loads behind it; they depend on what the pitching moment does."""
     if inverse_map.further is None or not has_further_outputs(inverse_map):

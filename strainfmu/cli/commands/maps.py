@@ -93,6 +93,7 @@ def export(
     """
     from strainfmu.estimator.inverse_map import load_inverse_map
     from strainfmu.fmu.export import ExportOptions, export_estimator
+    from strainfmu.interface.further_variables import has_section_loads_by_strain_alone
 
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
     version = fmi.removesuffix(".0")
@@ -102,8 +103,8 @@ def export(
     if kind == "native" and found == "manifold":
         note = "note: for co-simulation alone; --estimator linear has model exchange and derivatives"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
-    if found == "manifold" and load_inverse_map(inverse_map).further is not None:
-        note = "note: without the map's section loads; --estimator linear has them as outputs"
+    if found == "manifold" and has_section_loads_by_strain_alone(load_inverse_map(inverse_map)):
+        note = "note: without section loads, which the map's tables lack: build it again, or --estimator linear"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
         from strainfmu.fmu.documentation import PYTHON_FOLDERS

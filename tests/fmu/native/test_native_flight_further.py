@@ -23,7 +23,7 @@ from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.fmu.flight_resource import LOADS_SECTION, SECTION
 from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 from strainfmu.interface.estimator_variables import output_values
-from strainfmu.interface.further_variables import has_further_outputs
+from strainfmu.interface.further_variables import has_further_outputs, has_section_loads_by_strain_alone
 
 pytestmark = pytest.mark.fast
 
@@ -159,6 +159,8 @@ def test_tables_without_loads_state_none(held: InverseMap) -> None:
     older = replace(held, manifold=replace(held.manifold, further=None))
     assert has_further_outputs(held)
     assert not has_further_outputs(older)
+    assert has_section_loads_by_strain_alone(older)
+    assert not has_section_loads_by_strain_alone(held)
     assert LOADS_SECTION not in native_resource(older, GUID)
 
 
