@@ -31,7 +31,7 @@ def has_further_outputs(inverse_map: InverseMap) -> bool:
 
 
 def has_section_loads_by_strain_alone(inverse_map: InverseMap) -> bool:
-    """Return whether the linear map alone holds such loads, beside tables without them, as of an earlier version."""
+    """Return whether the linear map alone holds such loads, beside tables of an earlier version without them."""
     manifold = inverse_map.manifold
     return inverse_map.further is not None and manifold is not None and manifold.further is None
 
