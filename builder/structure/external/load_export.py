@@ -13,15 +13,23 @@ import numpy as np
 from builder.aero.cfd.vtk_files import write_vtk
 from builder.aero.mapping import nodal_force_operator
 from builder.structure.external.load_cases import LoadCases, strain_columns
-from builder.structure.external.strain_table import CONDITION_COLUMNS, FIRST_COLUMNS
+from builder.structure.external.nastran.bulk_data import case_control, force_cards, grid_cards
+from builder.structure.external.strain_table import (
+    CONDITION_COLUMNS,
+    FIRST_COLUMNS,
+    NEEDED_COLUMNS,
+    SUBCASE_COLUMN,
+)
 from builder.structure.solid.gauge_rows import Gauges
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 from strainfmu.flight_condition import FlightCondition
 
-FORMATS = ("csv", "vtu")
+NASTRAN = "bdf"
+FORMATS = ("csv", "vtu", NASTRAN)
 NODES, TRIANGLES, GAUGES, STRAINS = "nodes.csv", "triangles.csv", "gauges.csv", "strains.csv"
+GRIDS, CASES = "nodes.bdf", "case_control.bdf"
 _GAUGE_COLUMNS = "column,name,layout,surface,length_mm,x_m,y_m,z_m,direction_x,direction_y,direction_z"
 
 
@@ -31,8 +39,8 @@ def export_loads(
     """Write load cases, gauges and an empty table of strains into ``folder``.
 
     Every case is a file of the nodal forces [N] and the net pressure [Pa] at the nodes of ``nodes.csv``, numbered
-    from 1, or a .vtu of both. Forces are consistent with pressure linear over the triangles, so that force and
-    moment are those of the pressure.
+    from 1, a .vtu of both, or FORCE cards for Nastran beside files of its GRIDs and SUBCASEs. Forces are
+    consistent with pressure linear over the triangles, so that force and moment are those of the pressure.
 
     Parameters
     ----------
@@ -65,17 +73,23 @@ def export_loads(
     _write(folder / NODES, _numbers("node,x_m,y_m,z_m", mesh.point, numbered=True))
     _write(folder / TRIANGLES, _numbers("node_1,node_2,node_3", mesh.triangle + 1))
     files = [folder / NODES, folder / TRIANGLES]
-    for name, pressure in zip(cases.names, cases.pressure, strict=True):
+    if file_format == NASTRAN:
+        _write(folder / GRIDS, grid_cards(mesh.point))
+        _write(folder / CASES, case_control(cases.names))
+        files += [folder / GRIDS, folder / CASES]
+    for number, (name, pressure) in enumerate(zip(cases.names, cases.pressure, strict=True), start=1):
         force = (operator @ pressure).reshape(-1, 3)
         files.append(folder / f"{name}.{file_format}")
-        if file_format == "vtu":
+        if file_format == NASTRAN:
+            _write(files[-1], force_cards(number, name, force))
+        elif file_format == "vtu":
             arrays = {f"force_{axis}_N": force[:, k] for k, axis in enumerate("xyz")}
             write_vtk(files[-1], mesh, {"pressure_Pa": pressure, **arrays})
         else:
             header = "node,force_x_N,force_y_N,force_z_N,pressure_Pa"
             _write(files[-1], _numbers(header, np.column_stack([force, pressure]), numbered=True))
     _write(folder / GAUGES, _gauge_table(layouts, in_use))
-    _write(table, strain_template(cases, layouts, in_use))
+    _write(table, subcase_table(cases) if file_format == NASTRAN else strain_template(cases, layouts, in_use))
     return [*files, folder / GAUGES, table]
 
 
@@ -95,6 +109,17 @@ def strain_template(
         condition = cases.conditions[number] if number < len(cases.conditions) else None
         values = [""] * len(columns) if strain is None else [repr(float(value)) for value in strain[number]]
         writer.writerow([name, load_id, *condition_cells(condition), unit, *values])
+    return text.getvalue()
+
+
+def subcase_table(cases: LoadCases) -> str:
+    """Return the table of load cases as CSV, a subcase in place of strains: those stay in Nastran's results."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*NEEDED_COLUMNS, *CONDITION_COLUMNS, SUBCASE_COLUMN])
+    for number, (name, load_id) in enumerate(zip(cases.names, cases.ids(), strict=True)):
+        condition = cases.conditions[number] if number < len(cases.conditions) else None
+        writer.writerow([name, load_id, *condition_cells(condition), number + 1])
     return text.getvalue()
 
 

@@ -33,7 +33,7 @@ def write_loads(vehicle: Vehicle, snapshots: Path, folder: Path, file_format: st
     from builder.campaign.snapshot_fit import body_misfits
     from builder.campaign.snapshots import load_snapshots
     from builder.structure.external.load_cases import load_cases
-    from builder.structure.external.load_export import export_loads
+    from builder.structure.external.load_export import NASTRAN, export_loads
     from builder.structure.solid.case import solid_case
     from builder.vehicle.map_needs import used_layouts
     from builder.workspace import refuse_misfits
@@ -45,6 +45,11 @@ def write_loads(vehicle: Vehicle, snapshots: Path, folder: Path, file_format: st
     _say(
         console, f"{folder}: {len(cases.names)} load cases on {len(cases.surface.point)} nodes, {len(files)} files"
     )
+    if file_format == NASTRAN:
+        _say(
+            console, f"run them as SUBCASEs, and name {files[-1]} and the results in the vehicle file: [structure]"
+        )
+        return _say(console, "strain_per_snapshot, nastran_results, nastran_gauges")
     _say(console, f"fill in {files[-1]}, and name it in the vehicle file: [structure] strain_per_snapshot")
 
 

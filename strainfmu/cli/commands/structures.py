@@ -87,7 +87,9 @@ def structure(
         Path | None,
         typer.Option(metavar="FILE.h5", help="Write the strain per force at each outer node of the mesh instead."),
     ] = None,
-    load_format: Annotated[str, typer.Option(help="Of the load cases: csv or vtu (ParaView).")] = "csv",
+    load_format: Annotated[
+        str, typer.Option(help="Of the load cases: csv, vtu (ParaView) or bdf (Nastran).")
+    ] = "csv",
     snapshots: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Pressures of the load cases. Default: snapshots.h5 beside the output."),

@@ -8,15 +8,17 @@ import h5py
 import numpy as np
 import pytest
 from inverse_case import snapshots_at
+from nastran_files import op2_of_rods, write_gauges
 
 from builder.aero.newtonian import NewtonianEngine
 from builder.aero.surface_mesh import mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.structure.external.load_cases import LoadCases, load_cases
-from builder.structure.external.load_export import export_loads, strain_template
+from builder.structure.external.load_export import export_loads, strain_template, subcase_table
 from builder.structure.external.strain_per_snapshot import smallest_operator, structure_of_strains
 from builder.structure.external.strain_table import read_strain_table
+from builder.structure.external.structure import external_structure
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import solid_case
@@ -173,6 +175,64 @@ def test_exported_forces_are_those_of_the_pressure(
     assert header.endswith(",".join(layouts["configuration_2"].name[-2:]))
     with pytest.raises(InputError, match=r"strains\.csv: expected a folder without it"):
         export_loads(few, layouts, listed.gauges.layout, tmp_path / "loads")
+
+
+def cards(text: str, name: str) -> np.ndarray:
+    """Return the fields of all cards of one name in large format, four of 16 columns a line, empty ones as 0."""
+    lines = [line for line in text.splitlines() if not line.startswith("$")]
+    found = []
+    for first, more in zip(lines[0::2], lines[1::2], strict=True):
+        assert (first[:8], first[72:], more[:8]) == (f"{name}*".ljust(8), "*", "*".ljust(8))
+        fields = [first[8 + 16 * k : 24 + 16 * k] for k in range(4)]
+        fields += [more[8 + 16 * k : 24 + 16 * k] for k in range(3)]
+        found.append([float(one) if one.strip() else 0.0 for one in fields])
+    return np.array(found)
+
+
+def test_nastran_runs_the_cases_and_its_results_come_back(
+    listed: Vehicle,
+    newtonian: Snapshots,
+    layouts: dict[str, Gauges],
+    cases: LoadCases,
+    strain: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    """Cards hold nodes and forces; the table written beside them takes the strains of an OP2 file by subcase."""
+    layout = listed.gauges.layout
+    few = LoadCases(
+        surface=cases.surface,
+        names=("case_0007", "uniform"),
+        conditions=cases.conditions[6:7],
+        pressure=cases.pressure[[6, -1]],
+    )
+    export_loads(few, layouts, layout, tmp_path / "few", "bdf")
+    grid = cards((tmp_path / "few" / "nodes.bdf").read_text(), "GRID")
+    np.testing.assert_array_equal(grid[:, 0], 1 + np.arange(len(cases.surface.point)))
+    np.testing.assert_allclose(grid[:, 2:5], cases.surface.point, rtol=1e-9, atol=1e-15)
+    force = cards((tmp_path / "few" / "uniform.bdf").read_text(), "FORCE")
+    assert set(force[:, 0]) == {2.0}
+    assert set(force[:, 3]) == {1.0}
+    loads = mesh_load_operator(cases.surface, 0.0)[:3] @ few.pressure[1]
+    np.testing.assert_allclose(force[:, [4, 6, 5]].sum(axis=0), loads, rtol=1e-8, atol=1e-8 * np.abs(loads).max())
+    assert "SUBCASE 2\n  LABEL = uniform\n  LOAD = 2\n" in (tmp_path / "few" / "case_control.bdf").read_text()
+
+    table, names = tmp_path / "strains.csv", layouts[layout].name
+    table.write_text(subcase_table(cases))
+    elements = list(range(1, 1 + len(names)))
+    (tmp_path / "run.op2").write_bytes(op2_of_rods(dict(enumerate(strain, 1)), elements, 8))
+    write_gauges(tmp_path / "gauges_nastran.csv", names, elements)
+    section = listed.structure.model_copy(
+        update={
+            "model": "solid",
+            "strain_per_snapshot": "strains.csv",
+            "nastran_results": ["run.op2"],
+            "nastran_gauges": "gauges_nastran.csv",
+        }
+    )
+    vehicle = listed.model_copy(update={"structure": section})
+    vehicle._folder = tmp_path
+    found = external_structure(vehicle, newtonian)
+    assert np.abs(cases.pressure @ found.strain_operator.T - strain).max() <= 1e-12 * np.abs(strain).max()
 
 
 def changed(text: str, row: int, column: int, value: str) -> str:

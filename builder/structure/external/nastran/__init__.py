@@ -3,4 +3,5 @@
 :mod:`~builder.structure.external.nastran.results` reads files into rows of element strain,
 :mod:`~builder.structure.external.nastran.gauges` says which element, side and angle each gauge is, and
 :mod:`~builder.structure.external.nastran.table` fills the tables of the two routes with them.
+:mod:`~builder.structure.external.nastran.bulk_data` writes load cases as cards.
 """
