@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 
 from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.recorded.bridges import BENDING, BRIDGES, POISSON, WIRES
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE
 from strainfmu.recorded.rasters import JOINS, Join
@@ -69,7 +70,8 @@ class ChannelEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowEntry:
-    """One channel of the flow: one of ``FLOW_NAMES``, ``STATIC_PRESSURE`` or ``temperature[k]``; its unit."""
+    """One channel of the flow: one of ``FLOW_NAMES``, ``STATIC_PRESSURE``, ``temperature[k]`` or
+    ``parameter.NAME``; its unit."""
 
     where: str
     name: str
@@ -246,7 +248,7 @@ def _rosette(item: TomlTable) -> Rosette:
 
 def _quantity(item: TomlTable) -> str:
     stated = item.entries.get("quantity")
-    if isinstance(stated, str) and is_temperature(stated):
+    if isinstance(stated, str) and (is_temperature(stated) or stated.startswith(PREFIX)):
         return str(item.entries.pop("quantity"))
     return _one_of(item, "quantity", (*FLOW_NAMES, STATIC_PRESSURE), None) or ""
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.recorded.bridges import BENDING
 from strainfmu.recorded.channel_conversion import channel_strain, differs, rosette_weights, unit_of_channel
 from strainfmu.recorded.channel_entries import COMPENSATIONS, ChannelMap
@@ -57,6 +58,7 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated = [*(item.name for item in mapping.channels), *(item.name for item in mapping.flow)]
     stated += [one for one in (mapping.time, mapping.raster) if one is not None]
     stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
+    stated += _parameters(wanted)
     with open_channels(path, {plain_name(name) for name in (*stated, *_QUANTITIES)}) as file:
         gauges = _gauges(mapping, wanted)
         found = _Found()
@@ -64,6 +66,11 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
         _read_strains(file, mapping, gauges, clock, found)
         _read_flow(file, mapping, wanted, clock, found)
         yield _strain_file(file, mapping, wanted, found)
+
+
+def _parameters(wanted: Wanted) -> list[str]:
+    """Return the further parameters of the flow that are read."""
+    return [name for name in wanted.flow if name not in _QUANTITIES]
 
 
 def _gauges(mapping: ChannelMap, wanted: Wanted) -> dict[str, str]:
@@ -232,19 +239,27 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
             raise InputError(
                 f"{file.path}: no channel '{entry.name}' of {mapping.path}: {entry.where} found, {near}"
             )
-        if entry.quantity in stated:
+        if entry.quantity.removeprefix(PREFIX) in stated:
             raise InputError(f"{mapping.path}: {entry.where}: expected one channel of {entry.quantity}, got two")
         unit = entry.unit or file.units.get(name)
-        if unit is None and entry.quantity != "mach_number":
+        parameter = entry.quantity.removeprefix(PREFIX) if entry.quantity.startswith(PREFIX) else None
+        if unit is None and entry.quantity != "mach_number" and parameter is None:
             raise InputError(f"{mapping.path}: {entry.where}.unit: entry is missing, the recording states none")
-        stated.add(entry.quantity)
+        if parameter is not None and parameter not in _parameters(wanted):
+            held = ", ".join(_parameters(wanted)) or "none"
+            raise InputError(
+                f"{mapping.path}: {entry.where}.quantity: expected a parameter of the map, {held}, "
+                f"got '{parameter}'"
+            )
+        quantity = parameter or entry.quantity
+        stated.add(quantity)
         if is_temperature(entry.quantity) and sensor_of(entry.quantity, wanted.sensors) is None:
             raise InputError(
                 f"{mapping.path}: {entry.where}.quantity: expected one of {len(wanted.sensors)} sensors of the "
                 f"map, got '{entry.quantity}'"
             )
-        _add_flow(file, name, entry.quantity, unit=unit, clock=clock, found=found)
-    for quantity in (*_QUANTITIES, *temperature_quantities(wanted.sensors)):
+        _add_flow(file, name, quantity, unit=unit, clock=clock, found=found)
+    for quantity in (*_QUANTITIES, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
         own = [name for name in file.names if last_name(name) in _own_names(quantity, wanted.sensors)]
         if quantity not in stated and len(own) == 1:
             _add_flow(file, own[0], quantity, unit=file.units.get(own[0]), clock=clock, found=found)

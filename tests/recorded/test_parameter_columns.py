@@ -69,3 +69,33 @@ def test_a_filter_keeps_the_health(folder: Path) -> None:
 def test_a_unit_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match=r"column 'fin_deg \[deg\]': unit: expected one of"):
         estimate_file(folder / "map.h5", folder / "unit.csv", folder / "o.csv", NOMINAL)
+
+
+@pytest.mark.parametrize(
+    ("heading", "toml"),
+    [
+        ("power", ""),
+        ("Schub [%]", "[[flow]]\nname = 'Schub'\nquantity = 'parameter.power'\nunit = '1'\n"),
+    ],
+)
+def test_channels_of_a_recorder(folder: Path, tmp_path: Path, heading: str, toml: str) -> None:
+    held = with_parameters(with_further(scaled_map(1, 2)))
+    strain = np.tile(held.mean_strain, (6, 1))
+    write_csv(tmp_path / "d.csv", ["time", *held.gauge_names, heading], 1e-3 * np.arange(6), strain, POWER)
+    entries = [f"[[channel]]\nname = '{name}'\ngauge = '{name}'\nunit = 'm/m'\n" for name in held.gauge_names]
+    (tmp_path / "channels.toml").write_text("\n".join([*entries, toml]))
+    estimate_file(
+        folder / "map.h5", tmp_path / "d.csv", tmp_path / "o.csv", NOMINAL, channels=tmp_path / "channels.toml"
+    )
+    found = read_csv(tmp_path / "o.csv")["health.outside.power [1]"]
+    np.testing.assert_allclose(found, [0.0, 0.0, 0.0, 0.0, 0.8, 0.0], rtol=1e-6)
+
+
+def test_a_channel_of_another_parameter_is_refused(folder: Path, tmp_path: Path) -> None:
+    channel = "[[channel]]\nname = 'g0'\ngauge = 'g0'\nunit = 'm/m'\n"
+    toml = f"{channel}[[flow]]\nname = 'fin_deg'\nquantity = 'parameter.flap_deg'\n"
+    (tmp_path / "channels.toml").write_text(toml)
+    with pytest.raises(InputError, match="expected a parameter of the map"):
+        estimate_file(
+            folder / "map.h5", folder / "d.csv", tmp_path / "o.csv", NOMINAL, channels=tmp_path / "channels.toml"
+        )
