@@ -22,8 +22,8 @@ size_t law_doubles(const Filter *filter) {
 
 static size_t sample_doubles(const Filter *filter) {
     const size_t rows = filter->rows, order = filter->order;
-    return 7 * order * rows + 3 * LANES * rows + filter->n_considered + 6 * rows * rows + 3 * rows + larger(rows, order) * order
-         + 3 * order * order;
+    return 7 * order * rows + 3 * LANES * rows + filter->n_considered + 6 * rows * rows + 3 * rows
+         + larger(rows, order) * order + 3 * order * order;
 }
 
 size_t filter_doubles(Filter *filter, FlightSolver *solver) {

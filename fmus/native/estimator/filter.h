@@ -86,6 +86,14 @@ void filter_predict(Filter *filter, double time_step);
    law after it in filter->next_law. */
 void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations);
 
+/* Gains of the first `count` states, and the decomposition of the spread. For the next. */
+void filter_set_gain(Filter *filter, const Law *law, size_t count);
+
+/* The law after a sample whose rows are set; then the flight state gets a value, from which the others follow by their
+   covariance: its square distance. For filter_sample.c. */
+void filter_update_law(Filter *filter, const Law *law, Law *after);
+double filter_give(Filter *filter, Law *law, const double *state);
+
 /* solver->solution at the law in filter->next_law, the last sample's. For filter_sample.c. */
 void filter_solution(Filter *filter);
 

@@ -7,9 +7,6 @@
 
 #include "filter.h"
 #include "flight_algebra.h"
-#include "wide.h"
-
-#define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
 
 /* The first row of navigation. */
 static double *navigation_rows(const Filter *filter, double *column) {
@@ -68,7 +65,8 @@ static void set_read(Filter *filter) {
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         filter->scale[k] = sqrt(solver->sample.precision[k]);
         if (filter->scale[k] > 0.0) {
-            navigation_rows(filter, filter->read + (FIRST_NAVIGATION + k) * rows)[k] = sqrt(1.0 - map->white_navigation);
+            double *own = filter->read + (FIRST_NAVIGATION + k) * rows;
+            navigation_rows(filter, own)[k] = sqrt(1.0 - map->white_navigation);
         }
     }
     for (size_t g = 0; g < n; g++) {
@@ -159,8 +157,8 @@ static void set_fixed(Filter *filter, const Law *law) {
     set_terms(filter);
     set_white(filter);
     set_considered(filter, law);
-    multiply(wide, FULL, filter->n, others, rows, by_rows(law->covariance + N_STATES, filter->order), filter->read + first, rows,
-             filter->fixed_gain, rows);
+    multiply(wide, FULL, filter->n, others, rows, by_rows(law->covariance + N_STATES, filter->order),
+             filter->read + first, rows, filter->fixed_gain, rows);
     for (size_t k = 0; k < filter->n * rows; k++) {
         filter->fixed_gain[k] += filter->considered[k];
     }
@@ -168,7 +166,8 @@ static void set_fixed(Filter *filter, const Law *law) {
         filter->product[k] = 0.5 * (filter->fixed_gain[k] + filter->considered[k]);
     }
     add_spread(filter, others, filter->read + first, filter->product + first, filter->white, filter->fixed_spread);
-    multiply(wide, FULL, 1, others, rows, by_rows(law->mean + N_STATES, 1), filter->read + first, rows, filter->fixed_value, rows);
+    multiply(wide, FULL, 1, others, rows, by_rows(law->mean + N_STATES, 1), filter->read + first, rows,
+             filter->fixed_value, rows);
 }
 
 /* The Jacobian by the flight state at that of solver->response, and the innovation, filter->innovation. */
@@ -207,8 +206,7 @@ static void set_rows(Filter *filter, const Law *law, const double *state) {
     }
 }
 
-/* Gains of the first `count` states, and the decomposition of the spread. */
-static void set_gain(Filter *filter, const Law *law, size_t count) {
+void filter_set_gain(Filter *filter, const Law *law, size_t count) {
     const size_t rows = filter->rows, of_state = N_STATES * rows;
     const int wide = filter->solver->wide;
     double *half = filter->product;
@@ -227,7 +225,7 @@ static void iterate(Filter *filter, const Law *law, const double *state, double 
     double step[N_STATES];
     const size_t rows = filter->rows;
     double *whitened = filter->whitened, *innovation = whitened + N_STATES * rows;
-    set_gain(filter, law, N_STATES);
+    filter_set_gain(filter, law, N_STATES);
     memcpy(whitened, filter->gain, N_STATES * rows * sizeof *whitened);
     memcpy(innovation, filter->innovation, rows * sizeof *innovation);
     solve_lower(filter->solver->wide, rows, filter->spread, N_STATES + 1, whitened);
@@ -235,148 +233,6 @@ static void iterate(Filter *filter, const Law *law, const double *state, double 
         step[k] = law->mean[k] - state[k] + lane_dot(rows, whitened + k * rows, innovation);
     }
     flight_limited(filter->solver->map, state, step, next);
-}
-
-/* out (columns, rows) = matrix' (rows, columns), each a row apart from the next. */
-static void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < columns; j++) {
-            out[j * out_row + i] = matrix[i * row + j];
-        }
-    }
-}
-
-/* P after the sample, in Joseph form: A P A' + X + X' with X = (K R / 2 - A C G') K', R of what is white and considered. */
-static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
-    const int wide = filter->solver->wide;
-    double *first = filter->joseph, *second = filter->joseph + order * order, *half = filter->product;
-    const Strided kept = by_rows(filter->kept, order), gain = by_rows(filter->kalman, rows);
-    multiply(wide, FULL, n, rows, rows, gain, filter->white, rows, half, rows);
-    multiply(wide, FULL, n, n, rows, kept, filter->considered, rows, filter->gain, rows);
-    for (size_t k = 0; k < n * rows; k++) {
-        half[k] = 0.5 * half[k] - filter->gain[k];
-    }
-    transpose(n, rows, filter->kalman, rows, filter->turned, order);
-    multiply(wide, FULL, n, rows, order, by_rows(half, rows), filter->turned, order, second, order);
-    multiply(wide, FULL, n, n, order, kept, law->covariance, order, first, order);
-    transpose(n, n, filter->kept, order, filter->turned, order);
-    multiply(wide, FULL, n, n, order, by_rows(first, order), filter->turned, order, after->covariance, order);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double sum = second[i * order + j] + second[j * order + i];
-            const double both = after->covariance[i * order + j] + after->covariance[j * order + i];
-            after->covariance[i * order + j] = after->covariance[j * order + i] = 0.5 * both + sum;
-        }
-    }
-}
-
-/* P after the sample: P - V V' with V of the gain times L'^-1, the same as the Joseph form but for round-off. Where the
-   sample takes nearly all of a variance, little is left of the difference: then the Joseph form. */
-static void update_covariance(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
-    double *taken = filter->joseph;
-    int enough = 1;
-    transpose(n, rows, filter->whitened, rows, filter->turned, order);
-    multiply(filter->solver->wide, FULL, n, rows, order, by_rows(filter->whitened, rows), filter->turned, order, taken,
-             order);
-    for (size_t i = 0; i < n; i++) {
-        const double before = law->covariance[i * order + i];
-        enough = enough && before - taken[i * order + i] > LEAST_LEFT * before;
-    }
-    if (!enough) {
-        joseph_covariance(filter, law, after);
-        return;
-    }
-    combine(filter->solver->wide, n * order, 1.0, law->covariance, -1.0, taken, after->covariance);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < i; j++) {
-            after->covariance[i * order + j] = after->covariance[j * order + i];
-        }
-    }
-}
-
-/* C after the sample: A C - K G. */
-static void update_cross(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, read = filter->n_read, count = filter->n_considered;
-    const int wide = filter->solver->wide;
-    multiply(wide, FULL, n, read, count, by_rows(filter->kept, filter->order), law->cross, count, after->cross, count);
-    for (size_t i = read; i < n; i++) { /* rates: A is 1 */
-        const double *own = law->cross + i * count;
-        double *cross = after->cross + i * count;
-        for (size_t k = 0; k < count; k++) {
-            cross[k] += own[k];
-        }
-    }
-    for (size_t i = 0; i < n; i++) {
-        subtract_products(wide, filter->n_terms, filter->gauges, filter->kalman + i * filter->rows, filter->term,
-                          after->cross + i * count);
-    }
-}
-
-/* K, S^-1 times the innovation, and the diagonal of S^-1. */
-static void set_kalman(Filter *filter) {
-    const size_t n = filter->n, rows = filter->rows;
-    const int wide = filter->solver->wide;
-    double *squares = filter->squares;
-    invert_lower(wide, rows, filter->spread, filter->inverse);
-    transpose(rows, rows, filter->inverse, rows, filter->inverse_turned, rows);
-    memcpy(filter->gain + n * rows, filter->innovation, rows * sizeof *filter->gain);
-    multiply(wide, UPPER, n + 1, rows, rows, by_rows(filter->gain, rows), filter->inverse_turned, rows, filter->whitened,
-             rows);
-    multiply(wide, LOWER, n + 1, rows, rows, by_rows(filter->whitened, rows), filter->inverse, rows, filter->kalman, rows);
-    memset(squares, 0, rows * sizeof *squares);
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < i / LANES * LANES + LANES; j++) {
-            squares[j] += filter->inverse[i * rows + j] * filter->inverse[i * rows + j];
-        }
-    }
-}
-
-/* The law after the sample. */
-static void update(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows, read = filter->n_read;
-    const int wide = filter->solver->wide;
-    double *turned = filter->turned;
-    set_gain(filter, law, n);
-    set_kalman(filter);
-    transpose(read, rows, filter->read, rows, turned, order);
-    for (size_t r = 0; r < rows; r++) {
-        memset(turned + r * order + read, 0, (order - read) * sizeof *turned);
-    }
-    multiply(wide, FULL, n, rows, order, by_rows(filter->kalman, rows), turned, order, filter->kept, order);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < order; j++) {
-            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - filter->kept[i * order + j];
-        }
-        after->mean[i] = law->mean[i] + lane_dot(rows, filter->kalman + i * rows, filter->innovation);
-    }
-    update_covariance(filter, law, after);
-    update_cross(filter, law, after);
-}
-
-/* Give the flight state a value: the others follow by their covariance. Its square distance. */
-static double give(Filter *filter, Law *law, const double *state) {
-    double known[N_STATES * N_STATES], inverse[N_STATES * N_STATES], apart[N_STATES], weight[N_STATES], distance = 0.0;
-    for (size_t i = 0; i < N_STATES; i++) {
-        memcpy(known + i * N_STATES, law->covariance + i * filter->order, N_STATES * sizeof *known);
-        apart[i] = state[i] - law->mean[i];
-    }
-    invert_small(N_STATES, known, inverse);
-    for (size_t i = 0; i < N_STATES; i++) {
-        weight[i] = 0.0;
-        for (size_t j = 0; j < N_STATES; j++) {
-            weight[i] += inverse[i * N_STATES + j] * apart[j];
-        }
-        distance += apart[i] * weight[i];
-    }
-    for (size_t i = 0; i < filter->n; i++) {
-        for (size_t k = 0; k < N_STATES; k++) {
-            law->mean[i] += law->covariance[i * filter->order + k] * weight[k];
-        }
-    }
-    memcpy(law->mean, state, N_STATES * sizeof *state);
-    return distance;
 }
 
 /* Standardised residuals of gauges and navigation. */
@@ -405,10 +261,10 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
         flight_evaluate(solver, state);
     }
     set_rows(filter, law, state);
-    update(filter, law, &filter->next_law);
+    filter_update_law(filter, law, &filter->next_law);
     const double *weighted = filter->kalman + filter->n * filter->rows;
     solver->solution.chi_square =
-        lane_dot(filter->rows, filter->innovation, weighted) + give(filter, &filter->next_law, state);
+        lane_dot(filter->rows, filter->innovation, weighted) + filter_give(filter, &filter->next_law, state);
     set_residuals(filter);
     filter_solution(filter);
 }

@@ -5,12 +5,13 @@
 
 #define BLOCK_ROWS 4
 #define BLOCK_COLUMNS 8
+#define NARROW_COLUMNS (HAS_AVX2 ? LANES : BLOCK_COLUMNS) /* without AVX2, of which x86-64 has half the registers */
 
 /* What a product becomes: itself, what was there before and it, or what was there before without it. */
 typedef enum { SET, ADD, SUBTRACT } Change;
 
-/* A block of BLOCK_ROWS rows, or of one, over BLOCK_COLUMNS columns, or LANES: constants where it is called, as the change
-   is, so that the sums stay in registers. */
+/* A block of BLOCK_ROWS rows, or of one, over BLOCK_COLUMNS columns, or LANES: constants where it is called, as the
+   change is, so that the sums stay in registers. */
 EVERYWHERE void block(Change change, size_t rows, size_t columns, size_t inner, const double *restrict left, size_t row,
                       size_t column, const double *restrict right, size_t right_row, const double *before,
                       double *product, size_t product_row) {
@@ -55,35 +56,37 @@ EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, s
                              const double *right, size_t right_row, double *product, size_t product_row) {
     const size_t first = shape == LOWER ? j : 0, end = shape == UPPER ? j + width : inner;
     const Strided part = {left.value + first * left.column, left.row, left.column};
-    strip(SET, rows, width, end - first, part, right + first * right_row + j, right_row, product, product + j, product_row);
+    strip(SET, rows, width, end - first, part, right + first * right_row + j, right_row, product, product + j,
+          product_row);
 }
 
-EVERYWHERE void whole(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                      size_t right_row, double *product, size_t product_row) {
+EVERYWHERE void whole_of(size_t width, Shape shape, size_t rows, size_t inner, size_t columns, Strided left,
+                         const double *right, size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
-    for (; j + BLOCK_COLUMNS <= columns; j += BLOCK_COLUMNS) {
-        some_columns(shape, j, BLOCK_COLUMNS, rows, inner, left, right, right_row, product, product_row);
+    for (; j + width <= columns; j += width) {
+        some_columns(shape, j, width, rows, inner, left, right, right_row, product, product_row);
     }
     for (; j < columns; j += LANES) {
         some_columns(shape, j, LANES, rows, inner, left, right, right_row, product, product_row);
     }
 }
 
-EVERYWHERE void upper(size_t n, size_t inner, Strided left, const double *right, const double *added, double *product) {
+EVERYWHERE void upper_of(size_t width, size_t n, size_t inner, Strided left, const double *right, const double *added,
+                         double *product) {
     size_t j = 0;
-    for (; j + BLOCK_COLUMNS <= n; j += BLOCK_COLUMNS) {
-        strip(ADD, j + BLOCK_COLUMNS, BLOCK_COLUMNS, inner, left, right + j, n, added + j, product + j, n);
+    for (; j + width <= n; j += width) {
+        strip(ADD, j + width, width, inner, left, right + j, n, added + j, product + j, n);
     }
     for (; j < n; j += LANES) {
         strip(ADD, j + LANES, LANES, inner, left, right + j, n, added + j, product + j, n);
     }
 }
 
-EVERYWHERE void less(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
-                     double *product) {
+EVERYWHERE void less_of(size_t width, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+                        size_t row, double *product) {
     size_t j = 0;
-    for (; j + BLOCK_COLUMNS <= columns; j += BLOCK_COLUMNS) {
-        strip(SUBTRACT, rows, BLOCK_COLUMNS, inner, left, right + j, row, product + j, product + j, row);
+    for (; j + width <= columns; j += width) {
+        strip(SUBTRACT, rows, width, inner, left, right + j, row, product + j, product + j, row);
     }
     for (; j < columns; j += LANES) {
         strip(SUBTRACT, rows, LANES, inner, left, right + j, row, product + j, product + j, row);
@@ -125,20 +128,34 @@ EVERYWHERE void subtract(size_t rows, size_t count, const double *restrict facto
     }
 }
 
+static void whole(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+                  size_t right_row, double *product, size_t product_row) {
+    whole_of(NARROW_COLUMNS, shape, rows, inner, columns, left, right, right_row, product, product_row);
+}
+
+static void upper(size_t n, size_t inner, Strided left, const double *right, const double *added, double *product) {
+    upper_of(NARROW_COLUMNS, n, inner, left, right, added, product);
+}
+
+static void less(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
+                 double *product) {
+    less_of(NARROW_COLUMNS, rows, inner, columns, left, right, row, product);
+}
+
 #if HAS_AVX2
 AVX2 static void whole_avx2(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
                             size_t right_row, double *product, size_t product_row) {
-    whole(shape, rows, inner, columns, left, right, right_row, product, product_row);
+    whole_of(BLOCK_COLUMNS, shape, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
 AVX2 static void upper_avx2(size_t n, size_t inner, Strided left, const double *right, const double *added,
                             double *product) {
-    upper(n, inner, left, right, added, product);
+    upper_of(BLOCK_COLUMNS, n, inner, left, right, added, product);
 }
 
 AVX2 static void less_avx2(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
                            double *product) {
-    less(rows, inner, columns, left, right, row, product);
+    less_of(BLOCK_COLUMNS, rows, inner, columns, left, right, row, product);
 }
 
 AVX2 static void both_avx2(size_t count, double a, const double *x, double b, const double *y, double *out) {
@@ -164,8 +181,8 @@ void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double
     CHOSEN(wide, upper)(n, inner, left, right, added, product);
 }
 
-void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
-                      double *product) {
+void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+                      size_t row, double *product) {
     CHOSEN(wide, less)(rows, inner, columns, left, right, row, product);
 }
 
