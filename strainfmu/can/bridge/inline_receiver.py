@@ -12,8 +12,9 @@ from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame
 
-LONGEST_EXPECTED = 0.02
-"""Longest cycle [s] that is waited for by its expected end; in longer ones a wake-up more costs nothing."""
+LONGEST_EXPECTED = 0.005
+"""Longest cycle [s] that is waited for by its expected end; in longer ones a wake-up more costs little, and what a
+sender comes earlier than expected is not waited for."""
 
 EXPECTED_LATE = 0.5
 """Time after the expected end of a cycle at which it is looked for, as part of the time for which is collected."""
