@@ -1,18 +1,20 @@
 /* Processor time of one step of an estimator FMU (FMI 2.0) in a C host, beside the bare product it stands for.
 
-   step_cost LIBRARY GUID RESOURCES PRESSURE ZERO SENSORS REFERENCE STRAIN...: prints seven times in seconds, of the
-   bare 5 x n product, of a whole step at one dynamic pressure, of one at another dynamic pressure than the step before,
-   of the same with the first gauge off, of the first two with zeros and temperatures, and of instantiation. A step is
-   fmi2SetReal of the n strains (and of the dynamic pressure, and of other temperatures), fmi2DoStep, fmi2GetReal of
-   five coefficients, fmi2GetInteger of the health state. Batches of all kinds take turns, so that their ratios do not
-   depend on what else the machine does.
+   step_cost LIBRARY GUID RESOURCES PRESSURE ZERO SENSORS REFERENCE FILTER STRAIN...: prints eight times in seconds,
+   of the bare 5 x n product, of a whole step at one dynamic pressure, of one at another dynamic pressure than the step
+   before, of the same with the first gauge off, of the first two with zeros and temperatures, of the first with the
+   filter over time (nan without one), and of instantiation. A step is fmi2SetReal of the n strains (and of the dynamic
+   pressure, and of other temperatures), fmi2DoStep, fmi2GetReal of five coefficients, fmi2GetInteger of the health
+   state. Batches of all kinds take turns, so that their ratios do not depend on what else the machine does.
 
    PRESSURE is the nominal dynamic pressure [Pa]; ZERO the value reference of the first zero; SENSORS the number of
-   temperature sensors, REFERENCE their temperature [K]. STRAIN are n strains [m/m] that do not follow the dynamic
+   temperature sensors, REFERENCE their temperature [K]; FILTER the value reference of the filter's time constant, 0 for
+   none. STRAIN are n strains [m/m] that do not follow the dynamic
    pressure and n that do, at the nominal one. */
 
 #define _POSIX_C_SOURCE 199309L
 #include <dlfcn.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,12 +28,14 @@ enum {
     MAX_SENSORS = 64
 };
 
-enum { NOMINAL, VARIED, FAULTY, WARM, WARM_VARIED, KINDS };
+enum { NOMINAL, VARIED, FAULTY, WARM, WARM_VARIED, FILTERED, KINDS };
 
 static const double BATCH = 2e-3;  /* [s] of a batch, if it is not shorter with CALLS */
 static const double FAULT = 1e-3;  /* strain that the first gauge is off by [m/m] */
 static const double ZERO = 1e-12;  /* value and deviation of each zero [m/m] */
 static const double WARMER = 1e-3; /* by which temperatures change from step to step [K] */
+static const double SIZE = 1e-3;   /* of a step [s] */
+static const double CONSTANT = 10; /* time constant of the filter [s] */
 
 static void logger(fmi2ComponentEnvironment e, fmi2String n, fmi2Status s, fmi2String c, fmi2String message, ...)
 {
@@ -84,6 +88,12 @@ static double bare_product(size_t n, double *strain)
     return median(means);
 }
 
+/* An FMU and the time it has come to [s]. */
+typedef struct {
+    fmi2Component fmu;
+    double time;
+} Instance;
+
 typedef struct {
     fmi2SetRealTYPE *set_real;
     fmi2DoStepTYPE *do_step;
@@ -96,11 +106,12 @@ typedef struct {
 } Bench;
 
 /* Mean time of a step. */
-static double batch(Bench *b, fmi2Component fmu, int kind, int calls)
+static double batch(Bench *b, Instance *of, int kind, int calls)
 {
+    fmi2Component fmu = of->fmu;
     static const fmi2ValueReference OUTPUTS[] = {0, 1, 2, 3, 4}, STATE[] = {HEALTH_STATE};
     const fmi2ValueReference dynamic_pressure = (fmi2ValueReference)(FIRST_STRAIN + 2 * b->n);
-    const int varied = kind == VARIED || kind == FAULTY || kind == WARM_VARIED, warm = kind >= WARM;
+    const int varied = kind == VARIED || kind == FAULTY || kind == WARM_VARIED, warm = kind == WARM || kind == WARM_VARIED;
     double *strains = kind == FAULTY ? b->faulty : b->strain, out[N_OUTPUTS], temperature[MAX_SENSORS];
     fmi2Integer health;
     if (!varied) { /* a set of the middle: the nominal dynamic pressure */
@@ -117,7 +128,8 @@ static double batch(Bench *b, fmi2Component fmu, int kind, int calls)
             for (size_t t = 0; t < b->sensors; t++) temperature[t] = b->reference + WARMER * (double)(c % SETS);
             b->status |= b->set_real(fmu, b->sensor, b->sensors, temperature);
         }
-        b->status |= b->do_step(fmu, c * 1e-3, 1e-3, 1);
+        b->status |= b->do_step(fmu, of->time, SIZE, 1);
+        of->time += SIZE;
         b->status |= b->get_real(fmu, OUTPUTS, N_OUTPUTS, out);
         b->status |= b->get_integer(fmu, STATE, 1, &health);
     }
@@ -134,7 +146,7 @@ static void draw_sets(Bench *b, char **words)
         b->pressure[set] = ratio * strtod(words[4], NULL);
         for (size_t k = 0; k < b->n; k++) {
             b->inputs[k] = (fmi2ValueReference)(FIRST_STRAIN + k);
-            b->strain[set * b->n + k] = strtod(words[8 + k], NULL) + ratio * strtod(words[8 + b->n + k], NULL);
+            b->strain[set * b->n + k] = strtod(words[9 + k], NULL) + ratio * strtod(words[9 + b->n + k], NULL);
             b->faulty[set * b->n + k] = b->strain[set * b->n + k] + (k == 0 ? FAULT : 0.0);
         }
     }
@@ -142,14 +154,15 @@ static void draw_sets(Bench *b, char **words)
 
 int main(int count, char **words)
 {
-    if (count < 10 || count % 2 != 0) return 2;
+    if (count < 11 || count % 2 == 0) return 2;
     void *library = dlopen(words[1], RTLD_NOW);
     if (!library) {
         fprintf(stderr, "%s\n", dlerror());
         return 1;
     }
-    Bench b = {.n = ((size_t)count - 8) / 2, .sensors = strtoul(words[6], NULL, 10), .reference = strtod(words[7], NULL)};
-    const unsigned long zero = strtoul(words[5], NULL, 10);
+    Bench b = {.n = ((size_t)count - 9) / 2, .sensors = strtoul(words[6], NULL, 10), .reference = strtod(words[7], NULL)};
+    const unsigned long zero = strtoul(words[5], NULL, 10), filter = strtoul(words[8], NULL, 10);
+    const int kinds = filter > 0 ? KINDS : FILTERED;
     if (b.sensors > MAX_SENSORS) return 2;
 #define LOAD(name) name##TYPE *name = (name##TYPE *)dlsym(library, #name)
     LOAD(fmi2Instantiate);
@@ -163,41 +176,47 @@ int main(int count, char **words)
     b.get_real = (fmi2GetRealTYPE *)dlsym(library, "fmi2GetReal");
     b.get_integer = (fmi2GetIntegerTYPE *)dlsym(library, "fmi2GetInteger");
     fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
-    fmi2Component fmu[2]; /* as it comes; with zeros and temperatures */
+    Instance instance[3]; /* as it comes; with zeros and temperatures; with the filter */
+    Instance *of[KINDS] = {instance, instance, instance, instance + 1, instance + 1, instance + 2};
     double instantiation = 0.0;
-    for (int k = 0; k < 2; k++) {
+    for (int k = 0; k < 3; k++) {
         double start = now();
-        fmu[k] = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 0);
+        fmi2Component fmu = fmi2Instantiate("bench", fmi2CoSimulation, words[2], words[3], &callbacks, 0, 0);
         instantiation = now() - start;
-        if (!fmu[k]) return 1;
-        fmi2SetupExperiment(fmu[k], 0, 0.0, 0.0, 0, 0.0);
-        fmi2EnterInitializationMode(fmu[k]);
-        fmi2ExitInitializationMode(fmu[k]);
+        if (!fmu) return 1;
+        fmi2SetupExperiment(fmu, 0, 0.0, 0.0, 0, 0.0);
+        fmi2EnterInitializationMode(fmu);
+        fmi2ExitInitializationMode(fmu);
+        instance[k] = (Instance){fmu, 0.0};
     }
     draw_sets(&b, words);
     for (size_t k = 0; k < 2 * b.n; k++) {
         const fmi2ValueReference one = (fmi2ValueReference)(zero + k);
-        b.status |= b.set_real(fmu[1], &one, 1, &ZERO);
+        b.status |= b.set_real(instance[1].fmu, &one, 1, &ZERO);
+    }
+    if (filter > 0) {
+        const fmi2ValueReference one = (fmi2ValueReference)filter;
+        b.status |= b.set_real(instance[2].fmu, &one, 1, &CONSTANT);
     }
     for (size_t t = 0; t < b.sensors; t++) b.sensor[t] = (fmi2ValueReference)(zero + 2 * b.n + 1 + t);
     double product = bare_product(b.n, b.strain);
     static double means[KINDS][REPEATS];
     int calls[KINDS];
-    for (int kind = 0; kind < KINDS; kind++) {
-        batch(&b, fmu[kind >= WARM], kind, LEAST_CALLS); /* what only the first steps need */
-        const double mean = batch(&b, fmu[kind >= WARM], kind, LEAST_CALLS), wanted = BATCH / mean;
+    for (int kind = 0; kind < kinds; kind++) {
+        batch(&b, of[kind], kind, LEAST_CALLS); /* what only the first steps need */
+        const double mean = batch(&b, of[kind], kind, LEAST_CALLS), wanted = BATCH / mean;
         calls[kind] = wanted > CALLS ? CALLS : wanted < LEAST_CALLS ? LEAST_CALLS : (int)wanted;
     }
     for (int r = 0; r < REPEATS; r++) {
-        for (int kind = 0; kind < KINDS; kind++) means[kind][r] = batch(&b, fmu[kind >= WARM], kind, calls[kind]);
+        for (int kind = 0; kind < kinds; kind++) means[kind][r] = batch(&b, of[kind], kind, calls[kind]);
     }
-    for (int k = 0; k < 2; k++) {
-        fmi2Terminate(fmu[k]);
-        fmi2FreeInstance(fmu[k]);
+    for (int k = 0; k < 3; k++) {
+        fmi2Terminate(instance[k].fmu);
+        fmi2FreeInstance(instance[k].fmu);
     }
     if (b.status > fmi2Warning) return 1;
     printf("%.6e", product);
-    for (int kind = 0; kind < KINDS; kind++) printf(" %.6e", median(means[kind]));
+    for (int kind = 0; kind < KINDS; kind++) printf(" %.6e", kind < kinds ? median(means[kind]) : NAN);
     printf(" %.6e\n", instantiation);
     free(b.strain);
     free(b.inputs);

@@ -20,6 +20,7 @@ from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
 KINDS = {
     "native FMI 2.0": ExportOptions(),
@@ -158,7 +159,7 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     """Return the times [s] of bare product, steps and instantiation in a C host; none without a C compiler.
 
     Steps are at one dynamic pressure, at another one than the step before, the same with the first gauge far off,
-    and the first two with zeros and all temperature sensors of the map.
+    the first two with zeros and all temperature sensors of the map, and the first with the filter, if any.
 
     Raises
     ------
@@ -182,19 +183,22 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     names = {one.name: one.valueReference for one in description.modelVariables}
     thermal = inverse_map.thermal
     sensors = (0, 0.0) if thermal is None else (thermal.n_sensors, thermal.reference_temperature)
-    values = [repr(value) for value in (pressure, names["zero[1]"], *sensors)]
+    values = [repr(value) for value in (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0))]
     times = _run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
-    product, step, varied, faulty, warm, warm_varied, instantiation = np.array(times.split(), dtype=float).tolist()
+    found = np.array(times.split(), dtype=float).tolist()
+    product, step, varied, faulty, warm, warm_varied, filtered, instantiation = found
     more = f"with zeros and {sensors[0]} temperatures"
-    return {
+    costs = {
         f"C host: bare product 5 x {n}": product,
         f"C host, native FMI 2.0: set {n}, step, get 5 and health ({step / product:.1f} x in C)": step,
         "C host, native FMI 2.0: the same, q_inf another in every step": varied,
         "C host, native FMI 2.0: the same, and a gauge that does not fit": faulty,
         f"C host, native FMI 2.0: a step {more} ({warm / step:.2f} x)": warm,
         f"C host, native FMI 2.0: the same {more}, other q_inf ({warm_varied / varied:.2f} x)": warm_varied,
+        f"C host, native FMI 2.0: a step with the filter ({filtered / step:.2f} x)": filtered,
         "C host, native FMI 2.0: instantiate": instantiation,
     }
+    return {name: cost for name, cost in costs.items() if np.isfinite(cost)}
 
 
 def _strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
