@@ -55,7 +55,7 @@ def test_without_plotly_figures_are_stills(report: BuildReport, monkeypatch: pyt
     page = assert_self_contained(html)
     assert "script" not in page.tags
     assert "pip install 'strainfmu[report]'" in page.text
-    assert len(page.alternatives) == (9 if report.gamma else 7)
+    assert len(page.alternatives) == (10 if report.gamma else 8)
 
 
 def test_figures_hold_the_numbers_of_the_tables(report: BuildReport, html: str) -> None:
