@@ -99,7 +99,7 @@ def test_a_load_on_the_way_ends_the_window() -> None:
         assert one.state == (TareState.AVERAGING if k < 100 else TareState.REFUSED)
     assert not one.follow(False)
     assert one.state == TareState.REFUSED
-    assert taken(one, strain)  # the next one begins anew
+    assert taken(one, strain)  # the next edge opens a new window
 
 
 def test_what_is_saved_goes_on() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from chromium import PROGRAM, Browser
 from clipping import WIDTHS, clipped, set_width
+from multicast import skip_without_multicast
 from operator_states import TestRange, running_range
 from synthetic_vehicle import synthetic_inverse_map
 
@@ -20,8 +21,6 @@ from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.strain_sources import FlownSample
-from strainfmu.can.tools.two_processes import check_multicast, private_port
-from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.monitor.server import Monitor
@@ -46,10 +45,7 @@ def flown(n_cycles: int) -> list[FlownSample]:
 
 @pytest.fixture(scope="module")
 def on_range(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestRange, Browser]]:
-    try:
-        check_multicast(private_port())
-    except StrainfmuError as error:
-        pytest.skip(str(error))  # some containers have no multicast; the error says what fails
+    skip_without_multicast()
     folder = tmp_path_factory.mktemp("range")
     save_inverse_map(synthetic_inverse_map(1, N_GAUGES), folder / "map.h5")
     export_estimator(folder / "map.h5", folder / "estimator.fmu")

@@ -6,7 +6,6 @@ HDF5 with the datasets ``node`` (n, 3) [m], ``facet`` (f, 3 .. 8) numbered from 
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from builder.structure.external.csv_rows import csv_rows
 from builder.structure.external.strain_table import (
     SubcaseStrains,
     refuse_hdf5_results,
@@ -218,18 +218,8 @@ def _facets(path: Path, number: dict[str, int]) -> IntArray:
 
 
 def _rows(path: Path) -> tuple[list[str], Sequence[tuple[int, list[str]]]]:
-    """Return header and rows with their line numbers, every row as long as the header."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [(n, [cell.strip() for cell in row]) for n, row in enumerate(csv.reader(stream), 1) if row]
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from error
-    if len(lines) < 2:
-        raise InputError(f"{path}: expected a header and rows, got {len(lines)} lines")
-    (_, header), *rows = lines
-    for line, row in rows:
-        if len(row) != len(header):
-            raise InputError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}")
+    """Return header and rows, of which there is one at least."""
+    header, rows = csv_rows(path)
+    if not rows:
+        raise InputError(f"{path}: expected a header and rows, got {1 if header else 0} lines")
     return header, rows

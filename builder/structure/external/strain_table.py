@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -12,6 +11,7 @@ from typing import Protocol
 import h5py
 import numpy as np
 
+from builder.structure.external.csv_rows import csv_rows
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.units import STRAIN_UNITS
@@ -160,25 +160,18 @@ def refuse_hdf5_results(path: Path, results: SubcaseStrains | None) -> None:
 
 
 def _from_csv(path: Path, results: SubcaseStrains | None) -> StrainTable:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(stream) if row] or [[]]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from error
+    header, rows = csv_rows(path)
     for name in NEEDED_COLUMNS:
         _needed(path, header, name)
     cells = strain_cells(path, header, FIRST_COLUMNS, results)
     place = {name: header.index(name) for name in NEEDED_COLUMNS}
     strain = np.empty((len(rows), len(cells.column)))
-    for number, row in enumerate(rows):
-        where = f"{path}, line {number + 2}"
-        if len(row) != len(header):
-            raise InputError(f"{where}: expected {len(header)} values, got {len(row)}")
-        strain[number] = cells.values(row, where)
+    for number, (line, row) in enumerate(rows):
+        strain[number] = cells.values(row, f"{path}, line {line}")
     return StrainTable(
         path=path,
-        case=tuple(row[place["case"]] for row in rows),
-        load_id=tuple(row[place["load_id"]] for row in rows),
+        case=tuple(row[place["case"]] for _, row in rows),
+        load_id=tuple(row[place["load_id"]] for _, row in rows),
         column=cells.column,
         strain=strain,
     )

@@ -10,19 +10,17 @@ from pathlib import Path
 
 import pytest
 from host_delays import HostDelays
+from multicast import skip_without_multicast
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.tools.two_processes import check_multicast, fly_over_bus, private_port
+from strainfmu.can.tools.two_processes import fly_over_bus
 from strainfmu.errors import StrainfmuError
 
 
 @pytest.fixture
 def folder(synthetic: SyntheticFiles, tmp_path: Path) -> Path:
     """Return a folder as a demonstration leaves it, of synthetic files."""
-    try:
-        check_multicast(private_port())
-    except StrainfmuError as error:
-        pytest.skip(str(error))  # some containers have no multicast; the error says what fails
+    skip_without_multicast()
     for path, name in (
         (synthetic.map_1, "map.h5"),
         (synthetic.estimator_1, "estimator.fmu"),

@@ -255,6 +255,7 @@ WRONG = {
         lambda text: text.replace("hoop_0deg_9", "hoop", 1),
         r"expected columns of gauges of configuration_2, got 'hoop'",
     ),
+    "empty line ahead": (lambda text: "\n" + changed(text, 3, 8, "n/a"), r"line 5, column 'axial_180deg_2'"),
     "short row": (lambda text: text.rsplit(",", 1)[0], r"line 92: expected 61 values, got 60"),
     "case twice": (
         lambda text: changed(text, 5, 0, "case_0004"),

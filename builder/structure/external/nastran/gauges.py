@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import radians
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.structure.external.csv_rows import csv_rows
 from builder.structure.external.strain_table import table_number
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -57,14 +57,7 @@ def read_nastran_gauges(path: Path, directions: Mapping[str, FloatArray]) -> dic
     InputError
         The file is missing, or an entry is wrong; the message names line and column.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [(n, [cell.strip() for cell in row]) for n, row in enumerate(csv.reader(stream), 1) if row]
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from error
-    header = lines[0][1] if lines else []
+    header, rows = csv_rows(path)
     for name in NEEDED:
         if name not in header:
             raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
@@ -72,10 +65,8 @@ def read_nastran_gauges(path: Path, directions: Mapping[str, FloatArray]) -> dic
         if name not in COLUMNS:
             raise InputError(f"{path}: expected columns {', '.join(COLUMNS)}, got '{name}'")
     found: dict[str, list[NastranPoint]] = {}
-    for line, row in lines[1:]:
+    for line, row in rows:
         where = f"{path}, line {line}"
-        if len(row) != len(header):
-            raise InputError(f"{where}: expected {len(header)} values, got {len(row)}")
         point = _point(dict(zip(header, row, strict=True)), where, directions)
         found.setdefault(point.column, []).append(point)
     if not found:
