@@ -55,6 +55,16 @@ class AirData:
 
 def air_data(state: FloatArray, covariance: FloatArray, prior_std: FloatArray) -> AirData:
     """Return the air data of ``state`` (k, 4) with ``covariance`` (k, 4, 4); ``prior_std`` (4,) of the ranges."""
+    value, jacobian = air_data_of_state(state)
+    variance = np.einsum("kix,kxy,kiy->ki", jacobian, covariance, jacobian)
+    std = np.sqrt(np.maximum(variance, 0.0))
+    std[:, 5:] = value[:, 5:] * lognormal_std(std[:, 5:] / value[:, 5:])
+    std[:, 3] = np.minimum(std[:, 3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
+    return AirData(value=value, std=std, is_identified=_identified(state, covariance, prior_std, std))
+
+
+def air_data_of_state(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the values (k, 7) at ``state`` (k, 4), and their derivatives by it (k, 7, 4)."""
     mach, u, w = state[:, MACH], state[:, U], state[:, W]
     incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
     pressure = np.exp(state[:, LOG_PRESSURE])
@@ -79,11 +89,7 @@ def air_data(state: FloatArray, covariance: FloatArray, prior_std: FloatArray) -
     jacobian[:, 4, MACH] = 1.0
     jacobian[:, 5, LOG_PRESSURE] = pressure
     jacobian[:, 6, MACH], jacobian[:, 6, LOG_PRESSURE] = 2.0 * dynamic / mach, dynamic
-    variance = np.einsum("kix,kxy,kiy->ki", jacobian, covariance, jacobian)
-    std = np.sqrt(np.maximum(variance, 0.0))
-    std[:, 5:] = value[:, 5:] * lognormal_std(std[:, 5:] / value[:, 5:])
-    std[:, 3] = np.minimum(std[:, 3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
-    return AirData(value=value, std=std, is_identified=_identified(state, covariance, prior_std, std))
+    return value, jacobian
 
 
 def _identified(state: FloatArray, covariance: FloatArray, prior_std: FloatArray, std: FloatArray) -> BoolArray:
