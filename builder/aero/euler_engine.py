@@ -25,7 +25,7 @@ METHOD_VERSION = 4
 
 @dataclass(frozen=True, eq=False)
 class EulerEngine:
-    """Inviscid flow over a pointed body of revolution (:mod:`builder.aero.euler`).
+    """Inviscid flow over a body of revolution with a pointed or spherical tip (:mod:`builder.aero.euler`).
 
     Attributes
     ----------

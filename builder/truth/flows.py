@@ -43,10 +43,11 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
 def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
     """Return the flow solver of the independent model.
 
-    It is Euler, whatever engine the map is built on, but where the file says otherwise or the tip is blunt.
+    It is Euler, whatever engine the map is built on, but where the file says otherwise, or where the tip is blunt
+    and the map's engine is another one.
     """
     body, name = vehicle.body(), vehicle.truth.engine
-    if name == "newtonian" or (name is None and is_blunt(body)):
+    if name == "newtonian" or (name is None and is_blunt(body) and vehicle.aerodynamics.engine != "euler"):
         entries = vehicle.aerodynamics
         return NewtonianEngine(
             mesh_of_grid(truth_surface(vehicle)),

@@ -200,6 +200,11 @@ def is_blunt(body: BodyOfRevolution) -> bool:
     return body.cut_tip_angle > BLUNT
 
 
+def is_spherical(tip: Segment) -> bool:
+    """Return whether the first segment of a body is part of a sphere, from the axis on."""
+    return type(tip) is Segment and not tip.is_straight and bool(np.isclose(tip.start_angle, 0.5 * np.pi))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceGrid:
     """Pressure nodes on a body of revolution: a product of stations and roll angles.

@@ -180,7 +180,7 @@ class Resolution(Section):
 class Truth(Section):
     """The independent model that plays the vehicle in system simulations.
 
-    ``engine`` is "euler" by default; "newtonian" where the tip is blunt.
+    ``engine`` is "euler" by default; "newtonian" where the tip is blunt and the map's engine is not "euler".
     """
 
     engine: Literal["euler", "newtonian"] | None = None

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import degrees, prod
 from typing import TYPE_CHECKING
 
-from builder.vehicle.geometry import is_blunt
+from builder.vehicle.geometry import is_blunt, is_spherical
 from builder.vehicle.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES, MIN_ELEMENTS
 from strainfmu.errors import InputError
 
@@ -29,13 +29,13 @@ def size_faults(vehicle: Vehicle) -> list[str]:
 
 
 def _tip_faults(vehicle: Vehicle, body: BodyOfRevolution) -> Iterator[str]:
-    """Yield why the marching solver cannot begin at a blunt tip."""
+    """Yield why the marching solver cannot begin at a blunt tip that is not part of a sphere."""
     for where, engine in (("aerodynamics", vehicle.aerodynamics.engine), ("truth", vehicle.truth.engine)):
         or_table = " or 'table'" if where == "aerodynamics" else ""
-        if engine == "euler" and is_blunt(body):
+        if engine == "euler" and is_blunt(body) and not is_spherical(body.segments[0]):
             yield (
-                f"{where}.engine: expected 'newtonian'{or_table} with a blunt "
-                f"tip (half-angle {degrees(body.cut_tip_angle):.3g} deg), got 'euler', which needs a pointed one"
+                f"{where}.engine: expected 'newtonian'{or_table} with a blunt tip (half-angle "
+                f"{degrees(body.cut_tip_angle):.3g} deg), got 'euler', which needs a pointed or a spherical one"
             )
 
 

@@ -17,6 +17,7 @@ from builder.aero.newtonian import NewtonianEngine
 from builder.aero.surface_mesh import mesh_load_operator, mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.wall import Material, Wall
+from builder.truth.flows import truth_engine
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.geometry import BodyOfRevolution, chain_pieces, is_blunt, surface_grid
 from builder.vehicle.profile_entries import Piece
@@ -168,16 +169,22 @@ def test_wrong_pieces_are_one_line(entries: list[dict[str, Any]], message: str) 
     assert "\n" not in str(caught.value)
 
 
-def test_blunt_tip_needs_another_engine_than_the_march(tmp_path: Path) -> None:
-    text = IC3X.read_text().replace(
-        '[[profile]]\nkind = "cone"\nhalf_angle_deg = 5.0',
-        '[[profile]]\nkind = "spherical_cap"\nnose_radius_m = 0.03\nend_half_angle_deg = 5.0\n\n'
-        '[[profile]]\nkind = "cone"\nhalf_angle_deg = 5.0',
-        1,
-    )
+def test_blunt_tip_that_is_no_sphere_needs_another_engine_than_the_march(tmp_path: Path) -> None:
+    def blunted(kind: str) -> str:
+        return IC3X.read_text().replace(
+            '[[profile]]\nkind = "cone"\nhalf_angle_deg = 5.0',
+            f'[[profile]]\n{kind}\n\n[[profile]]\nkind = "cone"\nhalf_angle_deg = 5.0',
+            1,
+        )
+
     path = tmp_path / "blunt.toml"
-    path.write_text(text)
+    paraboloid = blunted('kind = "power_law"\nend_x_m = 0.03\nend_radius_m = 0.03\nexponent = 0.5')
+    path.write_text(paraboloid)
     with pytest.raises(InputError, match=r"aerodynamics.engine: expected 'newtonian' or 'table' with a blunt tip"):
         load_vehicle(path)
-    path.write_text(text.replace('engine = "euler"', 'engine = "newtonian"'))
+    path.write_text(paraboloid.replace('engine = "euler"', 'engine = "newtonian"'))
     assert is_blunt(load_vehicle(path).body())
+    path.write_text(blunted('kind = "spherical_cap"\nnose_radius_m = 0.03\nend_half_angle_deg = 5.0'))
+    vehicle = load_vehicle(path)
+    assert is_blunt(vehicle.body())
+    assert truth_engine(vehicle).name == "euler"

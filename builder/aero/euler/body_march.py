@@ -1,11 +1,12 @@
-"""March from tip to base: conical start, then step by step along the surface.
+"""March from tip to base: conical or spherical start, then step by step along the surface.
 
 The flow over the tip is conical. It is relaxed, first on half the grid, then on the whole, and then marched over
 ever larger cones until nothing changes, which after the relaxation is seldom more than one leg. The relaxation
 begins with the free stream. That must turn at once by the whole angle of the tip, as at a wedge, whose shock
 detaches at a higher Mach number than the cone's: where it does, the cone is opened step by step from a slender
 one. A body that begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that
-slope breaks are met exactly. Round a convex one the flow is led by :mod:`~builder.aero.euler.corner`.
+slope breaks are met exactly. Round a convex one the flow is led by :mod:`~builder.aero.euler.corner`. Behind a
+spherical tip :mod:`~builder.aero.euler.spherical_start` gives the first plane.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from builder.aero.euler.plane import (
 )
 from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.relaxation import relax_cone
+from builder.aero.euler.spherical_start import Cap, start_behind_cap
 from builder.aero.euler.surface_function import cone_wall
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -82,21 +84,28 @@ class Flow:
         return FlowReachError(f"euler: {reason} for {self.name}: outside the solver's reach")
 
 
-def march_body(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingGrid) -> Marched:
-    """March from tip to base over the walls of a body's smooth ``pieces``.
+def march_body(
+    pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingGrid, cap: Cap | None = None
+) -> Marched:
+    """March from tip to base over the walls of a body's smooth ``pieces``, behind a spherical tip if one is given.
 
     Raises
     ------
     FlowReachError
-        The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum or the conical
-        start does not settle.
+        The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum, the conical
+        start does not settle or the flow over the spherical tip is not found.
     """
-    start = _end_of_cone(pieces[0][0])
-    plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
+    if cap is None:
+        start = _end_of_cone(pieces[0][0])
+        plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
+        tip = (np.array([0.0, start]), np.stack([cone_pressure, cone_pressure]))
+    else:
+        begun = start_behind_cap(cap, rays, flow, grid)
+        plane, tip, change = begun.plane, (begun.stations, begun.pressure), begun.residual
     solved: list[tuple[FloatArray, FloatArray]] = []
     for number, piece in enumerate(pieces):
-        stations = [np.array([0.0, start])] if number == 0 else []
-        pressures = [np.stack([cone_pressure, cone_pressure])] if number == 0 else []
+        stations = [tip[0]] if number == 0 else []
+        pressures = [tip[1]] if number == 0 else []
         if number > 0:
             at_corner = _pressure_at_end(*solved[-1], plane.x) / GAMMA
             x, pressure = _round_corner(plane, pieces[number - 1][-1], piece[0], at_corner, flow, grid)

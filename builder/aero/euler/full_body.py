@@ -1,4 +1,7 @@
-"""The flow over a pointed body of any star-shaped section, at angle of attack and sideslip, all round the body."""
+"""The flow over a body of any star-shaped section, at angle of attack and sideslip, all round the body.
+
+The tip is pointed, or on a body of revolution spherical.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from builder.aero.euler.body_march import Flow, march_body
 from builder.aero.euler.grid import full_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import free_stream_of
-from builder.aero.euler.surface_function import SurfaceFunction, body_walls, surface_walls
+from builder.aero.euler.surface_function import SurfaceFunction, body_walls, cap_of, surface_walls
 from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 
@@ -65,12 +68,15 @@ def solve_full_flow(
     grid = grid or MarchingGrid()
     stream = free_stream_of(mach_number, angle_of_attack, sideslip_angle)
     rays = full_body_rays(grid.n_circumferential)
-    walls = body_walls(surface, rays) if isinstance(surface, BodyOfRevolution) else surface_walls(surface, rays)
+    if isinstance(surface, BodyOfRevolution):
+        walls, cap = body_walls(surface, rays), cap_of(surface)
+    else:
+        walls, cap = surface_walls(surface, rays), None
     name = (
         f"M {mach_number:g}, angle of attack {degrees(angle_of_attack):.4g} deg, "
         f"sideslip {degrees(sideslip_angle):.4g} deg"
     )
-    marched = march_body(walls, rays, Flow(float(mach_number), stream, name), grid)
+    marched = march_body(walls, rays, Flow(float(mach_number), stream, name), grid, cap)
     return FullFlowSolution(
         mach_number=float(mach_number),
         angle_of_attack=float(angle_of_attack),

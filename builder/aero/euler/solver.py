@@ -1,4 +1,4 @@
-"""The flow over a pointed body of revolution at incidence, on half the body."""
+"""The flow over a body of revolution with a pointed or spherical tip at incidence, on half the body."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from builder.aero.euler.gas import total_enthalpy
 from builder.aero.euler.grid import half_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.reconstruction import Stream
-from builder.aero.euler.surface_function import body_walls
+from builder.aero.euler.surface_function import body_walls, cap_of
 from builder.vehicle.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -31,9 +31,9 @@ class FlowSolution:
     force_from_momentum : (2,) the same from the momentum deficit of the exit plane [m2].
     mass_defect : relative imbalance of mass over the control volume.
     conical_change : change while x grows by half, at the end of the conical start, of the wall pressure relative
-        to its mean or of the shock radius.
-    n_steps : marching steps taken after the conical start.
-    n_repairs : states that fell back to first order to stay physical, after the conical start.
+        to its mean or of the shock radius; behind a spherical tip the largest residual of its flow.
+    n_steps : marching steps taken after the start.
+    n_repairs : states that fell back to first order to stay physical, after the start.
     """
 
     mach_number: float
@@ -83,7 +83,7 @@ def solve_flow(
     stream = free_stream_of(mach_number, incidence)
     name = f"M {mach_number:g}, total incidence {degrees(incidence):.4g} deg"
     rays = half_body_rays(grid.n_circumferential)
-    marched = march_body(body_walls(body, rays), rays, Flow(float(mach_number), stream, name), grid)
+    marched = march_body(body_walls(body, rays), rays, Flow(float(mach_number), stream, name), grid, cap_of(body))
     both_halves = np.array([2.0, 2.0])
     return FlowSolution(
         mach_number=float(mach_number),

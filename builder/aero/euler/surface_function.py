@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import pi, sin
 from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.euler.grid import Rays, Wall
-from builder.vehicle.geometry import BodyOfRevolution, Segment
+from builder.aero.euler.spherical_start import Cap
+from builder.vehicle.geometry import BodyOfRevolution, Segment, is_spherical
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -78,6 +80,14 @@ def body_walls(body: BodyOfRevolution, rays: Rays) -> list[list[Wall]]:
         all_round = np.ones(rays.sine.size)
         pieces[-1].append(Wall(x, np.outer(radius, all_round), np.outer(slope, all_round)))
     return pieces
+
+
+def cap_of(body: BodyOfRevolution) -> Cap | None:
+    """Return the spherical tip of ``body``, or None where it begins otherwise."""
+    first = body.segments[0]
+    if not is_spherical(first):
+        return None
+    return Cap(first.end_x / (1.0 - sin(first.end_angle)), 0.5 * pi - first.end_angle)
 
 
 def _knots(segment: Segment) -> FloatArray:

@@ -1,0 +1,155 @@
+"""Spherical tips: the sphere's flow itself, and the march that begins in it."""
+
+from __future__ import annotations
+
+from functools import cache
+from math import pi, radians
+
+import numpy as np
+import pytest
+from cone_theory import GAMMA, taylor_maccoll_pressure
+
+from builder.aero.euler import spherical_start
+from builder.aero.euler.full_body import solve_full_flow
+from builder.aero.euler.marching_grid import GRID_LEVELS, MarchingGrid
+from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.euler.sphere_flow import solve_sphere
+from builder.aero.euler.surface_function import cap_of
+from builder.vehicle.geometry import BodyOfRevolution, Segment, chain_pieces
+from builder.vehicle.profile_curves import spherical_cap
+from strainfmu.errors import FlowReachError
+
+COARSE = GRID_LEVELS["coarse"]
+
+
+@cache
+def sphere_cone(nose_radius: float, half_angle_deg: float, length: float) -> BodyOfRevolution:
+    """Return a sphere-cone, lengths in [m]."""
+    angle = radians(half_angle_deg)
+
+    def cone(x: float, radius: float) -> Segment:
+        return Segment(start_x=x, end_x=length, start_radius=radius, start_angle=angle, end_angle=angle)
+
+    return chain_pieces([lambda x, radius: spherical_cap(nose_radius, angle), cone])
+
+
+@cache
+def blunt_flow(mach_number: float, incidence_deg: float, grid: MarchingGrid = COARSE) -> FlowSolution:
+    """Return the flow over a sphere-cone of 9 deg, 20 nose radii long."""
+    return solve_flow(sphere_cone(0.08, 9.0, 1.6), mach_number, radians(incidence_deg), grid)
+
+
+def coefficients(flow: FlowSolution, body: BodyOfRevolution) -> np.ndarray:
+    """Return C_A and C_N on the base area."""
+    return flow.force / (0.5 * GAMMA * flow.mach_number**2 * pi * body.base_radius**2)
+
+
+# M, pitot pressure over p_inf (Rayleigh).
+PITOT = [(5.0, 32.653), (6.0, 46.815), (7.0, 63.553)]
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(("mach_number", "ratio"), PITOT)
+def test_stagnation_pressure_is_the_pitot_pressure(mach_number: float, ratio: float) -> None:
+    sphere = solve_sphere(mach_number, radians(75.0))
+    assert GAMMA * sphere.wall_pressure(np.zeros(1)) == pytest.approx(ratio, rel=2e-5)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("mach_number", [4.0, 6.0, 10.0, 20.0])
+def test_stand_off_is_that_of_the_correlation(mach_number: float) -> None:
+    """Seiff's correlation 0.78 rho_inf/rho_2 (NASA SP-24, 1962)."""
+    density = (GAMMA + 1.0) * mach_number**2 / ((GAMMA - 1.0) * mach_number**2 + 2.0)
+    stand_off = float(solve_sphere(mach_number, radians(75.0)).shock_radius(np.zeros(1))[0]) - 1.0
+    assert stand_off == pytest.approx(0.78 / density, rel=0.03)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(("mach_number", "tolerance"), [(2.0, 4e-3), (6.0, 1.5e-3), (20.0, 1.5e-3)])
+def test_the_sphere_does_not_depend_on_how_far_it_is_solved(mach_number: float, tolerance: float) -> None:
+    theta = np.radians(np.linspace(0.0, 65.0, 14))
+    near = solve_sphere(mach_number, radians(75.0)).wall_pressure(theta)
+    far = solve_sphere(mach_number, radians(100.0)).wall_pressure(theta)
+    assert np.allclose(far, near, rtol=tolerance, atol=0.0)
+
+
+@pytest.mark.fast
+def test_mass_through_the_layer_is_what_the_shock_takes_in() -> None:
+    """Across the layer at theta: integral of rho v 2 pi r sin(theta) dr = M pi (r_s sin(theta))^2."""
+    sphere = solve_sphere(8.0, radians(75.0))
+    node, weight = np.polynomial.legendre.leggauss(16)
+    for theta in np.radians([10.0, 40.0, 70.0]):
+        shock = float(sphere.shock_radius(np.array([theta]))[0])
+        r = 1.0 + (shock - 1.0) * 0.5 * (1.0 + node)
+        _, density, _, v = sphere.state(np.full_like(r, theta), r)
+        through = np.sum(0.5 * (shock - 1.0) * weight * density * v * 2.0 * pi * r * np.sin(theta))
+        assert through == pytest.approx(8.0 * pi * (shock * np.sin(theta)) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(("mach_number", "incidence_deg"), [(3.0, 4.0), (6.0, 0.0), (10.0, 12.0)])
+def test_force_of_the_wall_is_the_momentum_that_the_flow_lost(mach_number: float, incidence_deg: float) -> None:
+    """From the stagnation point to the base: the cap's pressure, the cut and the march fit together."""
+    flow = blunt_flow(mach_number, incidence_deg)
+    assert np.linalg.norm(flow.force - flow.force_from_momentum) < 2e-4 * np.linalg.norm(flow.force)
+    assert abs(flow.mass_defect) < 3e-6
+    assert flow.n_repairs == 0
+
+
+@pytest.mark.parametrize(("half_angle_deg", "mach_number", "dip"), [(10.0, 6.0, 7.87), (15.0, 10.0, 4.96)])
+def test_far_downstream_it_is_the_sharp_cone(half_angle_deg: float, mach_number: float, dip: float) -> None:
+    """200 nose radii aft: Taylor-Maccoll. Between, the pressure falls below the cone's and comes back."""
+    flow = solve_flow(sphere_cone(0.01, half_angle_deg, 2.0), mach_number, 0.0)
+    x, pressure = flow.pieces[0]
+    over_cone = pressure[:, 0] / taylor_maccoll_pressure(radians(half_angle_deg), mach_number)
+    assert over_cone[-1] == pytest.approx(1.0, abs=1e-3)
+    lowest = int(np.argmin(over_cone))
+    assert 0.65 < over_cone[lowest] < 0.85
+    assert x[lowest] / 0.01 == pytest.approx(dip, abs=0.3)
+
+
+def test_it_does_not_matter_where_the_cap_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = sphere_cone(0.08, 9.0, 1.6)
+    near = coefficients(blunt_flow(6.0, 8.0), body)
+    monkeypatch.setattr(spherical_start, "START_MACH_NUMBER", 1.6)
+    far = coefficients(solve_flow(body, 6.0, radians(8.0), COARSE), body)
+    assert np.allclose(far, near, rtol=5e-4, atol=0.0)
+
+
+def test_grids_agree() -> None:
+    """C_A and C_N of the coarse grid within 0.5 % of the fine one's."""
+    coarse, fine = blunt_flow(6.0, 8.0), blunt_flow(6.0, 8.0, GRID_LEVELS["fine"])
+    assert np.allclose(coarse.force, fine.force, rtol=5e-3, atol=0.0)
+
+
+def test_the_whole_body_bears_what_its_halves_bear() -> None:
+    body = sphere_cone(0.08, 9.0, 1.6)
+    grid = MarchingGrid(n_radial=12, n_circumferential=18)
+    half = solve_flow(body, 6.0, radians(6.0), grid)
+    full = solve_full_flow(body, 6.0, 0.0, radians(6.0), grid)
+    assert np.allclose([full.force[0], -full.force[1]], half.force, rtol=1e-3, atol=0.0)
+
+
+def test_a_cut_that_is_not_supersonic_is_refused() -> None:
+    """A cap that ends at 40 deg ends ahead of the sonic line; a cone of 30 deg at 10 deg loses it to windward."""
+    with pytest.raises(
+        FlowReachError, match=r"^euler: the axial Mach number is below 1\.05 where the spherical tip ends"
+    ):
+        solve_flow(sphere_cone(0.1, 40.0, 0.6), 6.0, 0.0, COARSE)
+    with pytest.raises(FlowReachError, match=r"M 6, total incidence 10 deg: outside the solver's reach") as caught:
+        solve_flow(sphere_cone(0.1, 30.0, 0.6), 6.0, radians(10.0), COARSE)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(
+        FlowReachError, match=r"the flow over the spherical tip is not found at Mach number 1\.2 for M 1\.2"
+    ):
+        solve_flow(sphere_cone(0.1, 9.0, 0.6), 1.2, 0.0, COARSE)
+
+
+@pytest.mark.fast
+def test_only_spheres_are_caps() -> None:
+    cap = cap_of(sphere_cone(0.08, 9.0, 1.6))
+    assert cap is not None
+    assert cap.radius == pytest.approx(0.08)
+    assert cap.end_angle == pytest.approx(radians(81.0))
+    angle = radians(9.0)
+    cone = Segment(start_x=0.0, end_x=1.0, start_radius=0.0, start_angle=angle, end_angle=angle)
+    assert cap_of(BodyOfRevolution((cone,))) is None
