@@ -149,7 +149,7 @@ def _native_estimator(
         content_hash=hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
-        capabilities=native_package.capabilities(version, inverse_map.manifold is not None),
+        capabilities=native_package.CAPABILITIES[version],
         fmi_version=version,
         source_files=compiled_files(sources),
         model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,

@@ -37,15 +37,6 @@ CAPABILITIES = {
 }
 """What the library can do: attributes of CoSimulation, by FMI version."""
 
-_OF_DERIVATIVES = ("providesDirectionalDerivative", "providesDirectionalDerivatives", "providesAdjointDerivatives")
-
-
-def capabilities(fmi_version: str, nonlinear: bool) -> dict[str, str]:
-    """Return the attributes of CoSimulation of an estimator; the nonlinear one offers no derivatives."""
-    found = CAPABILITIES[fmi_version]
-    return {name: value for name, value in found.items() if not (nonlinear and name in _OF_DERIVATIVES)}
-
-
 MODEL_EXCHANGE = {
     "2": {
         "needsExecutionTool": "false",

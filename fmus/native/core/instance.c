@@ -23,6 +23,13 @@ int instance_error(const Instance *instance, const char *format, ...) {
     return STATUS_ERROR;
 }
 
+int instance_discard(const Instance *instance, const char *function, const char *why) {
+    char text[LINE_SIZE];
+    snprintf(text, sizeof text, "%s: %s", function, why);
+    instance->write(instance, STATUS_DISCARD, CATEGORY_DISCARD, text);
+    return STATUS_DISCARD;
+}
+
 int instance_not_offered(const Instance *instance, const char *function) {
     return instance == NULL ? STATUS_ERROR : instance_error(instance, "%s is not supported by this FMU", function);
 }

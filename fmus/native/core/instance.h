@@ -82,6 +82,9 @@ int instance_empty_list(Instance *instance, const char *function, int modes, siz
 /* Log a message as printf does; STATUS_ERROR. */
 int instance_error(const Instance *instance, const char *format, ...);
 
+/* Log why a function has no result for the present values; STATUS_DISCARD. */
+int instance_discard(const Instance *instance, const char *function, const char *why);
+
 /* Log that a function is not offered; STATUS_ERROR, also for no instance. */
 int instance_not_offered(const Instance *instance, const char *function);
 

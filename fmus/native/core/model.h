@@ -64,8 +64,9 @@ typedef struct {
     size_t (*output_index)(const Model *model, size_t variable);
     /* The direction to derive along, by input index, set to zero; it belongs to the model. */
     double *(*clear_direction)(Model *model);
-    /* Derivatives along the direction, by output index; NaN where the output is. */
-    const double *(*along_direction)(Model *model);
+    /* Derivatives along the direction, by output index; NaN where the output is. NULL, after a message, where the
+       model has none in its present state. */
+    const double *(*along_direction)(Model *model, char text[MODEL_TEXT_SIZE]);
 } Derivatives;
 
 typedef struct {

@@ -39,6 +39,16 @@ double ambient_pressure(const Envelope *envelope, double altitude) {
     return below + (position - (double)index) * (above - below);
 }
 
+double ambient_pressure_slope(const Envelope *envelope, double altitude) {
+    const size_t top = envelope->n_altitudes - 1;
+    const double position = altitude / envelope->altitude_step;
+    if (!(position >= 0.0 && position <= (double)top)) {
+        return 0.0;
+    }
+    const size_t whole = (size_t)position, index = whole < top ? whole : top - 1;
+    return (envelope->ambient_pressure[index + 1] - envelope->ambient_pressure[index]) / envelope->altitude_step;
+}
+
 /* Whether a value leaves a range; one that is not known does not. */
 static int leaves(const double *range, double value) {
     return value < range[0] || value > range[1];

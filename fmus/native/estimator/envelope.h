@@ -18,6 +18,9 @@ typedef struct {
 /* p(h) [Pa]; NaN where h is not known or outside the table. */
 double ambient_pressure(const Envelope *envelope, double altitude);
 
+/* Its derivative by the altitude [Pa/m]. */
+double ambient_pressure_slope(const Envelope *envelope, double altitude);
+
 /* Whether dynamic pressure, Mach number or altitude leave their ranges or contradict each other. */
 int outside_by_navigation(const Envelope *envelope, const Flow *flow);
 

@@ -425,7 +425,7 @@ const double *estimator_outputs(Estimator *e) {
             update(e);
         }
         e->outdated = 0;
-        e->further.outdated = 1;
+        e->further.outdated = e->flight.tangents.outdated = 1;
     }
     return e->output;
 }

@@ -36,6 +36,9 @@ enum {
     N_OUTPUTS = 27
 };
 
+/* Outputs that have derivatives: those, then air data and their deviations. */
+#define N_DERIVATIVES (N_OUTPUTS + N_FLIGHT_REALS)
+
 /* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
 #define N_WHOLE 5
 
@@ -100,7 +103,7 @@ typedef struct Estimator {
     Levels levels[CACHED_MASKS];
     Flight flight;                     /* of the nonlinear estimator, if the map has tables */
     double *direction;                 /* as input, of derivatives, for estimator_model.c, */
-    double derivative[N_OUTPUTS];      /* which keeps the outputs' derivatives along it, */
+    double derivative[N_DERIVATIVES];      /* which keeps the outputs' derivatives along it, */
     int reported_health;               /* the last health that was reported, */
     double settled[N_WHOLE];           /* and the whole numbers of the last event in model exchange */
 } Estimator;
@@ -144,8 +147,10 @@ int estimator_linear_loads(Estimator *estimator, double dynamic_pressure, double
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
-/* Derivative of all outputs along d_input (estimator_inputs), exact, for the gauges in use; NaN where the output is.
-   Whole numbers get 0, deviations of zeros have none. d_input is scratch. */
-void estimator_derivative(Estimator *estimator, double *d_input, double d_output[N_OUTPUTS]);
+/* Derivative of all outputs along d_input (estimator_inputs), then of the air data and their deviations; exact, for the
+   gauges in use; NaN where the output is. Whole numbers get 0, deviations of zeros have none. d_input is scratch. 1; 0,
+   after a message, where the nonlinear estimator has none. */
+int estimator_derivative(Estimator *estimator, double *d_input, double d_output[N_DERIVATIVES],
+                         char text[MODEL_TEXT_SIZE]);
 
 #endif

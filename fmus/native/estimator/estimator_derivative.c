@@ -1,4 +1,5 @@
 #include "absolute_form.h"
+#include "flight_derivative.h"
 #include "scaled_form.h"
 #include "step_parts.h"
 
@@ -19,13 +20,16 @@ static void derive_strain(Estimator *e, double *d_input) {
     }
 }
 
-void estimator_derivative(Estimator *e, double *d_input, double d_output[N_OUTPUTS]) {
+int estimator_derivative(Estimator *e, double *d_input, double d_output[N_DERIVATIVES], char text[MODEL_TEXT_SIZE]) {
     estimator_outputs(e);
     derive_strain(e, d_input);
-    memset(d_output, 0, N_OUTPUTS * sizeof *d_output);
+    memset(d_output, 0, N_DERIVATIVES * sizeof *d_output);
+    if (e->flight.present) {
+        return flight_derivative(e, d_input, d_output, text);
+    }
     if (!e->masked->identified) {
         set_unknown(d_output);
-        return;
+        return 1;
     }
     if (!e->map.scaled) {
         absolute_derivative(e, d_input, d_output);
@@ -34,4 +38,5 @@ void estimator_derivative(Estimator *e, double *d_input, double d_output[N_OUTPU
     } else {
         set_unknown(d_output);
     }
+    return 1;
 }

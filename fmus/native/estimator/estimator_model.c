@@ -250,16 +250,18 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
     return 1;
 }
 
-/* Derivatives, which the nonlinear estimator does not offer, and which the deviations of zeros do not have. */
+/* Derivatives, which the deviations of zeros and the time constant of the filter do not have. */
 
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     const size_t input = input_of(e, variable), first_std = 2 * e->map.n_gauges + N_ALL_SCALARS;
-    return e->flight.present || (input >= first_std && input < first_temperature(e)) ? SIZE_MAX : input;
+    const int none = (input >= first_std && input < first_temperature(e)) || input == filter_setting(e);
+    return none ? SIZE_MAX : input;
 }
 
 static size_t output_index(const Model *model, size_t variable) {
-    return is_real_output(variable) && !estimator_of(model)->flight.present ? variable : SIZE_MAX;
+    const size_t air_data = flight_real(estimator_of(model), variable);
+    return is_real_output(variable) ? variable : air_data != SIZE_MAX ? N_OUTPUTS + air_data : SIZE_MAX;
 }
 
 static double *clear_direction(Model *model) {
@@ -267,10 +269,9 @@ static double *clear_direction(Model *model) {
     return memset(e->direction, 0, estimator_inputs(e) * sizeof *e->direction);
 }
 
-static const double *along_direction(Model *model) {
+static const double *along_direction(Model *model, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
-    estimator_derivative(e, e->direction, e->derivative);
-    return e->derivative;
+    return estimator_derivative(e, e->direction, e->derivative, text) ? e->derivative : NULL;
 }
 
 /* State: inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid; the tare;

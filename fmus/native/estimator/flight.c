@@ -10,9 +10,6 @@
 
 #define ALIGNMENT 64
 
-/* Of a value of navigation: LEAST_RELATIVE_STD of navigation.py. */
-#define MIN_RELATIVE_STD 1e-3
-
 int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     Flight *flight = &e->flight;
     const size_t n = e->map.n_gauges;
@@ -37,6 +34,7 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     flight->solver.n = in_lanes(n);
     filter->present = of_filter->content != NULL;
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n)
+                       + tangents_doubles(&flight->map, n)
                        + (filter->present ? filter_doubles(filter, &flight->solver) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
@@ -48,6 +46,7 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     unsigned char *bytes = (unsigned char *)(doubles + count);
     flight_solver_arrays(&flight->map, n, e->wide, &flight->solver, &doubles, &bytes);
     flight_further_arrays(&flight->further, n, &doubles);
+    tangents_arrays(&flight->solver, &flight->tangents, &doubles);
     if (filter->present) {
         filter_arrays(filter, &doubles);
     }

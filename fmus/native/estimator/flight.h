@@ -7,7 +7,7 @@
 
 #include "filter.h"
 #include "flight_further.h"
-#include "flight_solve.h"
+#include "flight_tangent.h"
 
 #define N_AIR_DATA 7
 #define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their deviations */
@@ -33,6 +33,7 @@ typedef struct {
     FlightMap map;
     FlightSolver solver;
     FlightFurther further;
+    Tangents tangents; /* of the solution, for derivatives */
     Filter filter; /* over time, if the map has one */
     void *memory;
     Track base; /* that the outputs follow from */
@@ -61,6 +62,9 @@ void flight_step(struct Estimator *e, double start);
 
 /* Air data of a solution, in flight->real and flight->flag. */
 void flight_air_data(Flight *flight, const Solution *found);
+
+/* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
+#define MIN_RELATIVE_STD 1e-3
 
 /* Index of the filter's time constant among the inputs, and whether samples are filtered: it is positive, and there are
    no deviations of zeros, which the filter does not take. */

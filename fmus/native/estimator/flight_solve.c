@@ -6,8 +6,6 @@
 #include "flight_algebra.h"
 #include "wide.h"
 
-#define MIN_MACH 0.1 /* below which ln M goes on as a constant */
-
 static double *taken(double **doubles, size_t count) {
     double *array = *doubles;
     *doubles += count;
@@ -80,8 +78,7 @@ double quadratic(size_t order, const double *x, const double *matrix, const doub
     return sum;
 }
 
-/* Columns that all gauges have in common, and variances of each gauge on the diagonal of *own. */
-static void proportional_errors(FlightSolver *solver, double *own) {
+void flight_proportional_errors(FlightSolver *solver, double *own) {
     const FlightMap *map = solver->map;
     const size_t n = solver->n, n_gauges = solver->n_gauges;
     const double pressure = solver->response.pressure, square = pressure * pressure;
@@ -149,7 +146,7 @@ void flight_strain_covariance(FlightSolver *solver) {
     const size_t n = solver->n;
     const double square = solver->response.pressure * solver->response.pressure;
     double *own = solver->squares;
-    proportional_errors(solver, own);
+    flight_proportional_errors(solver, own);
     CHOSEN(solver->wide, add_covariance)(n, solver->map->n_common + 1, square, solver->gauge_covariance,
                                          solver->scaled_covariance, solver->columns, solver->factor);
     for (size_t g = 0; g < solver->n_gauges; g++) {

@@ -8,6 +8,7 @@
 #include "flight_tables.h"
 #include "map_resource.h"
 
+#define MIN_MACH 0.1 /* below which ln M goes on as a constant */
 #define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */
 
 /* What is known of a sample. */
@@ -110,6 +111,9 @@ void flight_measurement_row(const FlightSolver *solver, size_t which, double *ro
 
 /* A step from a state, not too long, and inside the reach of the tables. */
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state);
+
+/* Columns of the errors that all gauges have in common, in solver->columns, and variances of each gauge in own (n). */
+void flight_proportional_errors(FlightSolver *solver, double *own);
 
 /* S about the state of solver->response, in solver->factor, before it is decomposed; all gauges. For flight_search.c. */
 void flight_strain_covariance(FlightSolver *solver);

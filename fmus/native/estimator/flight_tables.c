@@ -6,15 +6,6 @@
 #include "map_resource.h"
 #include "wide.h"
 
-#define DEGREE 3
-#define N_LOCAL (DEGREE + 1)
-
-/* The basis functions that are not zero at a point, and their derivatives. */
-typedef struct {
-    size_t first;
-    double value[N_LOCAL], slope[N_LOCAL];
-} Basis;
-
 static double *taken(double **doubles, size_t count) {
     double *array = *doubles;
     *doubles += count;
@@ -69,8 +60,7 @@ static double padded(const double *knots, size_t n, size_t index) {
     return index < DEGREE ? knots[0] : index < DEGREE + n ? knots[index - DEGREE] : knots[n - 1];
 }
 
-/* The basis at x; beyond the outer knots splines go on along their tangent. */
-static Basis basis_at(const double *knots, size_t n, double x) {
+Basis flight_basis(const double *knots, size_t n, double x) {
     const double inside = x < knots[0] ? knots[0] : x > knots[n - 1] ? knots[n - 1] : x;
     size_t span = 0;
     while (span + 2 < n && knots[span + 1] <= inside) {
@@ -99,6 +89,28 @@ static Basis basis_at(const double *knots, size_t n, double x) {
         found.value[j] = values[j] + (x - inside) * found.slope[j];
     }
     return found;
+}
+
+void basis_curvature(const double *knots, size_t n, double x, const Basis *basis, double curvature[N_LOCAL]) {
+    const size_t span = basis->first + DEGREE;
+    const double left = padded(knots, n, span), right = padded(knots, n, span + 1);
+    const double linear[2] = {(right - x) / (right - left), (x - left) / (right - left)};
+    double slope[DEGREE] = {0.0};
+    memset(curvature, 0, N_LOCAL * sizeof *curvature);
+    if (x < knots[0] || x > knots[n - 1]) {
+        return;
+    }
+    for (size_t j = 0; j < 2; j++) {
+        const double part = 2.0 * linear[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - 1 + j));
+        slope[j] -= part;
+        slope[j + 1] += part;
+    }
+    for (size_t j = 0; j < DEGREE; j++) {
+        const double part =
+            DEGREE * slope[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - DEGREE + 1 + j));
+        curvature[j] -= part;
+        curvature[j + 1] += part;
+    }
 }
 
 /* Coefficients at a Mach number and an incidence, and their derivatives by the two. */
@@ -181,8 +193,8 @@ EVERYWHERE void respond(const FlightTables *tables, const double *state, Respons
     const TableMap *map = tables->map;
     const double u = state[STATE_U], w = state[STATE_W];
     const double incidence = sqrt((u * u + w * w) + map->min_incidence * map->min_incidence);
-    const Basis mach = basis_at(map->mach_knots, map->n_mach, state[STATE_MACH]);
-    const Basis angle = basis_at(map->incidence_knots, map->n_incidence, incidence);
+    const Basis mach = flight_basis(map->mach_knots, map->n_mach, state[STATE_MACH]);
+    const Basis angle = flight_basis(map->incidence_knots, map->n_incidence, incidence);
     const size_t stride = (map->n_incidence + 2) * tables->width;
     double *const *amplitude = tables->amplitude;
     combine(tables->width, stride, tables->cells + mach.first * stride + angle.first * tables->width, &mach, &angle,

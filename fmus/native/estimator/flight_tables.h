@@ -24,6 +24,21 @@ typedef struct {
     double *wind[6];        /* (harmonics) scratch: cos and sin of m phi_T, derivatives by u, by w */
 } FlightTables;
 
+#define DEGREE 3 /* of the splines */
+#define N_LOCAL (DEGREE + 1)
+
+/* The basis functions that are not zero at a point, and their derivatives. */
+typedef struct {
+    size_t first;
+    double value[N_LOCAL], slope[N_LOCAL];
+} Basis;
+
+/* The basis at x; beyond the outer knots splines go on along their tangent. */
+Basis flight_basis(const double *knots, size_t n, double x);
+
+/* The second derivatives of that basis. */
+void basis_curvature(const double *knots, size_t n, double x, const Basis *basis, double curvature[N_LOCAL]);
+
 /* Response at a flight state. */
 typedef struct {
     double pressure;            /* p_inf [Pa] */

@@ -91,7 +91,11 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
         }
         direction[index] += dvKnown[i];
     }
-    const double *derivative = derivatives->along_direction(s->model);
+    char text[MODEL_TEXT_SIZE];
+    const double *derivative = derivatives->along_direction(s->model, text);
+    if (derivative == NULL) {
+        return (fmi2Status)instance_discard(s, NAME, text);
+    }
     for (size_t i = 0; i < nUnknown; i++) {
         const size_t index = derivatives->output_index(s->model, vUnknown_ref[i]);
         if (index == SIZE_MAX) {

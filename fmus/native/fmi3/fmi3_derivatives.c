@@ -56,7 +56,11 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
             direction[derivatives->input_index(s->model, array.first + k)] += *seed++;
         }
     }
-    const double *derivative = derivatives->along_direction(s->model);
+    char text[MODEL_TEXT_SIZE];
+    const double *derivative = derivatives->along_direction(s->model, text);
+    if (derivative == NULL) {
+        return (fmi3Status)instance_discard(s, "fmi3GetDirectionalDerivative", text);
+    }
     for (size_t i = 0; i < nUnknowns; i++) {
         const Selection array = fmi3_array(s, unknowns[i]);
         for (size_t k = 0; k < array.count; k++) {
@@ -94,8 +98,13 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
     for (size_t i = 0; i < nKnowns; i++) {
         const Selection array = fmi3_array(s, knowns[i]);
         for (size_t k = 0; k < array.count; k++) {
+            char text[MODEL_TEXT_SIZE];
             derivatives->clear_direction(s->model)[derivatives->input_index(s->model, array.first + k)] = 1.0;
-            *sensitivity++ = weighted(s, unknowns, nUnknowns, seed, derivatives->along_direction(s->model));
+            const double *derivative = derivatives->along_direction(s->model, text);
+            if (derivative == NULL) {
+                return (fmi3Status)instance_discard(s, "fmi3GetAdjointDerivative", text);
+            }
+            *sensitivity++ = weighted(s, unknowns, nUnknowns, seed, derivative);
         }
     }
     return fmi3OK;

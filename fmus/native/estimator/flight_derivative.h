@@ -1,0 +1,15 @@
+/* Derivatives of the outputs of the nonlinear estimator. */
+
+#ifndef FLIGHT_DERIVATIVE_H
+#define FLIGHT_DERIVATIVE_H
+
+#include "estimator.h"
+
+/* Derivatives of all outputs along d_input, of which the strains are those that the map sees; air data and their
+   deviations follow the others. 1; 0 with a text where there are none. */
+int flight_derivative(Estimator *e, const double *d_input, double d_output[N_DERIVATIVES], char text[MODEL_TEXT_SIZE]);
+
+/* Of the air data and their deviations, along a change of state and covariance, in d_real (N_FLIGHT_REALS). */
+void derive_air_data(const Flight *flight, const SolutionChange *change, double *d_real);
+
+#endif

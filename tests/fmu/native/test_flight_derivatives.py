@@ -1,0 +1,293 @@
+"""Derivatives of the nonlinear estimator's outputs: against differences of the library's own and against numpy."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import (
+    FILTER,
+    FIRST,
+    GROUPS,
+    N_D,
+    N_INPUTS,
+    N_REALS,
+    FlightFmu,
+    FlightSample,
+    fresh_tracker,
+    random_flight,
+    tracked,
+    whole_map,
+)
+from raw_fmu import DISCARD, ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu3, write_resource
+from thermal_maps import REFERENCE, with_temperature
+
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.derivative import estimate_derivative
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.interface.estimator_variables import NOT_KNOWN
+
+pytestmark = pytest.mark.fast
+
+SCALARS = N_OUTPUTS + 2 * N_D
+"""Value reference of q_inf; then its deviation, M, altitude, settings."""
+
+ZEROS = FIRST + N_INPUTS + N_REALS + 11
+KNOWNS = [
+    *range(N_OUTPUTS, N_OUTPUTS + N_D),
+    *range(SCALARS, SCALARS + N_SCALARS),
+    *range(FIRST, FIRST + N_INPUTS),
+    *range(ZEROS, ZEROS + N_D),
+]
+"""Strains, scalars, deviation of M, p_inf and its deviation, zeros."""
+
+FLOW = tuple(
+    f"{name}{end}" for name in ("mach_number", "static_pressure", "dynamic_pressure") for end in ("", "_std")
+)
+ZERO_ARRAY = 24 + N_INPUTS + N_REALS + 11
+"""Value reference of FMI 3.0 of the zeros."""
+
+UNKNOWNS = [*REAL_OUTPUTS, *range(FIRST + N_INPUTS, FIRST + N_INPUTS + N_REALS)]
+ENDED = 40
+"""Steps after which a repeated sample changes nothing any more."""
+
+Flow = dict[str, float]
+
+
+@pytest.fixture(scope="module")
+def inverse_map() -> InverseMap:
+    return whole_map()
+
+
+@pytest.fixture(scope="module")
+def resources(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_resource(inverse_map, tmp_path_factory.mktemp("flight"))
+
+
+@pytest.fixture
+def fmu(resources: Path) -> Iterator[FlightFmu]:
+    one = FlightFmu(resources.as_uri(), N_D)
+    one.start()
+    yield one
+    one.free()
+
+
+def sample_of(inverse_map: InverseMap, seed: int, left_out: tuple[str, ...] = (), **more: float) -> FlightSample:
+    """A sample with noise and a lost gauge, navigation without ``left_out``."""
+    sample = random_flight(inverse_map, 1, seed)[0]
+    flow = {name: value for name, value in sample.flow.items() if name not in left_out} | more
+    return replace(sample, valid=np.arange(N_D) != seed, flow=flow)
+
+
+def ended(fmu: FlightFmu) -> np.ndarray:
+    """(37,) real outputs once the iterations have ended."""
+    for _ in range(ENDED):
+        assert fmu.step() == OK
+    return fmu.get_reals(UNKNOWNS)
+
+
+def by_group(values: np.ndarray) -> list[np.ndarray]:
+    """Real outputs of one unit each."""
+    whole = np.full(N_OUTPUTS + N_REALS, np.nan)
+    whole[[*REAL_OUTPUTS, *range(N_OUTPUTS, N_OUTPUTS + N_REALS)]] = values
+    return [whole[group] for group in GROUPS]
+
+
+def sizes(fmu: FlightFmu) -> np.ndarray:
+    """Changes of the inputs whose effects are of one order; 0 of those that are not known."""
+    given = fmu.get_reals(KNOWNS)
+    size = np.concatenate(
+        [np.full(N_D, 2e-7), [1e3, 300.0, 0.05, 50.0, 0.0, 0.1, 0.01, 0.02, 0.05, 0.01, 50.0, 20.0]]
+    )
+    return np.where(given == NOT_KNOWN, 0.0, np.concatenate([size, np.full(N_D, 2e-7)]))
+
+
+NAVIGATION: dict[str, tuple[tuple[str, ...], Flow]] = {
+    "all": ((), {}),
+    "deviations": ((), {"dynamic_pressure_std": 900.0, "mach_number_std": 0.04, "static_pressure_std": 300.0}),
+    "altitude": (("static_pressure", "mach_number"), {"altitude": 21.3e3}),
+    "tiny deviations": (("mach_number",), {"dynamic_pressure_std": 1.0}),
+    "none": (("mach_number", "static_pressure", "dynamic_pressure"), {}),
+}
+
+
+def check_directions(fmu: FlightFmu, knowns: list[int], directions: list[np.ndarray]) -> None:
+    """Assert that derivatives along ``directions`` of ``knowns`` are the differences of outputs, each once the
+    iterations have ended: to 1e-6, and to what rounding leaves of differences."""
+    ended(fmu)
+    state, centre = fmu.get_state(), fmu.get_reals(knowns)
+    for direction in directions:
+        exact = fmu.derivative(UNKNOWNS, knowns, direction)
+        sides = []
+        for h in (0.01, -0.01, 0.02, -0.02):
+            assert fmu.call("SetFMUstate", state) == OK
+            moved = np.where(direction == 0.0, centre, centre + h * direction)
+            assert fmu.set_reals(knowns, moved) == OK
+            sides.append(ended(fmu))
+        assert fmu.call("SetFMUstate", state) == OK
+        near, far = (sides[0] - sides[1]) / 0.02, (sides[2] - sides[3]) / 0.04
+        parts = (by_group(one) for one in (exact, (4.0 * near - far) / 3.0, sides[0]))
+        for group, (found, difference, value) in enumerate(zip(*parts, strict=True)):
+            error, allowed = np.abs(found - difference).max(), 1e-6 * np.linalg.norm(difference)
+            assert error <= allowed + 1e-11 * np.linalg.norm(value), (group, found, difference)
+
+
+@pytest.mark.parametrize("case", NAVIGATION)
+@pytest.mark.parametrize("seed", [1, 3])
+def test_against_differences_of_its_own_outputs(
+    fmu: FlightFmu, inverse_map: InverseMap, seed: int, case: str
+) -> None:
+    fmu.give(sample_of(inverse_map, seed, NAVIGATION[case][0], **NAVIGATION[case][1]))
+    assert fmu.set_scalars(SETTINGS + 1, 1.3, 0.25, 0.6, 0.4) == OK
+    size, random = sizes(fmu), np.random.default_rng(seed)
+    directions = [size * random.normal(size=len(size)) for _ in range(2)]
+    alone = [size * (np.arange(len(size)) == k) for k in range(N_D, N_D + N_SCALARS + N_INPUTS)]
+    check_directions(fmu, KNOWNS, directions + [one for one in alone if one.any()])
+
+
+def test_beyond_the_ranges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """At large incidence the envelope score is above zero, and has a derivative."""
+    sample, manifold = sample_of(inverse_map, 1), inverse_map.manifold
+    assert manifold is not None
+    state = np.array([[6.0, 0.0, 1.12 * manifold.incidence_limit, 9.0]])
+    strain = sample.strain - random_strain(inverse_map, 1) + evaluate(manifold.tables, state).value[0, :N_D]
+    fmu.give(replace(sample, strain=strain, flow={"mach_number": 6.0}))
+    ended(fmu)
+    assert fmu.outputs()[26] > 0.0
+    assert fmu.derivative([26], KNOWNS, sizes(fmu))[0] != 0.0
+    check_directions(fmu, KNOWNS, [sizes(fmu)])
+
+
+def test_navigation_that_is_dropped(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    sample = sample_of(inverse_map, 1)
+    fmu.give(replace(sample, flow=sample.flow | {"static_pressure": 1.15 * sample.flow["static_pressure"]}))
+    assert fmu.step() == OK
+    assert fmu.all_outputs()[-4:-1].tolist() == [1.0, 0.0, 1.0]
+    assert np.all(fmu.derivative(UNKNOWNS, [FIRST + 1], [1.0]) == 0.0)
+    check_directions(fmu, KNOWNS, [sizes(fmu)])
+
+
+def random_strain(inverse_map: InverseMap, seed: int) -> np.ndarray:
+    """The strain of :func:`sample_of` but for noise: at the estimate of it."""
+    sample, manifold = sample_of(inverse_map, seed), inverse_map.manifold
+    assert manifold is not None
+    state = tracked(fresh_tracker(inverse_map), sample).state
+    return evaluate(manifold.tables, state[None]).value[0, :N_D]
+
+
+def test_along_temperatures(inverse_map: InverseMap, tmp_path: Path) -> None:
+    noise = float(np.sqrt(np.median(np.diag(inverse_map.scaled_parts[0]))))
+    strain = 0.1 * noise * np.random.default_rng(3).normal(size=(N_D, 6))
+    sheet = noise * np.array([2e-2, -1e-4])
+    held = with_temperature(inverse_map, mode_strain=strain, apparent_strain=sheet)
+    fmu = FlightFmu(write_resource(held, tmp_path).as_uri(), N_D)
+    fmu.start()
+    fmu.give(sample_of(inverse_map, 1))
+    sensors = list(range(ZEROS + 2 * N_D + 1, ZEROS + 2 * N_D + 1 + 4))
+    assert fmu.set_reals(sensors, REFERENCE + np.array([0.5, -0.2, 0.3, 0.4])) == OK
+    check_directions(fmu, [*KNOWNS, *sensors], [np.append(np.zeros(len(KNOWNS)), [0.2, 0.1, -0.3, 0.2])])
+    fmu.free()
+
+
+def test_gain_is_that_of_numpy(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    sample = sample_of(inverse_map, 1)
+    estimator = ManifoldEstimator(inverse_map)
+    flow = {name: sample.flow.get(name, np.nan) for name in ("altitude", *FLOW)}
+    expected = estimate_derivative(estimator, estimator.checked_inputs(sample.strain, sample.valid, flow))
+    fmu.give(sample)
+    assert (
+        fmu.set_scalars(
+            SETTINGS + 2, inverse_map.manifold.reference_area, inverse_map.manifold.reference_length, 0.0
+        )
+        == OK
+    )
+    ended(fmu)
+    columns = [fmu.derivative(UNKNOWNS, [N_OUTPUTS + k], [1.0]) for k in range(N_D)]
+    found = np.column_stack(columns)
+    parts = (expected.coefficients, expected.coefficients_std, expected.loads, expected.loads_std)
+    of_numpy = np.concatenate([*parts, expected.chi_square[None]])[:, :N_D]
+    for row, (ours, theirs) in enumerate(zip(found, of_numpy, strict=False)):
+        assert np.linalg.norm(ours - theirs) <= 1e-8 * np.linalg.norm(theirs), row
+    air_data = expected.air_data[:, :N_D]
+    for ours, theirs in zip(found[23:30], air_data, strict=True):
+        assert np.linalg.norm(ours - theirs) <= 1e-8 * np.linalg.norm(theirs)
+
+
+def test_fmi_3_directional_and_adjoint(fmu: FlightFmu, resources: Path, inverse_map: InverseMap) -> None:
+    sample = sample_of(inverse_map, 1)
+    fmu.give(sample)
+    third = Fmu3(str(resources), N_D).start()
+    knowns = [third.STRAIN, *third.SCALARS, *range(24, 24 + N_INPUTS), ZERO_ARRAY]
+    unknowns = [*third.FLOATS, *range(24 + N_INPUTS, 24 + N_INPUTS + N_REALS)]
+    values = fmu.get_reals(KNOWNS)
+    assert third.set("Float64", ctypes.c_double, knowns, values) == OK
+    assert third.set("Boolean", ctypes.c_bool, [third.VALID], sample.valid.tolist()) == OK
+    random = np.random.default_rng(7)
+    direction, weight = sizes(fmu) * random.normal(size=len(KNOWNS)), random.normal(size=len(UNKNOWNS))
+    status, forward = third.differentiate("Directional", unknowns, knowns, direction, len(UNKNOWNS))
+    assert status == OK, third.messages
+    assert forward.tobytes() == fmu.derivative(UNKNOWNS, KNOWNS, direction).tobytes()
+    status, backward = third.differentiate("Adjoint", unknowns, knowns, weight, len(KNOWNS))
+    assert status == OK, third.messages
+    assert abs(weight @ forward - backward @ direction) <= 1e-11 * np.abs(backward * direction).sum()
+    for kind, seed in (("Directional", direction), ("Adjoint", weight)):
+        wrong = third.differentiate(kind, [*unknowns[:-1], third.STRAIN], knowns, seed, len(KNOWNS))
+        assert wrong[0] == ERROR
+    third.free()
+
+
+def refused(fmu: FlightFmu) -> str:
+    """What the library says where it has no derivatives."""
+    fmu.messages.clear()
+    status = fmu.call(
+        "GetDirectionalDerivative",
+        *(fmu.references([0]), ctypes.c_size_t(1), fmu.references([N_OUTPUTS]), ctypes.c_size_t(1)),
+        *((ctypes.c_double * 1)(1.0), (ctypes.c_double * 1)(0.0)),
+    )
+    assert status == DISCARD
+    return fmu.messages[-1][2]
+
+
+def test_refused_with_the_filter_on(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    fmu.give(sample_of(inverse_map, 1))
+    assert fmu.filter(0.5) == OK
+    assert "filter" in refused(fmu)
+    assert fmu.step() == OK
+    assert "filter" in refused(fmu)
+    assert fmu.filter(0.0) == OK
+    assert np.isfinite(fmu.derivative(UNKNOWNS, [N_OUTPUTS], [1.0])).all()
+
+
+def test_refused_where_the_state_is_none_of_the_tables(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    sample = sample_of(inverse_map, 1)
+    fmu.give(replace(sample, strain=sample.strain + 1e-5 * (np.arange(N_D) == 5)))
+    assert "linear map" in refused(fmu)
+    fmu.give(replace(sample, strain=100.0 * sample.strain, flow={}))
+    assert "iterations" in refused(fmu)
+    # One of the three is wrong, but may be any.
+    fmu.give(replace(sample, flow=sample.flow | {"static_pressure": 1.06 * sample.flow["static_pressure"]}))
+    assert "navigation" in refused(fmu)
+
+
+def test_nothing_known(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    fmu.give(replace(sample_of(inverse_map, 1), valid=np.zeros(N_D, dtype=bool)))
+    assert np.isnan(fmu.derivative(UNKNOWNS, KNOWNS, np.ones(len(KNOWNS)))).all()
+
+
+def test_variables_without_derivative(fmu: FlightFmu) -> None:
+    flag = FIRST + N_INPUTS + N_REALS
+    for unknown, known in (
+        (20, N_OUTPUTS),
+        (flag, N_OUTPUTS),
+        (0, FILTER),
+        (0, ZEROS + N_D),
+        (0, N_OUTPUTS + N_D),
+    ):
+        with pytest.raises(AssertionError):
+            fmu.derivative([unknown], [known], [1.0])
+        assert "GetDirectionalDerivative" in fmu.messages[-1][2]
