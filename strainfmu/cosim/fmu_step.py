@@ -271,9 +271,21 @@ class FmuStep:
 
     def _bound(self, blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> Callable[[], None]:
         """Return what moves ``values`` into the FMU, or out of it; one block in place is the FMI call itself."""
-        if len(blocks) == 1 and blocks[0][1] is None:
-            return blocks[0][0].call
-        return lambda: self._transfer(blocks, values, into)
+        (first, columns), *others = blocks
+        if not others and columns is None:
+            return first.call
+        if into or columns is not None or len(others) != 1 or len(others[0][0].buffer) != 1:
+            return lambda: self._transfer(blocks, values, into)
+        # Reals in place and one other number, as the state of health is, which is moved as a number.
+        other, numbers, place = others[0][0], values.data, int(others[0][0].columns[0])
+        number = other.buffer.data
+
+        def get() -> None:
+            first.call()
+            other.call()
+            numbers[place] = number[0]
+
+        return get
 
     @staticmethod
     def _transfer(blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> None:

@@ -61,8 +61,8 @@ class TakesRemoteFrames(Acceptance):
 class NeverSheds(Acceptance):
     """Lets a babbling sender through."""
 
-    def _take_token(self, key: int, time: float) -> bool:
-        return True
+    def _without_token(self) -> FrameClass | None:
+        return None
 
 
 class OwnsEveryResult(Acceptance):
@@ -323,7 +323,7 @@ class HoldsWhateverStatus(HeldValue):
 
 
 class HoldsForEver(HeldValue):
-    def _is_old(self, now: float) -> bool:
+    def _expires(self) -> bool:
         return False
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.own_frames import OwnFrames, own_frames
@@ -11,6 +12,24 @@ from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 
 _OWN, _SECOND_BRIDGE = FrameClass.OWN, FrameClass.SECOND_BRIDGE
+
+
+@dataclass(eq=False, slots=True)
+class _Bucket:
+    """One identifier of the layout: its format, and the bucket of tokens that fills with time.
+
+    Attributes
+    ----------
+    is_fd, length : of its frames.
+    rate : tokens per second.
+    tokens, time : that are left, and when they were counted [s].
+    """
+
+    is_fd: bool
+    length: int
+    rate: float
+    tokens: float
+    time: float = 0.0
 
 
 class Acceptance:
@@ -24,23 +43,42 @@ class Acceptance:
         self._own_frames = own_frames(own)
         self._own = self._own_frames.keys
         self._cycle_time, self._last_reported = layout.cycle_time, -float("inf")
-        self._formats = {f.layout.key: (f.layout.is_fd, f.layout.length) for f in layout.frames}
+        self._capacity = settings.burst
         # Multiplexed frames have one identifier in common: each of them may come once a cycle.
         keys = [f.layout.key for f in layout.frames]
-        self._rate = {key: settings.rate * keys.count(key) / layout.cycle_time for key in self._formats}
-        self._capacity = settings.burst
-        # Tokens left and the time at which they were counted [s], by key.
-        self._buckets = dict.fromkeys(self._formats, (settings.burst, 0.0))
+        self._buckets = {
+            f.layout.key: _Bucket(
+                is_fd=f.layout.is_fd,
+                length=f.layout.length,
+                rate=settings.rate * keys.count(f.layout.key) / layout.cycle_time,
+                tokens=settings.burst,
+            )
+            for f in layout.frames
+            if f.layout.key not in self._own
+        }
 
     def refused(self, frame: Frame) -> FrameClass | None:
         """Return the class of a frame that is refused, None of one that is accepted."""
-        key = frame.key
-        form = self._formats.get(key)
-        if form is None or frame.is_error or frame.is_remote or key in self._own:
+        bucket = self._buckets.get(frame.key)
+        if bucket is None or frame.is_error or frame.is_remote:
             return self._why_refused(frame)
-        if frame.is_fd != form[0] or len(frame.data) != form[1]:
+        if frame.is_fd != bucket.is_fd or len(frame.data) != bucket.length:
             return FrameClass.WRONG_FORMAT
-        return None if self._take_token(key, frame.time) else FrameClass.SHED
+        tokens, time = bucket.tokens, frame.time
+        if time > bucket.time:
+            tokens += (time - bucket.time) * bucket.rate
+            if tokens > self._capacity:
+                tokens = self._capacity
+        bucket.time = time
+        if tokens >= 1.0:
+            bucket.tokens = tokens - 1.0
+            return None
+        bucket.tokens = tokens
+        return self._without_token()
+
+    def _without_token(self) -> FrameClass | None:
+        """Return the class of a frame for which its identifier's bucket has no token left."""
+        return FrameClass.SHED
 
     def _why_refused(self, frame: Frame) -> FrameClass:
         """Return the class of a frame that is no data frame of the layout."""
@@ -49,8 +87,8 @@ class Acceptance:
             return FrameClass.ERROR_FRAME
         if key in self._own:
             return _OWN if self._comes_back(frame) else _SECOND_BRIDGE
-        if key not in self._formats:
-            other_width = key ^ EXTENDED_FLAG in self._formats
+        if key not in self._buckets:
+            other_width = key ^ EXTENDED_FLAG in self._buckets
             return FrameClass.WRONG_FORMAT if other_width else FrameClass.UNKNOWN_IDENTIFIER
         return FrameClass.REMOTE_FRAME
 
@@ -66,14 +104,3 @@ class Acceptance:
     def _comes_back(self, frame: Frame) -> bool:
         """Return whether a frame on an identifier of ours is one that we sent."""
         return self._own_frames.comes_back(frame)
-
-    def _take_token(self, key: int, time: float) -> bool:
-        """Take a token from the identifier's bucket, which fills with time; return False if it is empty."""
-        tokens, last = self._buckets[key]
-        if time > last:
-            tokens += (time - last) * self._rate[key]
-            if tokens > self._capacity:
-                tokens = self._capacity
-        is_left = tokens >= 1.0
-        self._buckets[key] = (tokens - 1.0 if is_left else tokens, time)
-        return is_left

@@ -97,8 +97,9 @@ class CycleAssembler:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._is_timed = limits.clock_bits is not None
-        self._n_slots, self._trailer = limits.n_slots, limits.trailer
+        self._n_slots, self._trailer, self._deadline = limits.n_slots, limits.trailer, limits.deadline
         self._half = 1 << ((limits.clock_bits or 1) - 1)
+        self._whole = 2 * self._half
         self._open: Cycle | None = None
         self.deadline: float | None = None
         """Time at which the open cycle ends [s], None if none is open."""
@@ -117,38 +118,42 @@ class CycleAssembler:
 
     def offer(self, arrival: Arrival) -> tuple[Verdict, list[Cycle]]:
         """Take in a frame; return its fate and the cycles that it closes, the older first."""
-        verdict = _ACCEPTED
+        verdict, slot, current = _ACCEPTED, arrival.slot, self._open
         closed: list[Cycle] = []
         if self._is_timed:
             verdict = self._in_time(arrival)
             if verdict is _LATE or verdict is _REPEATED:
                 return verdict, closed
-        elif self._open is not None and arrival.slot in self._open.arrivals:
-            closed += self._close()
-        if (self._is_timed and arrival.sample_time != self._newest) or verdict is _RESTARTED:
-            closed += self._close()
-        if self._open is None:
-            self._open = Cycle(arrival, arrival.frame.time)
-            self.deadline = arrival.frame.time + self._limits.deadline
-            self._newest = arrival.sample_time
+            is_next = arrival.sample_time != self._newest or verdict is _RESTARTED
+        else:
+            is_next = current is not None and slot in current.arrivals
+        if is_next and current is not None:
+            closed.append(current)
+            current = None
         self._late = 0
-        arrivals = self._open.arrivals
-        arrivals[arrival.slot] = arrival
-        if len(arrivals) == self._n_slots or arrival.slot == self._trailer:
-            closed += self._close()
+        if current is None:
+            time = arrival.frame.time
+            self._open = current = Cycle(arrival, time)
+            self.deadline, self._newest = time + self._deadline, arrival.sample_time
+        arrivals = current.arrivals
+        arrivals[slot] = arrival
+        if len(arrivals) == self._n_slots or slot == self._trailer:
+            closed.append(current)
+            self._open = self.deadline = None
         return verdict, closed
 
     def _in_time(self, arrival: Arrival) -> Verdict:
         """Compare the sample time of ``arrival`` with that of the newest cycle."""
-        assert arrival.sample_time is not None
-        if self._newest is None:
+        sample_time, newest, current = arrival.sample_time, self._newest, self._open
+        assert sample_time is not None
+        if newest is None:
             return _ACCEPTED
-        half = self._half
-        ahead = (arrival.sample_time - self._newest + half) % (2 * half) - half
-        if ahead > 0:
+        # Its own time if it is ahead by less than half of the range, that of the newest cycle, or an old one.
+        ahead = (sample_time - newest) % self._whole
+        if 0 < ahead < self._half:
             return _ACCEPTED
-        if ahead == 0 and self._open is not None and arrival.counter == self._open.first.counter:
-            return _REPEATED if arrival.slot in self._open.arrivals else _ACCEPTED
+        if ahead == 0 and current is not None and arrival.counter == current.first.counter:
+            return _REPEATED if arrival.slot in current.arrivals else _ACCEPTED
         self._late += 1
         return _LATE if self._late <= self._limits.late_limit else _RESTARTED
 

@@ -71,9 +71,13 @@ class BridgeCore:
         self._cycle_slots = frozenset(range(n_strain + (layout.trailer is not None))) - self._held_slots
         self._noted = Cause.NONE
         self._other_bridge = -float("inf")
+        self._alarm, self._timeout = (
+            settings.alarm_cycles * layout.cycle_time,
+            settings.timeout * layout.cycle_time,
+        )
         self._last_cycle = start
         self._refusals, self._last_refill = _REFUSALS, start
-        self._next_status = start + settings.timeout * layout.cycle_time
+        self._next_status = start + self._timeout
 
     # --- frames and time in -----------------------------------------------------------------------------------
 
@@ -175,11 +179,12 @@ class BridgeCore:
             if arrival is FrameClass.NOT_AUTHENTIC or arrival is FrameClass.NOT_FRESH:
                 self.note(Cause.NOT_AUTHENTIC)
             return []
-        if arrival.slot in self._cycle_slots:
+        slot = arrival.slot
+        if slot in self._cycle_slots:
             return self._offer(arrival, is_answered)
-        if arrival.slot in self._held_slots:
+        if slot in self._held_slots:
             kind = self._judge.take_held(arrival)
-        elif arrival.slot == self._command_slot:
+        elif slot == self._command_slot:
             kind = self._judge.take_command(arrival)
         else:
             kind = self._judge.take_flow(arrival)
@@ -207,7 +212,7 @@ class BridgeCore:
         for cycle in cycles:
             self._last_cycle = now
             self._judge.keep_pace(cycle)
-            self._next_status = now + self.settings.timeout * self.layout.cycle_time
+            self._next_status = now + self._timeout
             if not is_answered:
                 self._skip(cycle)
                 continue
@@ -235,10 +240,9 @@ class BridgeCore:
         result, classes = self._judge.judge(cycle, now, noted)
         arrivals = cycle.arrivals.values()
         if isinstance(classes, FrameClass):
-            times = [arrival.frame.time for arrival in arrivals]
-            n_frames = len(times)
-            self.account.pending -= n_frames
-            self.account.settle(classes, times[0], n_frames, times[-1])
+            account, n_frames, last = self.account, len(arrivals), next(reversed(arrivals))
+            account.pending -= n_frames
+            account.settle(classes, cycle.first_time, n_frames, last.frame.time)
             return result
         for arrival, kind in zip(arrivals, classes, strict=True):
             self._settle(kind, arrival.frame.time)
@@ -247,7 +251,7 @@ class BridgeCore:
     def _take_noted(self, now: float) -> Cause:
         """Return the causes noted since the last result, and those that last."""
         noted, self._noted = self._noted, _NOTHING
-        if now - self._other_bridge <= self.settings.alarm_cycles * self.layout.cycle_time:
+        if now - self._other_bridge <= self._alarm:
             noted |= Cause.SECOND_BRIDGE
         return noted
 

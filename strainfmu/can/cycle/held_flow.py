@@ -98,6 +98,8 @@ class HeldValue:
         self._high = inf if signal.maximum is None else signal.maximum
         self._smallest, self._largest = _SENSIBLE.get(source.quantity, _SENSIBLE_TEMPERATURE)
         self._ends = raw_ends(signal) or ()
+        self._value_of = self._plan.value_reader(source.index)
+        self._doubtful = frozenset((*self._no_value, *self._ends))
         self.quantity = source.quantity
         self.was_known = False
         """A value has been taken since the start or the last reset."""
@@ -129,8 +131,8 @@ class HeldValue:
         time by the clock of a proven sender of strains [s], None if it is not known.
         """
         index = self._source.index
-        value = self._plan.value(raw, index)
-        delay = 0.0
+        code = raw[index]
+        value, delay = self._value_of(code), 0.0
         if self._clock is not None and self._frame.sample_time is not None:
             ticks = int(raw[self._frame.sample_time])
             reading = self._clock.read(time, ticks)
@@ -146,7 +148,15 @@ class HeldValue:
                 self._accept(self._clock)
             self._shares_clock = agrees if strain_time is not None else self._shares_clock
             delay, self.hides_delay = reading.age, reading.hides_delay
-        code, sampled, in_si = raw[index], time - delay, self._source.si(value)
+        sampled, in_si = time - delay, self._source.si(value)
+        status = self._frame.status
+        is_inside = self._low <= value <= self._high and self._smallest <= in_si <= self._largest
+        if is_inside and code not in self._doubtful and (status is None or 0 <= raw[status] <= STATUS_DEGRADED):
+            # What every check below would find, too.
+            self._stated = self._value = in_si
+            self._stated_at = self._sampled = sampled
+            self.was_known = True
+            return True
         is_stated = isfinite(value) and not (self._has_no_value(code) or self._is_refused_by_sender(raw))
         is_usable = is_stated and not self._is_out_of_range(code, value)
         self._stated, self._stated_at = in_si if is_stated else nan, sampled
@@ -170,7 +180,7 @@ class HeldValue:
 
     def value(self, now: float) -> float:
         """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
-        return nan if self._is_old(now) else self._value
+        return nan if now - self._sampled > self._max_age and self._expires() else self._value
 
     def stated(self, now: float) -> float:
         """Return what the sender states [SI] at ``now`` [s]; NaN if that is nothing, or old.
@@ -179,8 +189,9 @@ class HeldValue:
         """
         return self._stated if now - self._stated_at <= self._max_age else nan
 
-    def _is_old(self, now: float) -> bool:
-        return now - self._sampled > self._max_age
+    def _expires(self) -> bool:
+        """Return whether a value may be too old to be used."""
+        return True
 
     def _has_no_value(self, code: int) -> bool:
         """Return whether the raw number ``code`` stands for "no value"."""
@@ -219,7 +230,6 @@ class HeldFlow:
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
-        self._has_navigation = self._mach_number is not None or self._altitude is not None
         self._sensors = [value for value in values if is_temperature(value.quantity)]
         self._state = FlowState()
 
@@ -251,15 +261,21 @@ class HeldFlow:
         if pressure is None:
             pressure = nan if self._pressure is None else self._pressure.value(now)
             for value in self._values:
-                hides_delay = hides_delay or value.hides_delay
+                if value.hides_delay:
+                    hides_delay = True
         state.dynamic_pressure, state.hides_delay = pressure, hides_delay
-        if self._has_navigation:
-            state.mach_number, state.altitude = _at(self._mach_number, now), _at(self._altitude, now)
-            if _is_lost(self._mach_number, state.mach_number) or _is_lost(self._altitude, state.altitude):
-                lost |= Cause.NAVIGATION
+        mach_number, altitude = self._mach_number, self._altitude
+        if mach_number is not None:
+            state.mach_number = mach_number.value(now)
+            if mach_number.was_known and isnan(state.mach_number):
+                lost = Cause.NAVIGATION
+        if altitude is not None:
+            state.altitude = altitude.value(now)
+            if altitude.was_known and isnan(state.altitude):
+                lost = Cause.NAVIGATION
         for held in self._sensors:
             kelvin = state.temperature[held.quantity] = held.value(now)
-            if _is_lost(held, kelvin):
+            if held.was_known and isnan(kelvin):
                 lost |= Cause.TEMPERATURE
         state.lost = lost
         return state
@@ -269,13 +285,3 @@ class HeldFlow:
         if self._fixed is not None:
             return self._fixed
         return nan if self._pressure is None else self._pressure.stated(now)
-
-
-def _at(held: HeldValue | None, now: float) -> float:
-    """Return a quantity at ``now`` [s], NaN of one that no frame gives."""
-    return nan if held is None else held.value(now)
-
-
-def _is_lost(held: HeldValue | None, value: float) -> bool:
-    """Return whether a quantity was known before and is not any more."""
-    return held is not None and held.was_known and isnan(value)

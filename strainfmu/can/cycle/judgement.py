@@ -16,7 +16,7 @@ from strainfmu.can.cycle.held_strains import WholeCycle
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import TrailerVerdict
-from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step
+from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step, result_without_fields
 from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
@@ -159,7 +159,8 @@ class CycleJudge:
             causes |= trailer.cause | of_time
         if decoded.status:
             causes |= Cause.SENDER_STATUS
-        all_trusted, all_plausible = _is_full(trusted), _is_full(plausible)
+        all_trusted = trusted is reception.every_gauge or _is_full(trusted)
+        all_plausible = _is_full(plausible)
         if not all_trusted and (decoded.present & ~trusted).any():
             causes |= Cause.NOT_TRUSTED
         if not all_plausible and (decoded.present & ~plausible).any():
@@ -281,9 +282,7 @@ class CycleJudge:
 
     def _strain_data(self, cycle: Cycle) -> list[bytes]:
         """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""
-        arrivals = cycle.arrivals
-        slots = sorted(arrivals) if len(arrivals) > 1 else arrivals
-        data = [arrivals[slot].frame.data for slot in slots]
+        data = [arrival.frame.data for _, arrival in sorted(cycle.arrivals.items())]
         return data if self._trailer is None else [b"".join(data)]
 
     def _named(self, cycle: Cycle) -> Arrival:
@@ -333,35 +332,32 @@ class CycleJudge:
             # Until the strains are proven, q_inf of their sender is not used: there may be no coefficients.
             quality = Quality.UNCONFIRMED
         named = self._named(cycle)
-        return CycleResult(
-            time=now,
-            quality=quality,
-            causes=causes,
-            valid=valid,
-            strain=strain,
-            dynamic_pressure=flow.dynamic_pressure,
-            mach_number=flow.mach_number,
-            altitude=flow.altitude,
-            age=age[0],
-            age_uncertainty=age[1],
-            sample_time=named.sample_time,
-            counter=named.counter,
-            coefficients=step.coefficients if step is not None and published else no_numbers(),
-            coefficients_std=step.coefficients_std if step is not None and published else no_numbers(),
-            chi_square=np.nan if step is None else step.chi_square,
-            health=None if step is None else step.health,
-            envelope_score=np.nan if step is None else step.further.get(ENVELOPE_SCORE, np.nan),
-            arrival=cycle.last_time,
-            verdicts=verdicts,
-            further={} if step is None else step.further,
-        )
+        result = result_without_fields()
+        result.time, result.arrival, result.quality, result.causes = now, cycle.last_time, quality, causes
+        result.valid, result.strain, result.verdicts = valid, strain, verdicts
+        result.dynamic_pressure = flow.dynamic_pressure
+        result.mach_number, result.altitude = flow.mach_number, flow.altitude
+        result.age, result.age_uncertainty = age
+        result.held = 0.0
+        result.sample_time, result.counter = named.sample_time, named.counter
+        if step is None:
+            result.chi_square, result.health, result.further = np.nan, None, {}
+        else:
+            result.chi_square, result.health, result.further = step.chi_square, step.health, step.further
+        result.envelope_score = result.further.get(ENVELOPE_SCORE, np.nan)
+        if step is not None and published:
+            result.coefficients, result.coefficients_std = step.coefficients, step.coefficients_std
+        else:
+            result.coefficients, result.coefficients_std = no_numbers(), no_numbers()
+        return result
 
     def _estimate(
         self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
     ) -> tuple[StepResult | None, Quality, Cause]:
         """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
         further = self._further
-        further.update(flow.temperature)
+        if flow.temperature:
+            further.update(flow.temperature)
         for name in self._navigation:
             further[name] = getattr(flow, name)
         try:

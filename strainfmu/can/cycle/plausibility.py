@@ -140,7 +140,7 @@ class GaugeChecks:
         nothing is changed, False is returned and the checks decide.
         """
         difference = strain - self._last_strain
-        change = np.abs(difference, out=self._changes[len(self._lengths)])
+        change = np.absolute(difference, self._changes[len(self._lengths)])
         # Looked for in its bytes, which takes a quarter of the time of all() of so few; False of NaN.
         flags = self._flags
         np.less_equal(change, self._largest_change, flags)

@@ -98,8 +98,9 @@ class Reception:
         self._held = frozenset(layout.held_slots)
         self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._n_slots = self.n_strain + (layout.trailer is not None)
-        self._every_gauge = np.ones(layout.n_gauges, dtype=bool)
-        self._every_gauge.setflags(write=False)
+        self.every_gauge = np.ones(layout.n_gauges, dtype=bool)
+        """(n_d,) True."""
+        self.every_gauge.setflags(write=False)
         slots = [self._slot(index, frame, settings) for index, frame in enumerate(layout.frames)]
         self._checks, self._machines = [slot.check for slot in slots], [slot.machine for slot in slots]
         self._by_key: dict[int, list[_Slot]] = {}
@@ -128,27 +129,20 @@ class Reception:
 
     def take(self, frame: Frame) -> Arrival | FrameClass:
         """Return a frame with the numbers about it, or its class if it is refused by itself."""
-        slots = self._by_key[frame.key]
-        slot = self._selected(slots, frame.data) if self._has_selectors else slots[0]
+        data, slots = frame.data, self._by_key[frame.key]
+        slot = self._selected(slots, data) if self._has_selectors else slots[0]
         if slot is None:
             return FrameClass.NOT_USABLE  # its multiplexer's value belongs to no frame of the layout
-        data, place = frame.data, slot.counter_place
+        index, place, check = slot.index, slot.counter_place, slot.check
         status, sample_time, configuration = slot.numbers(data)
-        arrival = Arrival(
-            slot.index,
-            frame,
-            slot.plan,
-            sample_time,
-            None if place is None else data[place[0]] & place[1],
-            0 if status is None else status & _ALL_BITS,
-        )
-        if slot.index == self.trailer:
+        counter = None if place is None else data[place[0]] & place[1]
+        arrival = Arrival(index, frame, slot.plan, sample_time, counter, status & _ALL_BITS if status else 0)
+        if index == self.trailer:
             return arrival  # its CRC covers frames that may not have come yet
         if self.authentication is not None:
-            forged = self._not_authentic(slot.index, data)
+            forged = self._not_authentic(index, data)
             if forged is not None:
                 return forged
-        check = slot.check
         found = _OK if check is None else check.check(data)
         if found is _OK and (configuration is None or configuration & _ALL_BITS == slot.configuration):
             if not slot.machine.is_steady:
@@ -239,7 +233,7 @@ class Reception:
                 if not self.is_trusted(slot):
                     break
             else:
-                return self._every_gauge
+                return self.every_gauge
         trusted = np.zeros(self._layout.n_gauges, dtype=bool)
         for slot in arrivals:
             if slot < self.n_strain and self.is_trusted(slot):

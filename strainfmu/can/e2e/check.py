@@ -57,17 +57,19 @@ class ReceptionCheck:
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
-        self.conflicts = self.alternates = False
+        if self.conflicts or self.alternates:
+            self.conflicts = self.alternates = False
         if not self._fits(data, covered):
             return E2EStatus.ERROR
         counter, modulus = data[self._byte] & self._bits, self._modulus
         if counter >= modulus:
             return E2EStatus.ERROR
-        delta = (counter - self.counter) % modulus
+        last = self.counter
+        delta = (counter - last) % modulus
         if delta == 0:
             self.conflicts = self._content is not None and self._content != (data, covered)
             return E2EStatus.REPEATED
-        before, self._before, self.counter = self._before, self.counter, counter
+        before, self._before, self.counter = self._before, last, counter
         self._content = data, covered
         if delta == 1:
             return _OK

@@ -141,7 +141,9 @@ class SampleClock:
     """
 
     def __init__(self, tick: float, bits: int, limits: ClockLimits) -> None:
-        self._tick, self._half = tick, 1 << (bits - 1)
+        self._tick, self._half, self._whole = tick, 1 << (bits - 1), 1 << bits
+        # Time [s] below which it has not wrapped for certain, whatever the round-off.
+        self._unwrapped = (self._half - 1) * tick
         self._limits = limits
         # Read for every frame with a sample time.
         self._pace, self._tolerance, self._hidden = 1.0 - limits.rate, limits.tolerance, limits.hidden
@@ -236,20 +238,23 @@ class SampleClock:
         ``tolerated`` is the fraction of the jump tolerance by which the delay may shrink.
         """
         # Without min() and max(), as calls are what this takes most of its time for.
-        elapsed, half, floor = local - model.local, self._half, model.floor
+        elapsed, half, floor, lowest = local - model.local, self._half, model.floor, model.lowest
         if elapsed < 0.0:
             elapsed = 0.0
-        # After half the range our clock tells how often the time wrapped.
-        expected = round(elapsed / self._tick)
-        if expected < half:
-            expected = 0
-        since = expected + (ticks - model.ticks - expected + half) % (2 * half) - half
+        if elapsed < self._unwrapped:
+            since = (ticks - model.ticks + half) % self._whole - half
+        else:
+            # After half the range our clock tells how often the time wrapped.
+            expected = round(elapsed / self._tick)
+            if expected < half:
+                expected = 0
+            since = expected + (ticks - model.ticks - expected + half) % self._whole - half
         source = model.source + since * self._tick
         offset = local - source
         drift = self._tolerance * elapsed
         if source < model.source or offset < floor - drift - tolerated * self._jump_tolerance:
             return None
-        raised, highest = floor + drift, model.lowest + self._hidden
+        raised, highest = floor + drift, lowest + self._hidden
         if highest < raised:
             raised = highest
         if raised > floor:
@@ -257,7 +262,7 @@ class SampleClock:
         if offset < floor:
             floor = offset
         model.ticks, model.source, model.local, model.floor = ticks, source, local, floor
-        if floor < model.lowest:
+        if floor < lowest:
             model.lowest = floor
         fastest = offset + self._tolerance * (local - model.start)
         if fastest < model.fastest:

@@ -96,15 +96,16 @@ class SignalPlan:
         with np.errstate(over="ignore", invalid="ignore"):  # a value beyond float64 is refused as out of range
             return number * self._scale + self._offset
 
-    def value(self, raw: Sequence[int] | IntArray, index: int) -> float:
-        """Return the value of one signal of ``raw``, as :meth:`physical` does."""
-        signal, number = self.signals[index], float(raw[index])
+    def value_reader(self, index: int) -> Callable[[int], float]:
+        """Return a function from the raw number of a signal to its value, as :meth:`physical` has it."""
+        signal = self.signals[index]
+        scale, offset, mask, n_bytes = signal.scale, signal.offset, (1 << signal.length) - 1, signal.length // 8
         if signal.kind == FLOAT:
-            pattern = int(raw[index]) % (1 << signal.length)
-            (number,) = _FLOATS[signal.length].unpack(pattern.to_bytes(signal.length // 8, "little"))
-        elif signal.kind == UNSIGNED and number < 0.0:
-            number = float(int(raw[index]) + (1 << _WIDTH))
-        return number * signal.scale + signal.offset
+            unpack, to_bytes = _FLOATS[signal.length].unpack, int.to_bytes
+            return lambda raw: unpack(to_bytes(raw & mask, n_bytes, "little"))[0] * scale + offset
+        # Of 64 bits the largest come as negative numbers.
+        beyond = 1 << _WIDTH if signal.kind == UNSIGNED else 0
+        return lambda raw: float(raw if raw >= 0 else raw + beyond) * scale + offset
 
     def encode(self, values: FloatArray | Sequence[float]) -> bytes:
         """Return the frame that holds the (k,) ``values`` [the signals' units], nearest raw number.
