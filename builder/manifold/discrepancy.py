@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from builder.aero.surface_mesh import SurfaceMesh
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U
@@ -16,6 +17,9 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 
 _NEGLIGIBLE = 1e-3
 """Eigenvalue relative to the largest below which a shape of the Gaussian process is left out."""
+
+_LEFT_OF_VARIANCE = 0.02
+"""Part of the variance of the process on a surface that may be missing at any node."""
 
 
 def gaussian_process_shapes(
@@ -48,6 +52,31 @@ def response_of_shapes(operator: FloatArray, along: FloatArray, around: FloatArr
     (n_roll, b)."""
     rings = operator.reshape(len(operator), len(along), len(around))
     return np.einsum("nxr,xa,rb->nab", rings, along, around, optimize=True).reshape(len(operator), -1)
+
+
+def process_on_surface(mesh: SurfaceMesh, axial_length: float, roll_angle: float) -> FloatArray:
+    """Return fields (n_p, k) of a Gaussian process of unit variance on any surface, by pivoted Cholesky.
+
+    The correlation is exp(-|e - e'|^2 / 2) of e = (x / (l_x L), [r, n] / (sqrt(2) l_phi)), r the unit vector from
+    the axis and n the normal: on a round body that of :func:`gaussian_process_shapes`, while the two sides of a
+    fin are apart. Lengths as there, L that of the surface.
+
+    Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
+    """
+    across = mesh.point[:, 1:]
+    distance = np.linalg.norm(across, axis=1, keepdims=True)
+    radial = across / np.where(distance > 0.0, distance, 1.0)
+    length = axial_length * float(np.ptp(mesh.point[:, 0]))
+    place = np.hstack([radial, mesh.node_normal]) / (np.sqrt(2.0) * roll_angle)
+    place = np.column_stack([mesh.point[:, 0] / length, place])
+    left, columns = np.ones(len(place)), np.zeros((len(place), 0))
+    while left.max() > _LEFT_OF_VARIANCE:
+        pivot = int(np.argmax(left))
+        column = np.exp(-0.5 * np.sum((place - place[pivot]) ** 2, axis=1)) - columns @ columns[pivot]
+        column /= np.sqrt(left[pivot])
+        columns = np.column_stack([columns, column])
+        left = np.maximum(left - column * column, 0.0)
+    return columns
 
 
 TESTED = 6

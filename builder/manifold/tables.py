@@ -63,7 +63,15 @@ def spline_coefficients(
         along = _through(knots, _fitted(knots, incidence, of_m, start if known else None, m), m)
         parts.append(_as_bspline(knots, along, axis=1))
     of_incidence = np.stack(parts, axis=-2)
-    return knots, _as_bspline(mach, CubicSpline(mach, of_incidence, axis=0), axis=0)
+    return knots, interpolating(mach, of_incidence)
+
+
+def interpolating(knots: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the coefficients (n + 2, ...) of the cubic spline through ``values`` (n, ...) at ``knots`` (n,).
+
+    Three knots have a parabola, two a straight line.
+    """
+    return _as_bspline(knots, CubicSpline(knots, values, axis=0), axis=0)
 
 
 def _through(knots: FloatArray, values: FloatArray, m: int) -> CubicSpline:
@@ -97,6 +105,7 @@ def _as_bspline(knots: FloatArray, spline: PPoly, axis: int) -> FloatArray:
     """Return the coefficients of ``spline``, piecewise cubic on ``knots`` (n,), n + 2 along ``axis``."""
     padded = padded_knots(knots)
     sites = np.array([padded[i + 1 : i + 1 + DEGREE].mean() for i in range(len(knots) + 2)])
+    sites = np.clip(sites, knots[0], knots[-1])  # the mean of equal knots may round beyond them
     design = BSpline.design_matrix(sites, padded, DEGREE).toarray()
     values = np.moveaxis(np.asarray(spline(sites)), axis, 0)
     solved = np.linalg.solve(design, values.reshape(len(sites), -1)).reshape(values.shape)

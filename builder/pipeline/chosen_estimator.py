@@ -24,10 +24,11 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
     if estimator == "manifold":
         found = {
             "map.form": (entry.form, "dynamic_pressure"),
-            "map.symmetry": (entry.symmetry, "full"),
             "sensors": ("some" if vehicle.sensors is not None else "none", "none"),
-            "a shape by": (vehicle.shape_kind, "profile"),
+            "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
         }
+        if vehicle.shape_kind == "profile":
+            found["map.symmetry"] = (entry.symmetry, "full")
         for name, (got, needed) in found.items():
             if got != needed:
                 raise InputError(f"--estimator manifold: needs {name} {needed!r}, got {got!r}")

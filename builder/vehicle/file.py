@@ -114,13 +114,9 @@ class Vehicle(Section):
         if kind != "profile":
             missing = [name for name in ("area_m2", "length_m") if getattr(self.reference, name) is None]
             faults += [f"reference.{name}: entry is missing, it is required with shape.{kind}" for name in missing]
-            if self.map.estimator == "manifold":
-                faults.append(
-                    f"map.estimator: expected 'linear' with shape.{kind}, got 'manifold', which needs a profile"
-                )
             if self.aerodynamics.surface is not None:
                 faults.append(f"aerodynamics.surface: expected none with shape.{kind}, which is the surface")
-        faults += self._wall_faults()
+        faults += self._wall_faults() + self._estimator_faults()
         if kind != "profile" and entry.model != "solid":
             faults.append(f"structure.model: expected 'solid' with shape.{kind}, got '{entry.model}'")
         if kind == "surface":
@@ -139,6 +135,19 @@ class Vehicle(Section):
             faults.append(
                 "structure.solid_tip_length_m: expected none with shape.surface, whose mesh holds the tip"
             )
+        return faults
+
+    def _estimator_faults(self) -> list[str]:
+        """Return what the nonlinear estimator does not take."""
+        if self.map.estimator != "manifold":
+            return []
+        faults = []
+        if self.shape_kind == "profile" and self.map.symmetry != "full":
+            faults.append(
+                f"map.estimator: 'manifold' needs map.symmetry 'full' with a profile, got '{self.map.symmetry}'"
+            )
+        if self.structure.strain_per_snapshot is not None:
+            faults.append("map.estimator: expected 'linear' with structure.strain_per_snapshot, got 'manifold'")
         return faults
 
     def _wall_faults(self) -> list[str]:

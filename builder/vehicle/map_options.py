@@ -85,11 +85,8 @@ class MapEntry(Section):
             raise ValueError(f"section_stations_m: expected rising numbers, got {list(stations)}")
         if self.form == "dynamic_pressure" and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
-        if self.estimator == "manifold" and (self.form, self.symmetry) != ("dynamic_pressure", "full"):
-            raise ValueError(
-                "estimator: 'manifold' needs form 'dynamic_pressure' and symmetry 'full', "
-                f"got '{self.form}' and '{self.symmetry}'"
-            )
+        if self.estimator == "manifold" and self.form != "dynamic_pressure":
+            raise ValueError(f"estimator: 'manifold' needs form 'dynamic_pressure', got '{self.form}'")
         return self
 
 

@@ -14,7 +14,7 @@ _PART_OF_RANGE = 0.3
 """Amplitude of Mach number and ln p_inf, of their ranges' halves."""
 
 _INCIDENCES = (0.5, 0.2)
-"""Mean and amplitude of the incidence, of its limit: its roll angle turns once."""
+"""Mean and amplitude of the incidence, of its range: its roll angle turns once."""
 
 
 def flight_motion(manifold: ManifoldMap, n_rows: int) -> FloatArray:
@@ -23,10 +23,11 @@ def flight_motion(manifold: ManifoldMap, n_rows: int) -> FloatArray:
     low, high = np.log(manifold.pressure_range)
     slowest, fastest = manifold.mach_range
     mean, amplitude = _INCIDENCES
-    incidence = manifold.incidence_limit * (mean + amplitude * np.cos(2.0 * phase))
+    middle, half = manifold.crossflow
+    size = half[:, None] * (mean + amplitude * np.cos(2.0 * phase))
     state = np.empty((n_rows, N_STATES))
     state[:, MACH] = 0.5 * (slowest + fastest) + _PART_OF_RANGE * 0.5 * (fastest - slowest) * np.sin(phase)
-    state[:, U], state[:, W] = incidence * np.cos(phase), incidence * np.sin(phase)
+    state[:, U], state[:, W] = middle[0] + size[0] * np.cos(phase), middle[1] + size[1] * np.sin(phase)
     state[:, LOG_PRESSURE] = 0.5 * (low + high) + _PART_OF_RANGE * 0.5 * (high - low) * np.sin(phase)
     return state
 

@@ -177,6 +177,21 @@ static double larger(double a, double b) {
     return b > a ? b : a;
 }
 
+/* Deviations by which u and w leave their ranges. */
+static double crossflow_excess(const FlightMap *map, const double *state, const double *std) {
+    const double slack = 1.0 + map->range_tolerance;
+    if (map->has_crossflow_range == 0.0) {
+        const double incidence = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
+        return (incidence - slack * map->incidence_limit) / larger(std[STATE_U], std[STATE_W]);
+    }
+    double excess[2];
+    for (size_t k = 0; k < 2; k++) {
+        const double off = fabs(state[STATE_U + k] - map->crossflow_middle[k]);
+        excess[k] = (off - slack * map->crossflow_half[k]) / std[STATE_U + k];
+    }
+    return larger(excess[0], excess[1]);
+}
+
 /* Deviations by which the flight state leaves the ranges of the map, 0 inside. */
 static double range_score(const Flight *flight) {
     const FlightMap *map = &flight->map;
@@ -186,13 +201,11 @@ static double range_score(const Flight *flight) {
     for (size_t k = 0; k < N_STATES; k++) {
         std[k] = sqrt(found->state_covariance[k * N_STATES + k]);
     }
-    const double incidence = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
     const double mach = larger(map->mach_range[0] * (1.0 - tolerance) - state[STATE_MACH],
                                state[STATE_MACH] - map->mach_range[1] * (1.0 + tolerance));
     const double pressure = larger(map->log_pressure_range[0] - state[STATE_PRESSURE],
                                    state[STATE_PRESSURE] - map->log_pressure_range[1]);
-    const double angle = incidence - (1.0 + tolerance) * map->incidence_limit;
-    const double score = larger(mach / std[STATE_MACH], angle / larger(std[STATE_U], std[STATE_W]));
+    const double score = larger(mach / std[STATE_MACH], crossflow_excess(map, state, std));
     return larger(larger(score, pressure / std[STATE_PRESSURE]), 0.0);
 }
 

@@ -6,7 +6,7 @@
 #include "map_resource.h"
 
 #define N_FLIGHT_SIZES 8
-#define N_FLIGHT_SCALARS 47
+#define N_FLIGHT_SCALARS 52
 #define MAX_ITERATIONS 1000
 #define MAX_KNOTS 4096
 #define MAX_SHAPES 64
@@ -78,6 +78,9 @@ static void take_scalars(FlightMap *map, const double **next) {
     copy(next, map->log_pressure_range, 2);
     map->middle_log_pressure = *take_doubles(next, 1);
     map->incidence_limit = *take_doubles(next, 1);
+    map->has_crossflow_range = *take_doubles(next, 1);
+    copy(next, map->crossflow_middle, 2);
+    copy(next, map->crossflow_half, 2);
     copy(next, map->error, N_NAVIGATION);
     map->chi_square_scale = *take_doubles(next, 1);
     map->outlier_scale = *take_doubles(next, 1);
@@ -141,6 +144,7 @@ static int sensible_values(const FlightMap *map, const double *values, size_t co
         && map->reference_area > 0.0 && map->reference_length > 0.0
         && map->pressure_range[0] > 0.0 && map->log_pressure_range[1] > map->log_pressure_range[0]
         && map->mach_range[1] >= map->mach_range[0] && map->mach_range[0] > 0.0 && map->incidence_limit > 0.0
+        && map->crossflow_half[0] > 0.0 && map->crossflow_half[1] > 0.0
         && map->tables.min_incidence > 0.0 && map->search_every >= 0.0 && map->return_after >= 0.0
         && can_be(map->start_iterations, 2.0) && can_be(0.5 * map->start_iterations, 1.0)
         && can_be(map->cold_iterations, 0.0) && can_be(map->warm_iterations, 0.0);

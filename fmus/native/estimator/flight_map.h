@@ -33,6 +33,8 @@ typedef struct {
     size_t n_shapes;            /* of pressure off the tables that are tested */
     double reference_area, reference_length;
     double mach_range[2], pressure_range[2], log_pressure_range[2], middle_log_pressure, incidence_limit;
+    double has_crossflow_range;                         /* 1, or 0: incidence_limit at every roll angle of the wind */
+    double crossflow_middle[2], crossflow_half[2];      /* of the ranges of u and w [rad] */
     double error[N_NAVIGATION]; /* of navigation without a deviation: of M [1], relative ones of p_inf and q_inf */
     double chi_square_scale, outlier_scale;
     double gauge_gain_std, common_gain_std;

@@ -19,7 +19,9 @@ static void set_states(FlightSolver *solver) {
         solver->search_mach[m] = m + 1 < SEARCH_MACHS ? low + (double)m * ((high - low) / (SEARCH_MACHS - 1)) : high;
     }
     for (size_t i = 0; i < SEARCH_STARTS; i++) {
-        solver->search_incidence[i] = map->incidence_limit * ((double)i + 0.5) / SEARCH_STARTS;
+        for (size_t k = 0; k < 2; k++) {
+            solver->search_crossflow[i][k] = map->crossflow_half[k] * ((double)i + 0.5) / SEARCH_STARTS;
+        }
     }
     for (size_t k = 0; k < SEARCH_ROLLS; k++) {
         sine_cosine(TWO_PI * (double)k / SEARCH_ROLLS, &solver->search_sine[k], &solver->search_cosine[k]);
@@ -28,10 +30,10 @@ static void set_states(FlightSolver *solver) {
 
 /* Mach number, u and w of a state of the search. */
 static void set_state(const FlightSolver *solver, size_t start, size_t which, double *state) {
-    const double incidence = solver->search_incidence[start];
+    const double *size = solver->search_crossflow[start], *middle = solver->map->crossflow_middle;
     state[STATE_MACH] = solver->search_mach[which / SEARCH_ROLLS];
-    state[STATE_U] = incidence * solver->search_cosine[which % SEARCH_ROLLS];
-    state[STATE_W] = incidence * solver->search_sine[which % SEARCH_ROLLS];
+    state[STATE_U] = middle[0] + size[0] * solver->search_cosine[which % SEARCH_ROLLS];
+    state[STATE_W] = middle[1] + size[1] * solver->search_sine[which % SEARCH_ROLLS];
 }
 
 void flight_search_prepare(FlightSolver *solver) {

@@ -44,7 +44,7 @@ typedef struct {
     FlightTables tables;
     double *gauge_covariance, *scaled_covariance; /* (n, n) */
     double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa] */
-    double search_mach[SEARCH_MACHS], search_incidence[SEARCH_STARTS];
+    double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
     double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
     double *search_weight;                        /* (n) 1 over the deviation of each gauge */
     Sample sample;

@@ -122,18 +122,27 @@ def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:
     """Return (k,) standard deviations by which the flight state leaves the ranges of the map, 0 inside."""
     state = found.state
     std = np.sqrt(np.diagonal(found.state_covariance, axis1=1, axis2=2))
-    incidence = np.hypot(state[:, U], state[:, W])
     slowest, fastest = manifold.mach_range * np.array([1.0 - RANGE_TOLERANCE, 1.0 + RANGE_TOLERANCE])
     low, high = np.log(manifold.pressure_range)
     mach, pressure = state[:, MACH], state[:, LOG_PRESSURE]
     excess = np.column_stack(
         [
             np.maximum(slowest - mach, mach - fastest) / std[:, MACH],
-            (incidence - (1.0 + RANGE_TOLERANCE) * manifold.incidence_limit) / np.max(std[:, U : W + 1], axis=1),
+            _crossflow_excess(manifold, state[:, U : W + 1], std[:, U : W + 1]),
             np.maximum(low - pressure, pressure - high) / std[:, LOG_PRESSURE],
         ]
     )
     return np.asarray(np.maximum(excess.max(axis=1), 0.0))
+
+
+def _crossflow_excess(manifold: ManifoldMap, crossflow: FloatArray, std: FloatArray) -> FloatArray:
+    """Return (k,) standard deviations by which u and w (k, 2) leave their ranges."""
+    if manifold.crossflow_range is None:
+        incidence = np.hypot(crossflow[:, 0], crossflow[:, 1])
+        return np.asarray((incidence - (1.0 + RANGE_TOLERANCE) * manifold.incidence_limit) / np.max(std, axis=1))
+    middle, half = manifold.crossflow
+    excess = np.abs(crossflow - middle) - (1.0 + RANGE_TOLERANCE) * half
+    return np.asarray(np.max(excess / std, axis=1))
 
 
 def _navigation_outside(manifold: ManifoldMap, navigation: Navigation, used: BoolArray) -> BoolArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,13 @@ from strainfmu.estimator.manifold.flight_tables import FlightTables
 from strainfmu.estimator.manifold.further_tables import UNITS as FURTHER_UNITS
 from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.records import inner_record
+
+
+class Crossflow(NamedTuple):
+    """Middle and half width (2,) of the ranges of u and w [rad]."""
+
+    middle: FloatArray
+    half: FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,6 +45,8 @@ class ManifoldMap:
     reference_area, reference_length : S [m2], L [m].
     mach_range, pressure_range : (2,) of M [1] and p_inf [Pa] that the map holds for.
     incidence_limit : largest total incidence that it holds for [rad].
+    crossflow_range : (2, 2) least and largest u and w that it holds for [rad]; None for every roll angle of the
+        wind.
     mach_number_error : standard deviation of a stated Mach number without its own [1].
     static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
     chi_square_scale, outlier_scale : factors on the alarm levels, from data of an independent model [1].
@@ -71,6 +81,7 @@ class ManifoldMap:
     outlier_scale: float = 1.0
     discrepancy_shapes: FloatArray | None = None
     shape_limit: float | None = None
+    crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
     further: FurtherTables | None = field(default=None, metadata=inner_record(FurtherTables, FURTHER_UNITS))
 
@@ -87,6 +98,8 @@ class ManifoldMap:
         }
         if self.discrepancy_shapes is not None:
             shapes["discrepancy_shapes"] = (n_d, *self.discrepancy_shapes.shape[1:2])
+        if self.crossflow_range is not None:
+            shapes["crossflow_range"] = (2, 2)
         for name, shape in shapes.items():
             value = getattr(self, name)
             if value.shape != shape or not np.all(np.isfinite(value)):
@@ -116,6 +129,14 @@ class ManifoldMap:
             response=self.response,
             fixed_response=self.fixed_response,
         )
+
+    @cached_property
+    def crossflow(self) -> Crossflow:
+        """Middle and half width of the ranges of u and w."""
+        if self.crossflow_range is None:
+            return Crossflow(np.zeros(2), np.full(2, self.incidence_limit))
+        low, high = self.crossflow_range.T
+        return Crossflow(0.5 * (low + high), 0.5 * (high - low))
 
     @cached_property
     def shapes(self) -> FloatArray:
@@ -158,4 +179,5 @@ UNITS = {
     "reference_length": "m",
     "pressure_range": "Pa",
     "incidence_limit": "rad",
+    "crossflow_range": "rad",
 }

@@ -83,14 +83,13 @@ def state_measurement(manifold: ManifoldMap, navigation: Navigation) -> StateMea
 def prior(manifold: ManifoldMap) -> tuple[FloatArray, FloatArray]:
     """Return mean (4,) and precision (4,) of the flight state where nothing is known: the ranges of the map.
 
-    The standard deviation is half the range of M and of ln p_inf, and the largest incidence of u and w.
+    The standard deviation is half the range; that of u and w of a body of revolution is the largest incidence.
     """
     low, high = np.log(manifold.pressure_range)
     middle, half = manifold.mach_range.mean(), max(0.5 * np.ptp(manifold.mach_range), 0.1)
     mean, std = np.empty(N_STATES), np.empty(N_STATES)
     mean[MACH], std[MACH] = middle, half
-    mean[U] = mean[W] = 0.0
-    std[U] = std[W] = manifold.incidence_limit
+    mean[U : W + 1], std[U : W + 1] = manifold.crossflow
     mean[LOG_PRESSURE], std[LOG_PRESSURE] = 0.5 * (low + high), 0.5 * (high - low)
     return mean, 1.0 / std**2
 

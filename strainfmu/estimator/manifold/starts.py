@@ -42,19 +42,20 @@ def search_table(manifold: ManifoldMap) -> SearchTable:
     """Return the states that a start is searched in."""
     n_d = manifold.tables.n_gauges
     mach = np.linspace(manifold.mach_range[0], manifold.mach_range[1], MACHS)
-    incidence = manifold.incidence_limit * (np.arange(STARTS) + 0.5) / STARTS
+    middle, half = manifold.crossflow
+    size = half[:, None, None, None] * (np.arange(STARTS)[:, None, None] + 0.5) / STARTS
     roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
     states = np.zeros((STARTS, MACHS, ROLLS, 4))
     states[..., MACH] = mach[:, None]
-    states[..., U] = incidence[:, None, None] * np.cos(roll)
-    states[..., W] = incidence[:, None, None] * np.sin(roll)
+    states[..., U] = middle[0] + size[0] * np.cos(roll)
+    states[..., W] = middle[1] + size[1] * np.sin(roll)
     state = states.reshape(STARTS, -1, 4)
     fixed = manifold.tables.fixed_response[:n_d]
     strain = evaluate(manifold.tables, state.reshape(-1, 4)).value[:, :n_d] - fixed
-    middle = float(np.exp(np.log(manifold.pressure_range).mean()))
-    at = np.append(state[STARTS // 2, 0, :3], np.log(middle))[None]
+    pressure = float(np.exp(np.log(manifold.pressure_range).mean()))
+    at = np.append(state[STARTS // 2, 0, :3], np.log(pressure))[None]
     response = evaluate(manifold.tables, at).value
-    covariance = strain_covariance(manifold, np.array([middle]), response[:, :n_d], response[:, n_d:])
+    covariance = strain_covariance(manifold, np.array([pressure]), response[:, :n_d], response[:, n_d:])
     return SearchTable(
         state=state,
         strain=strain.reshape(STARTS, -1, n_d),

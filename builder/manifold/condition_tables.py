@@ -1,0 +1,185 @@
+"""Tables of a vehicle of any shape over the flight state, from snapshots on a grid of conditions.
+
+Cubic splines over Mach number, angle of attack and sideslip go through the snapshots. The estimator's tables are
+polar, sums of cos m phi_T and sin m phi_T over Mach number and total incidence, for a body of revolution and any
+other alike: the splines are read off on rings of total incidence all round. Beyond the snapshots, splines and
+tables go on along their tangents.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.manifold.snapshot_grid import SnapshotGrid, snapshot_grid
+from builder.manifold.tables import interpolating, spline_coefficients
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
+from strainfmu.estimator.manifold.spline import basis
+
+RINGS, ROLLS, MAX_HARMONIC = 12, 64, 24
+"""Total incidences and roll angles at which the splines are read off, and highest harmonic of the tables."""
+
+LEFT_OUT_FRACTION = 0.5
+"""Part of the error at a condition left out that remains at the spacing of the snapshots.
+
+Of a cubic spline at twice the spacing 1/16 would remain where it converges; few conditions do not show that.
+"""
+
+_NEGLIGIBLE = 3e-4
+"""Size of a harmonic, relative to the largest of its row, below which it is left out."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConditionTables:
+    """Tables of n rows.
+
+    Attributes
+    ----------
+    mach_knots, incidence_knots : (n_M,), (n_k,) [1, rad].
+    coefficients : (n_M + 2, n_k + 2, n, n_m, 2) per p_inf.
+    errors : by name, columns (n, k) per p_inf whose squares add up to the mean one.
+    crossflow_range : (2, 2) least and largest u and w of the snapshots [rad].
+    incidence_limit : total incidence in the farthest corner of these [rad].
+    overpressure : (n_p,) p / p_inf - 1 at the least total incidence, the mean of these.
+    """
+
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    coefficients: FloatArray
+    errors: dict[str, FloatArray]
+    crossflow_range: FloatArray
+    incidence_limit: float
+    overpressure: FloatArray
+
+
+def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool) -> ConditionTables:
+    """Return the tables of ``operator`` (n, n_p) times the pressure.
+
+    Parameters
+    ----------
+    snapshots : on the nodes of ``operator``.
+    is_vented : whether p - p_inf loads the body, and not p.
+
+    Raises
+    ------
+    InputError
+        The snapshots are on no grid of conditions, or too few.
+    """
+    grid, conditions = snapshot_grid(snapshots), snapshots.conditions()
+    ambient = np.array([condition.ambient_pressure for condition in conditions])
+    ratio = snapshots.pressure / ambient[:, None] - 1.0
+    all_values = (ratio @ operator.T)[grid.row]
+    values = all_values.mean(axis=3)
+    errors = {"interpolation": left_out_errors(grid, values)}
+    if grid.row.shape[3] > 1:
+        off = (all_values - values[:, :, :, None]).reshape(-1, len(operator))
+        errors["further parameters of the flow"] = off.T / np.sqrt(len(off))
+    mach = grid.mach
+    if len(mach) == 2:
+        mach, values = with_middle_mach(mach, values)
+    if not is_vented:
+        values = values + operator.sum(axis=1)
+    incidence = np.array([condition.total_incidence for condition in conditions])
+    found = _polar(grid, mach, values, float(incidence.max()))
+    errors["tables"] = _off_the_splines(grid, found, values)
+    alpha, beta = grid.angle_of_attack, grid.sideslip
+    return ConditionTables(
+        mach_knots=found.mach_knots,
+        incidence_knots=found.incidence_knots,
+        coefficients=found.response,
+        errors=errors,
+        crossflow_range=np.array([[alpha[0], alpha[-1]], [-beta[-1], -beta[0]]]),
+        incidence_limit=float(incidence.max()),
+        overpressure=ratio[incidence <= incidence.min() + 1e-9].mean(axis=0),
+    )
+
+
+def with_middle_mach(mach: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two Mach numbers with the one between, and the values (3, ...) per p_inf there.
+
+    Between them what p - p_inf strains is linear per unit of dynamic pressure.
+    """
+    middle, square = mach.mean(), mach.reshape(-1, *[1] * (values.ndim - 1)) ** 2
+    between = middle**2 * np.mean(values / square, axis=0)
+    return np.array([mach[0], middle, mach[1]]), np.stack([values[0], between, values[1]])
+
+
+def left_out_errors(grid: SnapshotGrid, values: FloatArray) -> FloatArray:
+    """Return columns (n, k) of the errors at what is left out of ``values`` (n_M, n_a, n_b, n) in turn.
+
+    That is every inner Mach number, angle of attack and sideslip angle. Of two Mach numbers none is: the
+    difference of strain linear in M and per unit of dynamic pressure between them counts.
+    """
+    found = []
+    for axis, knots in enumerate((grid.mach, grid.angle_of_attack, grid.sideslip)):
+        along, errors = np.moveaxis(values, axis, 0), []
+        for left in range(1, len(knots) - 1):
+            kept = np.delete(np.arange(len(knots)), left)
+            table = interpolating(knots[kept], along[kept])
+            predicted = np.tensordot(basis(knots[kept], knots[left : left + 1]).value[0], table, 1)
+            errors.append(LEFT_OUT_FRACTION * (along[left] - predicted))
+        if len(knots) == 2:
+            between = with_middle_mach(knots, along)[1][1]
+            errors.append(LEFT_OUT_FRACTION * (between - along.mean(axis=0)))
+        rows = np.array(errors).reshape(-1, values.shape[-1])
+        found.append(rows / np.sqrt(len(rows)))
+    return np.concatenate(found).T
+
+
+def _polar(grid: SnapshotGrid, mach: FloatArray, values: FloatArray, limit: float) -> FlightTables:
+    """Return polar tables of ``values`` (n_M, n_a, n_b, n), no part of them fixed."""
+    incidence = limit * np.arange(1, RINGS + 1) / RINGS
+    roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
+    u, w = (np.outer(incidence, wave).ravel() for wave in (np.cos(roll), np.sin(roll)))
+    splines = _splines(grid, values)
+    rings = _at(grid, splines, u, w).reshape(len(mach), RINGS, ROLLS, -1)
+    spectrum = np.moveaxis(np.fft.rfft(rings, axis=2), 2, -1)[..., : MAX_HARMONIC + 1] / ROLLS
+    spectrum[..., 1:] *= 2.0
+    largest = np.abs(spectrum).max(axis=(0, 1))
+    seen = largest > _NEGLIGIBLE * np.maximum(largest.max(axis=1, keepdims=True), 1e-300)
+    n_m = max(int(np.flatnonzero(seen.any(axis=0))[-1]) + 1, 2)
+    amplitude = np.stack([spectrum.real, -spectrum.imag], axis=-1)[..., :n_m, :]
+    zero = np.zeros((len(mach), values.shape[-1], n_m, 2))
+    zero[..., 0, 0] = _at(grid, splines, np.zeros(1), np.zeros(1))[:, 0]
+    knots, response = spline_coefficients(mach, incidence, amplitude, np.arange(RINGS), zero)
+    return FlightTables(
+        mach_knots=mach, incidence_knots=knots, response=response, fixed_response=np.zeros(response.shape[2])
+    )
+
+
+def _splines(grid: SnapshotGrid, values: FloatArray) -> FloatArray:
+    """Return (n_M, n_a + 2, n_b + 2, n) coefficients of splines over the two angles."""
+    along = interpolating(grid.angle_of_attack, np.moveaxis(values, 1, 0))
+    both = interpolating(grid.sideslip, np.moveaxis(along, 2, 0))
+    return np.ascontiguousarray(np.moveaxis(both, [0, 1], [2, 1]))
+
+
+def _at(grid: SnapshotGrid, splines: FloatArray, u: FloatArray, w: FloatArray) -> FloatArray:
+    """Return (n_M, k, n) the splines at ``u`` and ``w`` (k,) [rad]."""
+    incidence = np.hypot(u, w)
+    across = np.sinc(incidence / np.pi)
+    alpha, beta = np.arctan2(across * u, np.cos(incidence)), -np.arcsin(across * w)
+    first, second = basis(grid.angle_of_attack, alpha).value, basis(grid.sideslip, beta).value
+    return np.asarray(np.einsum("ka,kb,mabn->mkn", first, second, splines, optimize=True))
+
+
+def _off_the_splines(grid: SnapshotGrid, tables: FlightTables, values: FloatArray) -> FloatArray:
+    """Return columns (n, k) of the differences of ``tables`` from the splines through ``values``, at the snapshots
+    and between."""
+    alpha, beta = (
+        np.sort(np.concatenate([one, 0.5 * (one[1:] + one[:-1])])) for one in (grid.angle_of_attack, grid.sideslip)
+    )
+    a, b = (one.ravel() for one in np.meshgrid(alpha, beta))
+    y, z, along = -np.sin(b), np.sin(a) * np.cos(b), np.cos(a) * np.cos(b)
+    scale = 1.0 / np.sinc(np.arctan2(np.hypot(y, z), along) / np.pi)
+    true = _at(grid, _splines(grid, values), scale * z, scale * y)
+    errors = []
+    for mach, one in zip(tables.mach_knots, true, strict=True):
+        state = np.zeros((len(a), N_STATES))
+        state[:, MACH], state[:, U], state[:, W], state[:, LOG_PRESSURE] = mach, scale * z, scale * y, 0.0
+        errors.append(evaluate(tables, state).value - one)
+    rows = np.concatenate(errors)
+    return np.asarray(rows.T / np.sqrt(len(rows)))

@@ -1,0 +1,135 @@
+"""Tables over the flight state with the errors of their making, of a body of revolution and of any shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import AnyStructure
+from builder.inverse.solution import Problem
+from builder.manifold.condition_tables import condition_tables
+from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes
+from builder.manifold.field_tables import flight_field
+from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
+from builder.manifold.interpolation import interpolation_errors
+from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.manifold.flight_field import FlightField
+
+MIN_FLOWS = (2, 4)
+"""Least number of Mach numbers, and of incidences but zero, of a spline of a body of revolution."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StateTables:
+    """Tables of n rows: strains, loads, further loads.
+
+    Attributes
+    ----------
+    mach_knots, incidence_knots, coefficients : see
+        :class:`~strainfmu.estimator.manifold.flight_tables.FlightTables`, no part of them fixed.
+    errors : by name, columns (n, k) per p_inf whose squares add up to the mean one.
+    process : (n, k) response per p_inf to the fields of a Gaussian process of unit variance.
+    overpressure : (n_p,) p / p_inf - 1 at the least incidence, the mean over the Mach numbers.
+    incidence_limit : largest total incidence of the flows [rad].
+    crossflow_range : (2, 2) least and largest u and w of the flows [rad]; None where they are all round.
+    field : pressure on the surface; None where the map does not hold it.
+    """
+
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    coefficients: FloatArray
+    errors: dict[str, FloatArray]
+    process: FloatArray
+    overpressure: FloatArray
+    incidence_limit: float
+    crossflow_range: FloatArray | None
+    field: FlightField | None
+
+
+def state_tables(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, operator: FloatArray
+) -> StateTables:
+    """Return the tables of ``operator`` (n, n_p) times pressure, internal pressure that scales taken off.
+
+    Raises
+    ------
+    InputError
+        The flows do not suffice for tables.
+    """
+    surface = structure.surface
+    if isinstance(surface, SurfaceGrid) and problem.ensemble.grid is not None:
+        return _of_revolution(vehicle, snapshots, problem, operator, surface)
+    return _of_any_shape(
+        vehicle, snapshots, mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface, operator
+    )
+
+
+def _is_vented(vehicle: Vehicle) -> bool:
+    return vehicle.structure.internal_pressure_Pa == "ambient"
+
+
+def _of_any_shape(vehicle: Vehicle, snapshots: Snapshots, mesh: SurfaceMesh, operator: FloatArray) -> StateTables:
+    entry, found = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle))
+    process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
+    return StateTables(
+        mach_knots=found.mach_knots,
+        incidence_knots=found.incidence_knots,
+        coefficients=found.coefficients,
+        errors=found.errors,
+        process=operator @ process,
+        overpressure=found.overpressure,
+        incidence_limit=found.incidence_limit,
+        crossflow_range=found.crossflow_range,
+        field=None,
+    )
+
+
+def _of_revolution(
+    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, operator: FloatArray, grid: SurfaceGrid
+) -> StateTables:
+    entry, flows = vehicle.map, flow_amplitudes(snapshots)
+    _check_flows(flows)
+    overpressure = np.repeat(flows.overpressure(), grid.n_roll)
+    if _is_vented(vehicle):
+        flows = flows.less_ambient()
+    response = ring_response(operator, grid, flows.amplitude.shape[-1])
+    knots, coefficients = _tables(flows, response)
+    along, around = gaussian_process_shapes(
+        grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
+    )
+    return StateTables(
+        mach_knots=flows.mach,
+        incidence_knots=knots,
+        coefficients=coefficients,
+        errors={"interpolation": interpolation_errors(flows, response).T},
+        process=response_of_shapes(operator, along, around),
+        overpressure=overpressure,
+        incidence_limit=float(flows.incidence[-1]),
+        crossflow_range=None,
+        field=flight_field(vehicle, snapshots, problem, grid) if entry.keep_field else None,
+    )
+
+
+def _check_flows(flows: FlowAmplitudes) -> None:
+    found = len(flows.mach), int(np.sum(flows.incidence > 1e-9))
+    if found[0] < MIN_FLOWS[0] or found[1] < MIN_FLOWS[1]:
+        raise InputError(
+            f"map.estimator: 'manifold' needs {MIN_FLOWS[0]} Mach numbers and {MIN_FLOWS[1]} total incidences "
+            f"above 0 at least, got {found[0]} and {found[1]}"
+        )
+
+
+def _tables(flows: FlowAmplitudes, response: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return knots of the incidence and spline coefficients of every channel of ``response``."""
+    values = response_values(flows, response)
+    inclined = np.flatnonzero(flows.incidence > 1e-9)
+    zero = values[:, 0] if len(inclined) < len(flows.incidence) else None
+    incidence = flows.incidence[inclined]
+    return spline_coefficients(flows.mach, incidence, values[:, inclined], spline_rows(incidence), zero)
