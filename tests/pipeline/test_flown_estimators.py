@@ -12,7 +12,7 @@ from builder.figures.canvas import save
 from builder.figures.estimators import estimator_errors
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
-from builder.vehicle.file import IC3X, load_vehicle
+from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from strainfmu.cosim.recording import Recording
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
@@ -73,3 +73,5 @@ def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
     listed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": "listed"})})
     with pytest.raises(InputError, match=r"--estimator manifold: needs map.symmetry 'full', got 'listed'"):
         with_estimator(listed, "manifold")
+    shape = load_vehicle(VEHICLES / "elliptic_cone.toml")
+    assert with_estimator(shape, "manifold").map.estimator == "manifold"

@@ -66,6 +66,22 @@ def test_cold_and_warm_steps_are_those_of_numpy(fmu: FlightFmu, inverse_map: Inv
     assert HealthState.OK in compare(fmu, inverse_map, random_flight(inverse_map, 8, seed))
 
 
+def test_a_shape_with_ranges_of_both_angles(inverse_map: InverseMap, tmp_path: Path) -> None:
+    """Priors and searches are about the middle of the ranges; beyond them it is outside."""
+    assert inverse_map.manifold is not None
+    ranges = np.radians([[-3.0, 9.0], [-2.0, 2.0]])
+    of_shape = replace(inverse_map, manifold=replace(inverse_map.manifold, crossflow_range=ranges))
+    fmu, seen = FlightFmu(write_resource(of_shape, tmp_path).as_uri(), N_D), []
+    fmu.start()
+    for seed in range(6):
+        assert fmu.call("Reset") == OK
+        fmu.start()
+        samples = random_flight(of_shape, 3, seed)
+        seen += compare(fmu, of_shape, [replace(one, flow={}) if seed % 2 else one for one in samples])
+    fmu.free()
+    assert {HealthState.OK, HealthState.OUTSIDE} <= set(seen)
+
+
 def test_unknown_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     samples = random_flight(inverse_map, 6, seed=11)
     kept: list[tuple[str, ...]] = [(), ("mach_number",), ("static_pressure",), ("dynamic_pressure",)]
