@@ -47,8 +47,8 @@ def snapshot_grid(snapshots: Snapshots) -> SnapshotGrid:
         for one in conditions
     ]
     first: dict[tuple[object, ...], int] = {}
-    for row, key in enumerate(keys):
-        first.setdefault(key, row)
+    for number, key in enumerate(keys):
+        first.setdefault(key, number)
     values = [sorted({key[axis] for key in keys}) for axis in range(3)]
     parameters = sorted({key[3] for key in keys})
     _check_numbers([len(one) for one in values])
