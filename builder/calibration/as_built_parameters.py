@@ -26,7 +26,10 @@ GAUGE_KINDS = (
 VEHICLE_KINDS = ("common_gain", "layout_roll", "youngs_modulus")
 """One number each."""
 
-REGION_KINDS = ("wall_thickness", "wall_cosine", "wall_sine")
+HELD_KINDS = ("wall_taper", "wall_second_cosine", "wall_second_sine")
+"""Parameters of each region that the section [calibration] takes for zero unless it says otherwise."""
+
+REGION_KINDS = ("wall_thickness", "wall_cosine", "wall_sine", *HELD_KINDS)
 """Parameters of each region of the wall."""
 
 
@@ -46,6 +49,9 @@ class AsBuiltParameters:
     youngs_modulus : (1,) relative error [1].
     wall_thickness : (n_r,) relative error of the mean round the body [1].
     wall_cosine, wall_sine : (n_r,) relative thickness that goes as cos phi and sin phi [1].
+    wall_taper : (n_r,) relative thickness by which a region is thicker at its aft end, and thinner at its fore end
+        [1].
+    wall_second_cosine, wall_second_sine : (n_r,) relative thickness that goes as cos 2 phi and sin 2 phi [1].
     """
 
     gauge_gain: FloatArray
@@ -60,6 +66,9 @@ class AsBuiltParameters:
     wall_thickness: FloatArray
     wall_cosine: FloatArray
     wall_sine: FloatArray
+    wall_taper: FloatArray
+    wall_second_cosine: FloatArray
+    wall_second_sine: FloatArray
 
     def __post_init__(self) -> None:
         n_d, n_r = len(self.gauge_gain), len(self.wall_thickness)
@@ -103,9 +112,14 @@ def slices(n_gauges: int, n_regions: int) -> dict[str, slice]:
 def parameter_names(gauge_names: Sequence[str], n_regions: int) -> tuple[str, ...]:
     """Return a name for every entry of the vector."""
     regions = [f"region {k + 1}" for k in range(n_regions)]
-    names = [f"{kind} {gauge}" for kind in GAUGE_KINDS for gauge in gauge_names]
-    names += list(VEHICLE_KINDS) + [f"{kind} {region}" for kind in REGION_KINDS for region in regions]
-    return tuple(name.replace("_", " ", 1) if "_" in name.split()[0] else name for name in names)
+    found = [f"{in_words(kind)} {gauge}" for kind in GAUGE_KINDS for gauge in gauge_names]
+    found += [in_words(kind) for kind in VEHICLE_KINDS]
+    return (*found, *(f"{in_words(kind)} {region}" for kind in REGION_KINDS for region in regions))
+
+
+def in_words(kind: str) -> str:
+    """Return the name of a kind as it is printed."""
+    return kind.replace("_", " ")
 
 
 def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
@@ -115,7 +129,7 @@ def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
 
 def prior_std(entry: Calibration, n_gauges: int, n_regions: int) -> AsBuiltParameters:
     """Return the standard deviation of every parameter before a test, from the section [calibration]."""
-    wall = 0.01 * entry.wall_harmonic_percent
+    wall, second = 0.01 * entry.wall_harmonic_percent, 0.01 * entry.wall_second_harmonic_percent
     std = {
         "gauge_gain": 0.01 * entry.gauge_gain_percent,
         "orientation": float(np.deg2rad(entry.gauge_orientation_deg)),
@@ -129,6 +143,9 @@ def prior_std(entry: Calibration, n_gauges: int, n_regions: int) -> AsBuiltParam
         "wall_thickness": 0.01 * entry.wall_thickness_percent,
         "wall_cosine": wall,
         "wall_sine": wall,
+        "wall_taper": 0.01 * entry.wall_taper_percent,
+        "wall_second_cosine": second,
+        "wall_second_sine": second,
     }
     return AsBuiltParameters(
         **{kind: np.full(size, std[kind]) for kind, size in _sizes(n_gauges, n_regions).items()}

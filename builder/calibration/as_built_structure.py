@@ -29,7 +29,7 @@ from builder.calibration.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.calibration.wall_harmonics import quarter_turns, rolled_quarter, times_cosine
+from builder.calibration.wall_harmonics import WAVES, quarter_turns, rolled_quarter, times_waves
 from builder.calibration.wall_regions import WallRegions, thickened, wall_regions
 from builder.calibration.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
 from builder.reporting import Progress
@@ -71,7 +71,7 @@ class AsBuiltStructure:
     gauges : names, positions and directions by the drawing.
     placed : the gauges on the inner surface.
     radius : (n_d,) of the inner surface at the gauges [m].
-    known_thickness : (n_r,) relative thickness of the wall that was solved for; others are taken from there.
+    solved : the vehicle whose wall was solved for, without other errors; others are taken from there.
     states : adjoint solutions.
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
     mesh_error : (n_d, n_p) of the drawing's strain operator [1/Pa]; found when it is first asked for.
@@ -82,7 +82,7 @@ class AsBuiltStructure:
     gauges: GaugeLayout
     placed: PlacedGauges
     radius: FloatArray
-    known_thickness: FloatArray
+    solved: AsBuiltParameters
     states: WallStates
     pressure: ResponseTable
     _mesh_error: Callable[[], FloatArray | None]
@@ -150,12 +150,10 @@ class AsBuiltStructure:
         n_m = even.shape[-3]
         phase = np.arange(n_m)[:, None] * roll
         strain = _at_roll(even, np.cos(phase), np.sin(phase))
-        uneven = uneven_amplitudes(response.table, parameters, station)
-        if uneven is not None:
-            for turned, parts in enumerate(uneven):
-                phases = side_phases(roll - turned * QUARTER / self.states.wave, n_m, self.states.wave)
-                for (cosine, sine, factor), part in zip(phases, parts, strict=True):
-                    strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
+        for wave, turned, parts in uneven_amplitudes(response.table, parameters, station):
+            phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
+            for (cosine, sine, factor), part in zip(phases, parts, strict=True):
+                strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
         normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
         reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
         stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
@@ -187,20 +185,21 @@ class AsBuiltStructure:
             np.array([one.strain(split(f)) for one, f in zip(part, forces or [force] * len(part), strict=False)])
             for part, forces in ((states.thin, lighter), (states.thick, heavier))
         )
-        if within and states.wave == 1:
-            slopes = [(b - a) / (2.0 * WALL_STEP) for a, b in zip(lighter, heavier, strict=True)]
-            uneven_load = np.array(
-                [
-                    [states.nominal.strain(split(waved)) for waved in (times_cosine(one) for one in slopes)],
-                    [states.nominal.strain(split(_times_sine(one))) for one in slopes],
-                ]
-            )
-        turned = [split(force), split(rolled_quarter(force, states.wave))]
+        if within:
+            pairs = zip(lighter[: self.n_regions], heavier, strict=False)
+            waved = [times_waves((b - a) / (2.0 * WALL_STEP)) for a, b in pairs]  # region, wave, cosine or sine
+            strain = [[[states.nominal.strain(split(f)) for f in parts] for parts in region] for region in waved]
+            uneven_load = np.moveaxis(np.array(strain), 0, 2)
         table = _table(
             amplitude,
             (states.fore.strain(split(force)), states.aft.strain(split(force))),
             (of_thin, of_thick),
-            np.array([states.uneven.strain(one) for one in turned]),
+            np.array(
+                [
+                    [one.strain(split(f)) for f in (force, rolled_quarter(force, wave))]
+                    for wave, one in zip(WAVES, states.uneven, strict=True)
+                ]
+            ),
         )
         constant = np.zeros(self.n_gauges)
         if isinstance(load, TemperatureField):
@@ -227,11 +226,7 @@ class AsBuiltStructure:
         n_m = found.shape[-3]
         phase = np.arange(n_m)[:, None] * roll
         cosine, sine = directed(found, np.cos(phase), np.sin(phase))
-        wave = self.states.wave
-        uneven = uneven_amplitudes(self.pressure, parameters, station)
-        if uneven is None:
-            return cosine, sine
-        for turned, parts in enumerate(uneven):
+        for wave, turned, parts in uneven_amplitudes(self.pressure, parameters, station):
             sums = np.zeros((2, *cosine.shape))
             phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
             for (cos_m, sin_m, factor), part in zip(phases, parts, strict=True):
@@ -243,10 +238,13 @@ class AsBuiltStructure:
         return cosine, sine
 
     def _thickness(self, parameters: AsBuiltParameters) -> FloatArray:
-        change = parameters.wall_thickness - self.known_thickness
-        if not len(self.states.thin) and np.abs(change).max() > 1e-12:
+        """Return (2 n_r,) thickness and taper of the regions over those that were solved for."""
+        one, other = (
+            np.concatenate([built.wall_thickness, built.wall_taper]) for built in (parameters, self.solved)
+        )
+        if not len(self.states.thin) and np.abs(one - other).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
-        return change
+        return np.asarray(one - other)
 
     def _roll_angle(self, parameters: AsBuiltParameters) -> FloatArray:
         shift = parameters.circumferential_shift / self.radius
@@ -262,7 +260,6 @@ def as_built_structure(
     max_harmonic: int = MAX_HARMONIC,
     progress: Progress | None = None,
     known_taper: FloatArray | None = None,
-    wave: int = 1,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for what may be as it was built.
 
@@ -276,7 +273,6 @@ def as_built_structure(
     progress : called with (states done, states in all).
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
-    wave : harmonic of the uneven wall: cos(wave phi). Own weight does not follow it beyond the first.
 
     Raises
     ------
@@ -291,11 +287,12 @@ def as_built_structure(
         raise InputError("calibration needs a wall of one thickness and material, clamped aft, without frames")
     drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     layouts, all_placed = place_layouts(vehicle, drawing, [layout])
-    placed, thickness = all_placed[layout], np.zeros(len(regions))
-    mesh = drawing
+    placed, mesh = all_placed[layout], drawing
+    built = exactly_built(len(placed.x), len(regions))
     if known_thickness is not None:
-        thickness = np.asarray(known_thickness, dtype=float)
-        mesh = thickened(drawing, wall, regions, thickness, known_taper)
+        taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
+        built = replace(built, wall_thickness=np.asarray(known_thickness, dtype=float), wall_taper=taper)
+        mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
     at_gauge = inner_surface_points(drawing, placed.x)
     grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
     states = wall_states(
@@ -308,7 +305,6 @@ def as_built_structure(
         max_harmonic=max(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
         progress=progress,
-        wave=wave,
     )
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
     return AsBuiltStructure(
@@ -317,7 +313,7 @@ def as_built_structure(
         gauges=layouts[layout],
         placed=placed,
         radius=at_gauge.radius,
-        known_thickness=thickness,
+        solved=built,
         states=states,
         pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
         _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
@@ -341,12 +337,6 @@ def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> Flo
     normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=-3)
     shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=-3)
     return np.concatenate([normal, shear], axis=-1)
-
-
-def _times_sine(force: FloatArray) -> FloatArray:
-    """Return the amplitudes of sin(phi) times a field: as cos(phi) in a frame rolled by a quarter turn."""
-    turned = times_cosine(rolled_quarter(force))
-    return rolled_quarter(rolled_quarter(rolled_quarter(turned)))
 
 
 def _table(
@@ -375,10 +365,10 @@ def _pressure_table(states: WallStates, load: FloatArray, n_m: int) -> ResponseT
         outer = state.outer[..., :n_m, :, :, :]
         return np.moveaxis(outer @ load, -1, -4)
 
-    uneven = of(states.uneven)
+    uneven = np.stack([of(one) for one in states.uneven])
     return _table(
         of(states.nominal),
         (of(states.fore), of(states.aft)),
         (np.array([of(one) for one in states.thin]), np.array([of(one) for one in states.thick])),
-        np.stack([uneven, uneven]),
+        np.broadcast_to(uneven[:, None], (uneven.shape[0], 2, *uneven.shape[1:])),
     )

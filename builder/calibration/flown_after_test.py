@@ -90,7 +90,9 @@ def allowed_vehicles(
     pressure = net_pressure(structure, true, table, drawing).T
     nominal = structure.strain_operator(structure.exactly_built())
     change = (structure.strain_operator(remaining.parameters) - nominal) @ pressure
-    slope = parameter_derivatives(lambda one: structure.strain_operator(one) @ pressure, remaining.parameters)
+    slope = parameter_derivatives(
+        lambda one: structure.strain_operator(one) @ pressure, remaining.parameters, remaining.uncertain
+    )
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedVehicles(
         drawing=drawing,

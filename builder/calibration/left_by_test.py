@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, slices
 from builder.calibration.as_built_structure import AsBuiltStructure
-from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives, uncertain_keys
 from builder.inverse.ensemble import Ensemble
 from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.noise_model import NoiseTerm
@@ -46,6 +46,11 @@ class Remaining:
     parameters: AsBuiltParameters
     covariance: FloatArray
 
+    @property
+    def uncertain(self) -> list[Key]:
+        """Keys of the parameters that are not known exactly."""
+        return uncertain_keys(self.parameters.of_vector(np.sqrt(np.diag(self.covariance))))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeftByTest:
@@ -68,7 +73,7 @@ def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: En
 
 
 def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
-    by_key = parameter_derivatives(structure.strain_operator, remaining.parameters)
+    by_key = parameter_derivatives(structure.strain_operator, remaining.parameters, remaining.uncertain)
     n_d, where = structure.n_gauges, slices(structure.n_gauges, structure.n_regions)
     factor = _factor(remaining.covariance)
     # (n_d, n_keys, r): what one deviation of column r changes of the parameters that gauge g reads with.

@@ -16,7 +16,7 @@ from builder.calibration.case_selection import CaseSensitivity, FlightSensitivit
 from builder.calibration.ground_test import known_loads
 from builder.calibration.load_changes import scaled
 from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
 from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, build_inverse_map, on_structure
@@ -139,8 +139,10 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
     chosen = np.random.default_rng(FLIGHTS).choice(len(pressure), FLIGHTS, p=ensemble.member_weight)
     net = (pressure[chosen] - ensemble.fixed_pressure).T
 
-    found = parameter_derivatives(lambda one: as_built.strain_operator(one) @ net, as_built.exactly_built())
     std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    found = parameter_derivatives(
+        lambda one: as_built.strain_operator(one) @ net, as_built.exactly_built(), uncertain_keys(std)
+    )
     jacobian = np.zeros((FLIGHTS, as_built.n_gauges, len(std.vector) + 1))
     where, gauge = slices(as_built.n_gauges, as_built.n_regions), np.arange(as_built.n_gauges)
     for key, value in found.items():

@@ -1,11 +1,12 @@
-"""Errors of a vehicle that the calibration has no parameter for: a taper and a second harmonic of the wall.
+"""Errors of a vehicle that the calibration takes for zero: a taper and a second harmonic of the wall.
 
-Each is the difference between two structures of the independent model, to first order in the error.
+The taper is the difference between two structures that are solved for it, so that it shares no table with the
+model; the second harmonic is that of the independent model, to first order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,21 +31,17 @@ OUTSIDE = ("taper", "second harmonic")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutsideStructures:
-    """Structures whose differences are the errors: the wall of the drawing, tapered, and with a second harmonic.
-
-    That of the second harmonic takes ``wall_cosine`` and ``wall_sine`` for those of twice the roll angle.
-    """
+    """Structures of the independent model whose difference is the taper: the wall of the drawing, and tapered."""
 
     even: AsBuiltStructure
     tapered: AsBuiltStructure
-    twice: AsBuiltStructure
 
 
 def outside_structures(vehicle: Vehicle, properties: LoadProperties, max_harmonic: int) -> OutsideStructures:
     """Solve the structures of the independent model."""
     n_r = len(wall_regions(vehicle))
 
-    def solved(taper: float, wave: int) -> AsBuiltStructure:
+    def solved(taper: float) -> AsBuiltStructure:
         return as_built_structure(
             vehicle,
             vehicle.gauges.layout,
@@ -53,10 +50,9 @@ def outside_structures(vehicle: Vehicle, properties: LoadProperties, max_harmoni
             np.zeros(n_r),
             max_harmonic,
             known_taper=np.full(n_r, taper),
-            wave=wave,
         )
 
-    return OutsideStructures(even=solved(0.0, 1), tapered=solved(TAPER, 1), twice=solved(0.0, 2))
+    return OutsideStructures(even=solved(0.0), tapered=solved(TAPER))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +62,7 @@ class OutsideVehicle:
     Attributes
     ----------
     truth : without that error.
-    structures : which have it.
+    structures : without taper and with it.
     kind : of :data:`OUTSIDE`.
     wave : (2, n_r) cosine and sine of the second harmonic [1].
     """
@@ -83,26 +79,25 @@ class OutsideVehicle:
 
     def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads, zeros included, (n_d,) [m/m]."""
-        (one, with_error), (other, without) = self._pairs(parameters)
-        change = one.load_strain(with_error, loads) - other.load_strain(without, loads)
-        return self.truth.reading(parameters, loads) + change
+        return self._summed(parameters, lambda one, built: one.load_strain(built, loads)) + parameters.zero
 
     def strain_operator(self, parameters: AsBuiltParameters) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] on the nodes of the truth."""
-        (one, with_error), (other, without) = self._pairs(parameters)
-        change = one.strain_operator(with_error) - other.strain_operator(without)
-        return self.truth.strain_operator(parameters) + change
+        return self._summed(parameters, lambda one, built: one.strain_operator(built))
 
-    def _pairs(
-        self, parameters: AsBuiltParameters
-    ) -> tuple[tuple[AsBuiltStructure, AsBuiltParameters], tuple[AsBuiltStructure, AsBuiltParameters]]:
-        """Return structure and parameters with the error and without."""
+    def _summed(
+        self, parameters: AsBuiltParameters, strain: Callable[[AsBuiltStructure, AsBuiltParameters], FloatArray]
+    ) -> FloatArray:
+        """Return ``strain`` of the structure and parameters without the error, plus what the error changes."""
+        if self.kind != "taper":
+            cosine, sine = self.wave
+            uneven = replace(parameters, wall_second_cosine=cosine, wall_second_sine=sine)
+            return strain(self.truth, uneven)
         none = np.zeros(parameters.n_regions)
         even = replace(parameters, wall_thickness=none, wall_cosine=none, wall_sine=none)
-        if self.kind == "taper":
-            return (self.structures.tapered, even), (self.structures.even, even)
-        uneven = replace(even, wall_cosine=self.wave[0], wall_sine=self.wave[1])
-        return (self.structures.twice, uneven), (self.structures.twice, even)
+        tapered, plain = self.structures.tapered, self.structures.even
+        change = strain(tapered, replace(even, wall_taper=tapered.solved.wall_taper)) - strain(plain, even)
+        return strain(self.truth, parameters) + change
 
 
 def outside_vehicle(

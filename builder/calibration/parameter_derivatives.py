@@ -6,12 +6,12 @@ by kind: (n_d, ..) where each gauge has its own parameter, or one for the whole 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import GAUGE_KINDS, REGION_KINDS, AsBuiltParameters
+from builder.calibration.as_built_parameters import GAUGE_KINDS, HELD_KINDS, REGION_KINDS, AsBuiltParameters
 from strainfmu.arrays import FloatArray
 
 STEPS = {
@@ -23,6 +23,7 @@ STEPS = {
     "wall_thickness": 1e-3,
     "wall_cosine": 1e-3,
     "wall_sine": 1e-3,
+    **dict.fromkeys(HELD_KINDS, 1e-3),
 }
 """Steps of central differences [rad, m, 1]; gains, Young's modulus and zeros need none."""
 
@@ -37,29 +38,40 @@ def derivative_keys(n_regions: int) -> list[Key]:
     return whole + [(kind, region) for kind in REGION_KINDS for region in range(n_regions)]
 
 
+def uncertain_keys(std: AsBuiltParameters) -> list[Key]:
+    """Return the keys of parameters whose standard deviation is not zero."""
+    return [
+        key
+        for key in derivative_keys(std.n_regions)
+        if np.any(getattr(std, key[0]) if of_gauges(key) else getattr(std, key[0])[key[1]])
+    ]
+
+
 def of_gauges(key: Key) -> bool:
     """Return whether every gauge has its own parameter of a kind."""
     return key[0] in GAUGE_KINDS
 
 
 def parameter_derivatives(
-    evaluate: Callable[[AsBuiltParameters], FloatArray], parameters: AsBuiltParameters, by_stress: bool = True
+    evaluate: Callable[[AsBuiltParameters], FloatArray],
+    parameters: AsBuiltParameters,
+    keys: Sequence[Key] | None = None,
 ) -> dict[Key, FloatArray]:
-    """Return the derivative of ``evaluate`` (n_d, ..), readings without zeros, by every key.
+    """Return the derivative of ``evaluate`` (n_d, ..), readings without zeros that go with 1 / E, by ``keys``.
 
-    ``by_stress`` says whether readings go with 1 / E.
+    These are all by default.
     """
     value = evaluate(parameters)
     scale = (1.0 + parameters.gauge_gain).reshape(-1, *[1] * (value.ndim - 1))
     found: dict[Key, FloatArray] = {}
-    for key in derivative_keys(parameters.n_regions):
+    for key in derivative_keys(parameters.n_regions) if keys is None else keys:
         kind, region = key
         if kind == "gauge_gain":
             found[key] = value / scale
         elif kind == "common_gain":
             found[key] = value / (1.0 + parameters.common_gain[0])
         elif kind == "youngs_modulus":
-            found[key] = -value / (1.0 + parameters.youngs_modulus[0]) if by_stress else np.zeros_like(value)
+            found[key] = -value / (1.0 + parameters.youngs_modulus[0])
         else:
             found[key] = _difference(evaluate, parameters, kind, region)
     return found

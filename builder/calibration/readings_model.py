@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters, parameter_names, slices
+from builder.calibration.as_built_parameters import HELD_KINDS, AsBuiltParameters, parameter_names, slices
 from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.load_test import LoadTest
-from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives, uncertain_keys
 from builder.calibration.response_tables import LoadResponse, together
 from builder.structure.loads.applied import Load, PadForce, PadPressure
 from strainfmu.arrays import FloatArray, IntArray
@@ -109,13 +109,15 @@ class ReadingsModel:
         return self._joined(self.load_strains(self.built(vector)), self.errors(vector))
 
     def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n)."""
+        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly."""
         built, errors = self.built(vector), self.errors(vector)
         strain = self.load_strains(built)
         n_c, n_d = len(self.test.cases), self.structure.n_gauges
         found = np.zeros((n_c, n_d, len(vector)))
         gauge, where = np.arange(n_d), slices(n_d, self.structure.n_regions)
-        derivatives = parameter_derivatives(lambda one: self.load_strains(one).T, built)
+        derivatives = parameter_derivatives(
+            lambda one: self.load_strains(one).T, built, uncertain_keys(self.prior)
+        )
         for key, value in derivatives.items():
             rows = self._summed((1.0 + errors.scale)[:, None] * value.T)
             start = where[key[0]].start
@@ -126,6 +128,14 @@ class ReadingsModel:
         self._zero_derivatives(found, where["zero"].start)
         self._load_derivatives(found, strain)
         return self._joined(strain, errors), found
+
+    def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
+        """Return the derivatives (n_cases, n_d) of the readings by what is taken for zero but need not be."""
+        built, scale = self.built(vector), (1.0 + self.errors(vector).scale)[:, None]
+        known = set(uncertain_keys(self.prior))
+        keys = [(kind, k) for kind in HELD_KINDS for k in range(built.n_regions) if (kind, k) not in known]
+        found = parameter_derivatives(lambda one: self.load_strains(one).T, built, keys)
+        return {key: self._summed(scale * one.T) for key, one in found.items()}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
@@ -166,10 +176,9 @@ class ReadingsModel:
             "roll": lambda h: replace(load, roll_angle=load.roll_angle + h),
             "shape": lambda h: replace(load, half_length=load.half_length * (1.0 + h)),
         }
-        nominal = replace(self.structure.exactly_built(), wall_thickness=self.structure.known_thickness)
 
         def strain(one: Load) -> FloatArray:
-            return self.structure.response_strain(nominal, self.structure.nominal_response(one))
+            return self.structure.response_strain(self.structure.solved, self.structure.nominal_response(one))
 
         rows = []
         for name, changed in changes.items():

@@ -6,13 +6,13 @@ What leads is the load's: its two families of harmonics, or the stations of a pr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.wall_harmonics import SIDES
+from builder.calibration.wall_harmonics import SIDES, WAVES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 QUARTER = 0.5 * np.pi
@@ -26,10 +26,11 @@ class ResponseTable:
     ----------
     nominal : (.., n_m, n_s, 3).
     along, along_twice : the same per metre along the surface and per its square.
-    wall, wall_twice : (n_r, .., n_m, n_s, 3) per relative thickness of each region and per its square.
-    uneven : (2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic w as cos(w phi) and, in a frame rolled by a
+    wall, wall_twice : (2 n_r, .., n_m, n_s, 3) per relative thickness and per taper of each region, and per their
+        squares.
+    uneven : (n_w, 2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic w as cos(w phi) and, in a frame rolled by a
         quarter of its period, as sin(w phi); the strain goes round the body by n + w side.
-    uneven_load : (2, n_r, .., n_m, n_s, 3) per wall harmonic, through the load itself; None where it does not
+    uneven_load : (n_w, 2, n_r, .., n_m, n_s, 3) per wall harmonic, through the load itself; None where it does not
         change.
     """
 
@@ -67,7 +68,7 @@ def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
         along_twice=np.zeros_like(amplitude),
         wall=none,
         wall_twice=none,
-        uneven=np.zeros((2, n_regions, 3, *amplitude.shape)),
+        uneven=np.zeros((len(WAVES), 2, n_regions, 3, *amplitude.shape)),
     )
 
 
@@ -87,11 +88,11 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
         return np.stack(padded, axis=-4)
 
     def by_region(name: str) -> FloatArray:
-        parts = [getattr(one, name) for one in tables]
-        return stacked([one if len(one) else np.zeros((n_r, *one.shape[1:])) for one in parts])
+        parts = [(getattr(one, name), one.nominal.shape) for one in tables]
+        return stacked([one if len(one) else np.zeros((n_r, *shape)) for one, shape in parts])
 
     uneven = [
-        np.zeros((2, one.uneven.shape[1], *one.nominal.shape)) if one.uneven_load is None else one.uneven_load
+        np.zeros((*one.uneven.shape[:3], *one.nominal.shape)) if one.uneven_load is None else one.uneven_load
         for one in tables
     ]
     changes = any(one.uneven_load is not None for one in tables)
@@ -120,13 +121,13 @@ def even_amplitudes(
 ) -> FloatArray:
     """Return (.., n_m, n_d, 3) at the gauges, of the part that goes round the body as the load does.
 
-    ``thickness`` (n_r,) is that of the wall over the table's.
+    ``thickness`` (2 n_r,) is thickness and taper of the wall over the table's.
     """
     found = table.nominal
     if len(table.wall):
         found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
     if table.uneven_load is not None:
-        found = found + np.tensordot(_wave(parameters), table.uneven_load, 2)
+        found = found + np.tensordot(_waves(parameters), table.uneven_load, 3)
     shift = parameters.axial_shift[:, None]
     return np.asarray(
         found[..., station, :]
@@ -134,18 +135,23 @@ def even_amplitudes(
     )
 
 
-def uneven_amplitudes(table: ResponseTable, parameters: AsBuiltParameters, station: IntArray) -> FloatArray | None:
-    """Return (2, 3 sides, .., n_m, n_d, 3) of the uneven wall; None where it is even."""
-    wave = _wave(parameters)
-    if not wave.any():
-        return None
-    found = np.stack([np.tensordot(w, part, 1) for w, part in zip(wave, table.uneven, strict=True)])
-    return np.asarray(found[..., station, :])
+def uneven_amplitudes(
+    table: ResponseTable, parameters: AsBuiltParameters, station: IntArray
+) -> Iterator[tuple[int, int, FloatArray]]:
+    """Yield the parts of the uneven wall: its harmonic w, quarters of its period that it is rolled by, amplitudes.
+
+    These are (3 sides, .., n_m, n_d, 3). An even wall has no parts.
+    """
+    for wave, by_frame, tables in zip(WAVES, _waves(parameters), table.uneven, strict=True):
+        for turned, (size, part) in enumerate(zip(by_frame, tables, strict=True)):
+            if size.any():
+                yield wave, turned, np.tensordot(size, part, 1)[..., station, :]
 
 
-def _wave(parameters: AsBuiltParameters) -> FloatArray:
-    """Return (2, n_r) cosine and sine part of the thickness."""
-    return np.stack([parameters.wall_cosine, parameters.wall_sine])
+def _waves(parameters: AsBuiltParameters) -> FloatArray:
+    """Return (n_w, 2, n_r) cosine and sine parts of the thickness, for each of :data:`WAVES`."""
+    first = (parameters.wall_cosine, parameters.wall_sine)
+    return np.array([first, (parameters.wall_second_cosine, parameters.wall_second_sine)])
 
 
 def direction_weights(
@@ -164,9 +170,7 @@ def direction_weights(
     return normal, 2.0 * c * s * (1.0 - across)
 
 
-def side_phases(
-    roll_angle: FloatArray, n_m: int, wave: int = 1
-) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+def side_phases(roll_angle: FloatArray, n_m: int, wave: int) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
     """Return per side cosine and sine (n_m, n_d) of the strain's harmonic at roll angles, and a factor (n_d,)."""
     found = []
     for side in SIDES:

@@ -31,6 +31,7 @@ from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.load_equations import load_equations
 from builder.calibration.load_test import LoadErrors
 from builder.calibration.outside_errors import OUTSIDE, outside_vehicle
+from builder.calibration.outside_terms import outside_model
 from builder.calibration.score_setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
 from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
@@ -131,6 +132,7 @@ class Score:
         setup = self.setup
         rows = rows_of_test(count, max(setup.models), len(reading))
         found, faults = calibrate_with_faults(setup.models[count].with_readings(reading[rows]))
+        outside = outside_model(found)
         remaining = remaining_after(found)
         return Knowledge(
             state=f"{count} cases" + (f", {kind}" if kind else ""),
@@ -141,6 +143,9 @@ class Score:
             facts={
                 "chi_square_per_reading": found.per_reading,
                 "faults": len(faults),
+                "disagrees": not found.agrees,
+                "outside": {one.kind: one.chance for one in outside.kinds},
+                "said": [one.kind for one in outside.found],
                 "steps": found.steps,
             },
         )

@@ -87,6 +87,7 @@ class Setup:
             properties_of(self.vehicle),
             built.wall_thickness,
             HARMONICS,
+            known_taper=built.wall_taper,
         )
 
 

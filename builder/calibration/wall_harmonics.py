@@ -18,6 +18,9 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 
+WAVES = (1, 2)
+"""Harmonics w of the wall that are known."""
+
 SIDES = (-1, 1, 0)
 """Harmonic of the strain less that of the load, over that of the wall; 0 where the surface itself moves."""
 
@@ -94,6 +97,21 @@ def times_cosine(force: FloatArray) -> FloatArray:
     out[0, 0, ..., 2] = 0.0
     out[1, 0, ..., :2] = 0.0
     return out
+
+
+def times_sine(force: FloatArray) -> FloatArray:
+    """Return the amplitudes of sin(phi) times a field: as cos(phi) in a frame rolled by a quarter turn."""
+    turned = times_cosine(rolled_quarter(force))
+    return rolled_quarter(rolled_quarter(rolled_quarter(turned)))
+
+
+def times_waves(force: FloatArray) -> list[list[FloatArray]]:
+    """Return, for each of :data:`WAVES`, the amplitudes of cos(w phi) and of sin(w phi) times a field."""
+    cosine = times_cosine(force)
+    return [
+        [cosine, times_sine(force)],
+        [2.0 * times_cosine(cosine) - force, 2.0 * times_sine(cosine)],
+    ]
 
 
 def rolled_quarter(force: FloatArray, wave: int = 1) -> FloatArray:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.wall_harmonics import SIDES, harmonic_product, neighbour_weight, reflected
+from builder.calibration.wall_harmonics import SIDES, WAVES, harmonic_product, neighbour_weight, reflected
 from builder.calibration.wall_regions import WallRegions, thickened
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
@@ -23,7 +23,7 @@ from builder.structure.wall import Wall
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-LOW = 4
+LOW = 5
 """Harmonics, from 0, in which loads may act within the wall and on its inner surface."""
 
 ROUNDING = 1e-9
@@ -108,12 +108,12 @@ class WallStates:
     ----------
     rows : nodal forces that count.
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
-    thin, thick : per region, of a wall thinner and thicker there; empty where the thickness is known.
-    uneven : (n_r, 3 sides) per region of a wall whose thickness goes as cos(wave phi), as in
-        :data:`~builder.calibration.wall_harmonics.SIDES`.
+    thin, thick : per region, of a wall thinner and thicker there, then of one that tapers towards its aft end and
+        towards its fore end; empty where the wall is known.
+    uneven : for each of :data:`~builder.calibration.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a wall
+        whose thickness goes as cos(wave phi), as in :data:`~builder.calibration.wall_harmonics.SIDES`.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.
     station : (n_d,) of each gauge.
-    wave : harmonic of the uneven wall.
     """
 
     rows: ForceRows
@@ -122,10 +122,9 @@ class WallStates:
     aft: Adjoint
     thin: tuple[Adjoint, ...]
     thick: tuple[Adjoint, ...]
-    uneven: Adjoint
+    uneven: tuple[Adjoint, ...]
     forces: tuple[FourierStructure, tuple[FourierStructure, ...], tuple[FourierStructure, ...]]
     station: IntArray
-    wave: int = 1
 
 
 def wall_states(
@@ -138,7 +137,6 @@ def wall_states(
     max_harmonic: int,
     with_regions: bool = True,
     progress: Progress | None = None,
-    wave: int = 1,
 ) -> WallStates:
     """Solve every state of the wall for the strains at the gauges.
 
@@ -151,17 +149,18 @@ def wall_states(
     along : (n_d,) step of the stations [m].
     properties : density and what else loads need.
     max_harmonic : highest harmonic in roll angle.
-    with_regions : whether thickness by regions is not known.
+    with_regions : whether thickness and taper by regions are not known.
     progress : called with (states done, states in all).
-    wave : harmonic of the uneven wall.
     """
     outer = np.unique(line_nodes(mesh.outer_edge))
     rows = ForceRows(outer=outer, n_nodes=len(mesh.node))
     n_r = len(regions)
     meshes = {0: mesh}
-    for k in range(n_r):
-        one = WALL_STEP * np.eye(n_r)[k]
-        meshes[-1 - k], meshes[1 + k] = (thickened(mesh, wall, regions, sign * one) for sign in (-1.0, 1.0))
+    for k in range(2 * n_r):
+        even, taper = np.split(WALL_STEP * np.eye(2 * n_r)[k], 2)
+        meshes[-1 - k], meshes[1 + k] = (
+            thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0)
+        )
     states = list(meshes) if with_regions else [0]
     steps = len(states) + 1
 
@@ -176,10 +175,10 @@ def wall_states(
     full = solved(0, np.concatenate([x - step, x, x + step]))
     place = full.station.reshape(3, -1)
     whole = _kept(full.adjoint, rows)
-    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows=rows, wave=wave)
+    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows)
     changed = {key: _kept(solved(key, x).adjoint, rows) for key in states[1:]}
     bare = {key: _forces_only(one, wall, properties, max_harmonic) for key, one in meshes.items()}
-    order = range(1, n_r + 1)
+    order = range(1, 2 * n_r + 1)
     if progress is not None:
         progress(steps, steps)
     return WallStates(
@@ -192,7 +191,6 @@ def wall_states(
         uneven=uneven,
         forces=(bare[0], tuple(bare[-k] for k in order), tuple(bare[k] for k in order)),
         station=station_index(x, gauges.x),
-        wave=wave,
     )
 
 
@@ -229,17 +227,11 @@ def _forces_only(
 
 
 def _uneven(
-    mesh: MeridianMesh,
-    wall: Wall,
-    regions: WallRegions,
-    x: FloatArray,
-    adjoint: FloatArray,
-    rows: ForceRows,
-    wave: int,
-) -> Adjoint:
-    """Return (n_r, 3 sides) change of the adjoint by the amplitude of cos(wave phi); the load's harmonic is n.
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, x: FloatArray, adjoint: FloatArray, rows: ForceRows
+) -> tuple[Adjoint, ...]:
+    """Return for each wave (n_r, 3 sides) change of the adjoint by the amplitude of cos(wave phi).
 
-    ``adjoint`` (n_m, n_s, 3, n_dof) is that of the even wall.
+    ``adjoint`` (n_m, n_s, 3, n_dof) is that of the even wall; the load's harmonic is n.
     """
     n_m, n_s, _, n_dof = adjoint.shape
     n_r, step = len(regions), HARMONIC_STEP
@@ -249,23 +241,25 @@ def _uneven(
         harmonic_product(plus, wall.material).less(harmonic_product(minus, wall.material), 2.0 * step)
         for plus, minus in pairs
     ]
-    outer = np.zeros((n_r, len(SIDES), n_m, n_s, 3, 3 * len(rows.outer)))
-    low = np.zeros((n_r, len(SIDES), min(LOW, n_m), n_s, 3, n_dof))
+    lead = (len(WAVES), n_r, len(SIDES))
+    outer = np.zeros((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
+    low = np.zeros((*lead, min(LOW, n_m), n_s, 3, n_dof))
     for n in range(n_m):
-        load = np.zeros((n_r, len(SIDES), 3 * n_s, n_dof))
+        load = np.zeros((*lead, 3 * n_s, n_dof))
         for k, (plus, minus) in enumerate(pairs):
-            for side, shift in enumerate(SIDES):
-                m = n + wave * shift
-                if shift == 0:
-                    change = (strain_rows(plus, x, n) - strain_rows(minus, x, n)) / (2.0 * step)
-                    load[k, side] = change.reshape(-1, n_dof)
-                elif (m >= 0 or n > 0) and abs(m) < n_m:
-                    motion = (adjoint[m] if m >= 0 else reflected(adjoint[-m])).reshape(-1, n_dof).T
-                    load[k, side] = -neighbour_weight(n) * products[k].times(n, m, motion).T
+            change = (strain_rows(plus, x, n) - strain_rows(minus, x, n)) / (2.0 * step)
+            load[:, k, SIDES.index(0)] = change.reshape(-1, n_dof)
+            for number, wave in enumerate(WAVES):
+                for side in (-1, 1):
+                    m = n + wave * side
+                    if (m >= 0 or n > 0) and abs(m) < n_m:
+                        motion = (adjoint[m] if m >= 0 else reflected(adjoint[-m])).reshape(-1, n_dof).T
+                        force = products[k].times(n, m, motion).T
+                        load[number, k, SIDES.index(side)] = -neighbour_weight(n) * force
         solved = factor_harmonic(mesh, stiffness, n, twist=True).solve(load.reshape(-1, n_dof).T).T
-        part = solved.reshape(n_r, len(SIDES), n_s, 3, n_dof)
+        part = solved.reshape(*lead, n_s, 3, n_dof)
         by_node = part.reshape(*part.shape[:-1], rows.n_nodes, 3)
-        outer[:, :, n] = by_node[..., rows.outer, :].reshape(*part.shape[:-1], -1)
+        outer[..., n, :, :, :] = by_node[..., rows.outer, :].reshape(*part.shape[:-1], -1)
         if n < LOW:
-            low[:, :, n] = part
-    return Adjoint(outer=outer, low=low)
+            low[..., n, :, :, :] = part
+    return tuple(Adjoint(outer=a, low=b) for a, b in zip(outer, low, strict=True))

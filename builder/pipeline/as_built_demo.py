@@ -92,6 +92,7 @@ class AsBuiltRun:
                 vehicle.gauges.layout,
                 resolution=vehicle.resolution.truth,
                 known_thickness=self.built.wall_thickness,
+                known_taper=self.built.wall_taper,
                 progress=progress,
             )
 

@@ -20,6 +20,7 @@ from builder.calibration.left_by_test import Remaining
 from builder.calibration.load_equations import load_equations
 from builder.calibration.load_test import LoadTest
 from builder.calibration.load_test_file import LoadTestFile, load_test_file
+from builder.calibration.outside_terms import OutsideModel, outside_model
 from builder.calibration.readings import load_test
 from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshot_fit import as_flown, body_misfits
@@ -54,6 +55,7 @@ class Calibration:
     inverse_map: InverseMap
     estimate: Estimate
     faults: tuple[Fault, ...]
+    outside: OutsideModel
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -135,15 +137,17 @@ def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, rep
     with reporter.stage("Map of the vehicle as built"):
         made = _map(parts, found)
     made = with_levels(made, parts, remaining_after(found), reporter)
-    made = with_provenance(made, _facts(found, faults, test_path))
-    return Calibration(inverse_map=made, estimate=found, faults=faults)
+    outside = outside_model(found)
+    made = with_provenance(made, _facts(found, faults, outside, test_path))
+    return Calibration(inverse_map=made, estimate=found, faults=faults, outside=outside)
 
 
 def write_report(made: Calibration, title: str, moment_station: float, page: Path) -> None:
     """Write the page of a calibration; moments of its load equations are about ``moment_station`` [m]."""
     found = made.estimate
     equations = load_equations(found, moment_station)
-    write_page(calibration_page(title, found, made.faults, cross_validation(found), equations), page)
+    left_out = cross_validation(found)
+    write_page(calibration_page(title, found, made.faults, made.outside, left_out, equations), page)
 
 
 def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path: Path) -> Vehicle:
@@ -218,7 +222,7 @@ def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
     return replace(found, manifold=tables)
 
 
-def _facts(found: Estimate, faults: tuple[Fault, ...], test_path: Path) -> dict[str, Any]:
+def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, test_path: Path) -> dict[str, Any]:
     """Return what the map's provenance says of the calibration."""
     part, sigma = found.parameters, found.std
     where = slices(part.n_gauges, part.n_regions)
@@ -228,11 +232,13 @@ def _facts(found: Estimate, faults: tuple[Fault, ...], test_path: Path) -> dict[
         "readings": found.n_readings,
         "chi_square_per_reading": found.per_reading,
         "faults": [one.line for one in faults],
+        "outside_the_model": list(outside.lines),
         "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
         "zero_std_um_per_m": (1e6 * sigma[where["zero"]]).round(6).tolist(),
         "wall_thickness_percent": (100.0 * part.wall_thickness).round(4).tolist(),
         "sigma_before_over_after": {
             kind: float(np.sqrt(np.mean(found.model.std[at] ** 2) / max(float(np.mean(sigma[at] ** 2)), 1e-300)))
             for kind, at in where.items()
+            if found.model.std[at].any()
         },
     }

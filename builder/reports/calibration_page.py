@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import slices
+from builder.calibration.as_built_parameters import HELD_KINDS, in_words, slices
 from builder.calibration.cross_validation import LeftOut
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, load_shifts
 from builder.calibration.load_equations import LoadEquation
+from builder.calibration.outside_terms import NOISE, OutsideModel
 from builder.reports.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.tables import Column, Table, make_table
 
@@ -26,6 +27,7 @@ def calibration_page(
     title: str,
     found: Estimate,
     faults: Sequence[Fault],
+    outside: OutsideModel,
     left_out: Sequence[LeftOut],
     equations: Sequence[LoadEquation],
 ) -> Page:
@@ -41,12 +43,14 @@ def calibration_page(
     cards = (
         (verdict, "green" if agrees else "red", facts),
         ("Left out", "amber" if faults else "green", tuple(one.line for one in faults)),
+        ("Outside the model", "red" if outside.found else "green", outside.lines or ("nothing found",)),
     )
     opening: tuple[Block, ...] = (Cards(cards),)
     sections = (
         Section("Readings by load case", (_cases(found), _cross(left_out))),
         Section("Readings by gauge", (_gauges(found),)),
         Section("What the test identifies", (_identified(found), _loads(found))),
+        Section("What is taken for zero", (_outside(outside),)),
         Section(
             "Regression load equations",
             (
@@ -153,6 +157,7 @@ UNITS = {
     "wall_thickness": ("%", 100.0),
     "wall_cosine": ("%", 100.0),
     "wall_sine": ("%", 100.0),
+    **dict.fromkeys(HELD_KINDS, ("%", 100.0)),
 }
 
 
@@ -161,11 +166,13 @@ def _identified(found: Estimate) -> Table:
     part, sigma, before = found.parameters, found.std, found.model.std
     rows = []
     for kind, at in slices(part.n_gauges, part.n_regions).items():
+        if kind in HELD_KINDS and not before[at].any():
+            continue
         unit, scale = UNITS[kind]
         prior, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (before, sigma))
         identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
         size = float(np.sqrt(np.mean(found.vector[at] ** 2)))
-        rows.append([kind.replace("_", " "), unit, scale * size, scale * prior, scale * after, identified])
+        rows.append([in_words(kind), unit, scale * size, scale * prior, scale * after, identified])
     columns = (
         Column("parameter"),
         Column("unit"),
@@ -176,6 +183,28 @@ def _identified(found: Estimate) -> Table:
     )
     caption = "What the test identifies: standard deviations before and after it."
     return make_table("identifiability", caption, columns, rows)
+
+
+def _outside(outside: OutsideModel) -> Table:
+    """Return the tests of what the estimate takes for zero."""
+    rows: list[list[str | float]] = []
+    for one in outside.kinds:
+        rows += [
+            [f"{one.kind}, region {term.region + 1}", "%", 100.0 * term.size, 100.0 * term.std, "", ""]
+            for term in one.terms
+        ]
+        whole = ("noise", "stated", outside.noise_factor) if one.kind == NOISE else (f"{one.kind}, all", "", "")
+        rows.append([*whole, "", one.statistic / one.freedom, one.chance])
+    columns = (
+        Column("error"),
+        Column("unit"),
+        Column("size"),
+        Column("its sigma"),
+        Column("chi-square over its mean"),
+        Column("chance of a sound vehicle", "", ".2g"),
+    )
+    caption = "Errors that no parameter stands for: what one step that sets them free would find."
+    return make_table("outside_the_model", caption, columns, rows)
 
 
 def _loads(found: Estimate) -> Table:

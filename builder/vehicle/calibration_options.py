@@ -16,9 +16,11 @@ class Calibration(Section):
     """Tolerances of the vehicle as built, one standard deviation each: the prior of `strainfmu calibrate`.
 
     Gain, orientation, position, transverse sensitivity and zero are of each gauge on its own; common gain and
-    layout roll of all gauges together. The wall's thickness is one number for each region of the wall, and so are
-    cosine and sine part of its first harmonic round the body. ``wall_region_ends_m`` are the stations between the
-    regions behind the solid tip; by default there are four regions of one length.
+    layout roll of all gauges together. The wall's thickness is one number for each region of the wall, and so
+    are cosine and sine part of its first harmonic round the body. The taper of a region, what it is thicker at
+    its aft end, and both parts of the second harmonic are taken for zero, and the test says whether they are.
+    ``wall_region_ends_m`` are the stations between the regions behind the solid tip; by default there are four
+    regions of one length.
     """
 
     gauge_gain_percent: Percent = 1.0
@@ -31,6 +33,8 @@ class Calibration(Section):
     youngs_modulus_percent: Percent = 3.0
     wall_thickness_percent: Percent = 4.0
     wall_harmonic_percent: Percent = 2.0
+    wall_taper_percent: Percent = 0.0
+    wall_second_harmonic_percent: Percent = 0.0
     wall_region_ends_m: Annotated[list[Station], Field(max_length=50)] | None = None
 
     @model_validator(mode="after")

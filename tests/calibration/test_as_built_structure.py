@@ -64,9 +64,15 @@ def test_gauges_move_as_the_derivatives_of_the_map_say(
 def test_tables_follow_the_thickness_that_is_solved_for(
     vehicle: Vehicle, as_built: AsBuiltStructure, errors: AsBuiltParameters
 ) -> None:
-    even = replace(as_built.exactly_built(), wall_thickness=errors.wall_thickness)
+    taper = np.array([0.02, -0.03, 0.01, 0.02])
+    even = replace(as_built.exactly_built(), wall_thickness=errors.wall_thickness, wall_taper=taper)
     known = as_built_structure(
-        vehicle, LAYOUT, properties=TITANIUM, known_thickness=even.wall_thickness, max_harmonic=12
+        vehicle,
+        LAYOUT,
+        properties=TITANIUM,
+        known_thickness=even.wall_thickness,
+        known_taper=taper,
+        max_harmonic=12,
     )
     for load in LOADS:
         nominal = as_built.load_strain(as_built.exactly_built(), [load])
@@ -76,24 +82,27 @@ def test_tables_follow_the_thickness_that_is_solved_for(
         known.load_strain(as_built.exactly_built(), [LOADS[0]])
 
 
-def test_an_uneven_wall_rolls_with_the_vehicle(as_built: AsBuiltStructure) -> None:
-    """Thickness as the sine, load and gauges rolled by a quarter turn: the same strain as with the cosine."""
-    nominal = as_built.exactly_built()
-    wave = np.full(as_built.n_regions, 0.02)
+@pytest.mark.parametrize(("kind", "wave"), [("wall", 1), ("wall_second", 2)])
+def test_an_uneven_wall_rolls_with_the_vehicle(as_built: AsBuiltStructure, kind: str, wave: int) -> None:
+    """Thickness as the sine, load and gauges rolled by a quarter of its period: the same as by the cosine."""
+    nominal, angle = as_built.exactly_built(), 0.5 * np.pi / wave
+    size = np.full(as_built.n_regions, 0.02)
     pad = LOADS[0]
     assert isinstance(pad, PadForce)
     _, across, up = pad.force
-    turned = replace(pad, roll_angle=pad.roll_angle + 0.5 * np.pi, force=(0.0, up, -across))
-    quarter = replace(nominal, layout_roll=np.array([0.5 * np.pi]))
-    rolled = Weight(up_roll_angle=1.0 + 0.5 * np.pi)
+    c, s = np.cos(angle), np.sin(angle)
+    turned = replace(pad, roll_angle=pad.roll_angle + angle, force=(0.0, c * across + s * up, c * up - s * across))
+    cosine = replace(nominal, **{f"{kind}_cosine": size})
+    sine = replace(nominal, **{f"{kind}_sine": size}, layout_roll=np.array([angle]))
+    rolled = Weight(up_roll_angle=1.0 + angle)
     for one, other in ((pad, turned), (LOADS[1], rolled)):
-        by_cosine = as_built.load_strain(replace(nominal, wall_cosine=wave), [one])
-        by_sine = as_built.load_strain(replace(quarter, wall_sine=wave), [other])
+        by_cosine, by_sine = as_built.load_strain(cosine, [one]), as_built.load_strain(sine, [other])
         np.testing.assert_allclose(by_sine, by_cosine, atol=1e-9 * np.abs(by_cosine).max())
     grid = len(as_built.surface.x), as_built.surface.n_roll
-    z_cosine = as_built.strain_operator(replace(nominal, wall_cosine=wave)).reshape(-1, *grid)
-    z_sine = as_built.strain_operator(replace(quarter, wall_sine=wave)).reshape(z_cosine.shape)
-    np.testing.assert_allclose(np.roll(z_cosine, grid[1] // 4, axis=2), z_sine, atol=1e-9 * np.abs(z_cosine).max())
+    z_cosine, z_sine = (as_built.strain_operator(one).reshape(-1, *grid) for one in (cosine, sine))
+    np.testing.assert_allclose(
+        np.roll(z_cosine, grid[1] // (4 * wave), axis=2), z_sine, atol=1e-9 * np.abs(z_cosine).max()
+    )
 
 
 @pytest.mark.fast

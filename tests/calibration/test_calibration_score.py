@@ -11,6 +11,7 @@ from coarse_vehicle import COARSE
 
 from builder.calibration.load_test import LoadErrors
 from builder.calibration.outside_errors import OUTSIDE
+from builder.calibration.outside_terms import NOISE
 from builder.calibration.score import OUTSIDE_KINDS, Score, rows_of
 from builder.calibration.score_setup import SetupOptions, rows_of_test, setup_of
 from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary
@@ -88,3 +89,6 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(
     assert taper[0] > 1.15
     assert second[1] > 1.05
     assert fit["12 cases, single samples"][0] > 10.0
+    said = {row["state"]: row["said"] for row in rows if "said" in row}
+    kinds = (*OUTSIDE, NOISE)
+    assert said == {"12 cases": []} | {f"12 cases, {a}": [b] for a, b in zip(OUTSIDE_KINDS, kinds, strict=True)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.calibration.response_tables import side_phases
-from builder.calibration.wall_harmonics import rolled_quarter, times_cosine
+from builder.calibration.wall_harmonics import WAVES, rolled_quarter, times_cosine, times_waves
 from builder.calibration.wall_regions import WallRegions, thickened
 from builder.calibration.wall_states import WallStates, wall_states
 from builder.structure.fourier.gauges import PlacedGauges
@@ -26,10 +26,6 @@ ONE = WallRegions(end=np.array([-1.0, LENGTH]))
 
 @pytest.fixture(scope="module")
 def states() -> WallStates:
-    return solved()
-
-
-def solved(wave: int = 1) -> WallStates:
     ends = np.array([0.0, LENGTH])
     mesh = tube_mesh(ends, np.full(2, RADIUS - THICKNESS), np.full(2, RADIUS), element_length=0.05)
     gauge = PlacedGauges(
@@ -43,15 +39,14 @@ def solved(wave: int = 1) -> WallStates:
         along=np.array([1e-3]),
         properties=LoadProperties(density=4430.0),
         max_harmonic=4,
-        wave=wave,
     )
 
 
 def axial_change(states: WallStates, load: Load, roll: float) -> float:
     """Return the change of axial strain per amplitude of a wall thicker at roll angle 0."""
-    amplitude = states.uneven.strain(states.rows.split(nodal_force(states.forces[0], load)))[0]
+    amplitude = states.uneven[0].strain(states.rows.split(nodal_force(states.forces[0], load)))[0]
     found = 0.0
-    for (cosine, sine, factor), part in zip(side_phases(np.array([roll]), 5), amplitude, strict=True):
+    for (cosine, sine, factor), part in zip(side_phases(np.array([roll]), 5, 1), amplitude, strict=True):
         found += float(factor[0] * (part[0, :, 0, 0] @ cosine[:, 0] + part[1, :, 0, 0] @ sine[:, 0]))
     return found
 
@@ -117,6 +112,15 @@ def test_products_with_a_cosine_hold_at_every_angle() -> None:
         np.testing.assert_allclose(at(rolled_quarter(force), roll - 0.5 * np.pi), at(force, roll), atol=1e-12)
 
 
+def test_waves_of_the_wall_hold_at_every_angle() -> None:
+    force = amplitudes(np.random.default_rng(2))
+    force[:, 3:] = 0.0  # none that would go beyond the last harmonic
+    for roll in (0.0, 0.7, 2.9):
+        for wave, (cosine, sine) in zip(WAVES, times_waves(force), strict=True):
+            np.testing.assert_allclose(at(cosine, roll), np.cos(wave * roll) * at(force, roll), atol=1e-12)
+            np.testing.assert_allclose(at(sine, roll), np.sin(wave * roll) * at(force, roll), atol=1e-12)
+
+
 def test_the_outer_surface_stays(states: WallStates) -> None:
     mesh = states.forces[0].mesh
     moved = thickened(mesh, WALL, ONE, np.array([0.1]))
@@ -125,12 +129,7 @@ def test_the_outer_surface_stays(states: WallStates) -> None:
     np.testing.assert_allclose(gap, 0.1 * THICKNESS, rtol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def twice() -> WallStates:
-    return solved(wave=2)
-
-
-def test_a_wall_thicker_on_two_sides_stiffens_one_plane(twice: WallStates) -> None:
+def test_a_wall_thicker_on_two_sides_stiffens_one_plane(states: WallStates) -> None:
     """Thickness as cos 2 phi changes the second moment of area by half as much, more in the plane of its crest.
 
     What strains axially as cos phi, the gauge's own place on the moved bore aside, is the bending of the plane.
@@ -141,10 +140,10 @@ def test_a_wall_thicker_on_two_sides_stiffens_one_plane(twice: WallStates) -> No
     stiffer = 0.5 * WALL.material.youngs_modulus * np.pi * BORE**3 * THICKNESS  # per amplitude
     expected = moment * BORE * stiffer / STIFFNESS**2
     for load, sign in ((bent, 1.0), (turned, -1.0)):
-        force = twice.rows.split(nodal_force(twice.forces[0], load))
-        nominal = twice.nominal.strain(force)[:, 1, 0, 0]
+        force = states.rows.split(nodal_force(states.forces[0], load))
+        nominal = states.nominal.strain(force)[:, 1, 0, 0]
         family = int(np.abs(nominal).argmax())
-        back = twice.uneven.strain(force)[0, 0, family, 1, 0, 0]  # load as n = 1, strain as m = -1
+        back = states.uneven[1].strain(force)[0, 0, family, 1, 0, 0]  # load as n = 1, strain as m = -1
         # In the sine's family harmonic -1 is the negative of harmonic 1.
         change = (1.0 if family == 0 else -1.0) * back / nominal[family]
         assert change == pytest.approx(-sign * expected / abs(nominal[family]), rel=0.02)

@@ -7,7 +7,7 @@ import pytest
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, slices
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives
+from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
 
@@ -26,9 +26,9 @@ def strain_covariance(
     """J C J' (n_d, n_d) under one pressure field (n_p,), J by differences of every single parameter."""
     n_d = structure.n_gauges
     jacobian = np.zeros((n_d, len(covariance)))
-    where = slices(n_d, structure.n_regions)
+    where, std = slices(n_d, structure.n_regions), parameters.of_vector(np.sqrt(np.diag(covariance)))
     for (kind, region), slope in parameter_derivatives(
-        lambda one: structure.strain_operator(one) @ pressure, parameters
+        lambda one: structure.strain_operator(one) @ pressure, parameters, uncertain_keys(std)
     ).items():
         start = where[kind].start
         if of_gauges((kind, region)):

@@ -27,10 +27,12 @@ def calibrate(
     """Estimate the vehicle as built from a ground test and make its map.
 
     The model tells what every gauge should read under the loads of the test, the test what it did read. Gains,
-    directions and places of the gauges, wall, modulus and the errors of the loads follow by Bayes' rule from the
-    tolerances of the vehicle file's section `calibration`. Gauges and load cases that do not fit are named and
-    left out. The map has the strain operator as built, and in its noise what the test left unknown; a report of
-    the same name is written beside it. Snapshots are taken from the map's folder.
+    directions and places of the gauges, wall, modulus and the errors of the loads follow by Bayes' rule from
+    the tolerances of the vehicle file's section `calibration`. Gauges and load cases that do not fit are named
+    and left out. Taper and second harmonic of the wall are taken for zero, and noise for what is stated: a
+    warning says by how much they are not, and what to do. The map has the strain operator as built, and in its
+    noise what the test left unknown; a report of the same name is written beside it. Snapshots are taken from
+    the map's folder.
 
     Examples:
 
@@ -59,6 +61,7 @@ def _show(console: Console, result: Calibration) -> None:
             "warning: test and model do not agree: the vehicle errs in a way that the model has no parameter for, "
             "or noise, loads or tolerances are not as stated; the sigmas of the map need not hold"
         )
+    lines += [f"warning: {line}" for line in result.outside.lines]
     lines.append(", ".join(str(path) for path in result.files))
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)

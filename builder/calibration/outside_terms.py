@@ -1,0 +1,198 @@
+"""Errors that the calibration takes for zero: does the test say that they are not?
+
+The estimate holds the taper and the second harmonic of the wall at zero, and the noise of the readings at its
+stated size. A score test asks of each what one step that sets it free would find: with r the readings less the
+estimate's linear model, S their covariance before the test, and d the derivatives by the terms,
+
+    size = C d' S^-1 r,  C = (d' S^-1 d + 1 / WIDE^2)^-1,
+
+all terms at once, so that one is not taken for another. A kind of term is judged by size' C^-1 size, chi-square
+with as many degrees of freedom as it has terms. The noise is judged by what is left without the terms:
+M = S^-1 - S^-1 d C d' S^-1, and |M r|^2 has the mean tr M + (s^2 - 1) tr M^2 where the noise is s times as large
+as stated. Where it is, the terms are judged by that noise.
+
+Source: Cox and Hinkley, Theoretical Statistics (1974), section 9.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from builder.calibration.estimate import Estimate
+from builder.calibration.parameter_derivatives import Key
+from strainfmu.arrays import FloatArray
+
+WIDE = 0.1
+"""Standard deviation before the test of a term that is set free [1]: far more than a wall errs by."""
+
+ALARM = 0.01
+"""Probability that a sound vehicle is said to have any such error; each kind and the noise get an equal share."""
+
+NAMED = 3.0
+"""Standard deviations from which a term is named, where its kind is not zero."""
+
+KINDS = {"taper": ("wall_taper",), "second harmonic": ("wall_second_cosine", "wall_second_sine")}
+"""Kinds of terms and the parameters of each."""
+
+ENTRIES = {"taper": "wall_taper_percent", "second harmonic": "wall_second_harmonic_percent"}
+"""Entry of the section [calibration] that sets each kind free."""
+
+NOISE = "noise"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutsideTerm:
+    """One term of the wall of one region; ``size`` and ``std`` are relative to the thickness [1].
+
+    A second harmonic has one size, that of its crest, at roll angle ``crest`` [rad] and half a turn on.
+    """
+
+    kind: str
+    region: int
+    size: float
+    std: float
+    crest: float | None = None
+
+    @property
+    def line(self) -> str:
+        """What is said of the term."""
+        at = "" if self.crest is None else f", thickest at {np.rad2deg(self.crest):.0f} deg and opposite"
+        return (
+            f"the wall's {self.kind} in region {self.region + 1}: {100.0 * self.size:.2g} +- "
+            f"{100.0 * self.std:.1g} %{at}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutsideKind:
+    """A kind of error that is taken for zero: ``chance`` is the probability that it is.
+
+    Attributes
+    ----------
+    kind : of :data:`KINDS`, or :data:`NOISE`.
+    statistic, freedom : chi-square and its degrees of freedom.
+    terms : of each region; none of the noise.
+    std : rms standard deviation of the terms after the test [1].
+    """
+
+    kind: str
+    statistic: float
+    freedom: float
+    chance: float
+    terms: tuple[OutsideTerm, ...] = ()
+    std: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutsideModel:
+    """What a test says of the errors that the calibration takes for zero.
+
+    Attributes
+    ----------
+    kinds : every kind, the noise last.
+    noise_factor : standard deviation of the readings over what is stated [1].
+    """
+
+    kinds: tuple[OutsideKind, ...]
+    noise_factor: float
+
+    @property
+    def found(self) -> tuple[OutsideKind, ...]:
+        """Kinds that are not zero."""
+        return tuple(one for one in self.kinds if one.chance < ALARM / len(self.kinds))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What is found and what to do, in lines; none where nothing is."""
+        return tuple(line for one in self.found for line in self._lines(one))
+
+    def _lines(self, one: OutsideKind) -> list[str]:
+        if one.kind == NOISE:
+            return [
+                f"outside the model: the readings scatter {self.noise_factor:.2g} times as much as stated; state "
+                "their noise (readings.reading_std_um_per_m, or windows of more samples) and calibrate again"
+            ]
+        named = [term for term in one.terms if abs(term.size) > NAMED * term.std] or [
+            max(one.terms, key=lambda term: abs(term.size) / term.std)
+        ]
+        size = 100.0 * float(np.sqrt(np.mean([term.size**2 for term in one.terms])))
+        return [f"outside the model: {term.line}" for term in named] + [
+            f"the sigmas of the map leave the wall's {one.kind} out; with calibration.{ENTRIES[one.kind]} = "
+            f"{size:.1g} in the vehicle file it is estimated"
+        ]
+
+
+def outside_model(found: Estimate) -> OutsideModel:
+    """Return what the test of ``found`` says of the errors that its estimate takes for zero."""
+    model, used = found.model, found.used
+    free = model.std > 0.0
+    noise = model.test.reading_stds[used]
+    _, jacobian = model.jacobian(found.vector)
+    rows = jacobian[used][:, free] * (model.std[free] / noise[:, None])
+    left = (model.test.readings - found.after)[used] / noise + rows @ (found.vector[free] / model.std[free])
+    precision = np.linalg.inv(rows @ rows.T + np.eye(len(rows)))
+    held = model.held_derivatives(found.vector)
+    columns = np.array([one[used] / noise for one in held.values()]).reshape(len(held), -1).T
+    weighted = precision @ columns
+    covariance = np.linalg.inv(columns.T @ weighted + np.eye(len(held)) / WIDE**2)
+    size = covariance @ (weighted.T @ left)
+    of_noise, factor = _noise(precision - weighted @ covariance @ weighted.T, left)
+    scale = max(factor**2, 1.0) if of_noise.chance < ALARM else 1.0
+    keys = list(held)
+    kinds = [_kind(kind, keys, size, scale * covariance) for kind in KINDS if _places(kind, keys)]
+    return OutsideModel(kinds=(*kinds, of_noise), noise_factor=factor)
+
+
+def _noise(weight: FloatArray, left: FloatArray) -> tuple[OutsideKind, float]:
+    """Return the test of the noise, larger than stated, and its factor; ``weight`` is M (n, n)."""
+    trace, square = float(np.trace(weight)), float(np.sum(weight**2))
+    statistic = float(np.sum((weight @ left) ** 2))
+    # Chi-square of the same mean and variance.
+    freedom = trace**2 / square
+    one = OutsideKind(
+        kind=NOISE,
+        statistic=statistic * trace / square,
+        freedom=freedom,
+        chance=float(chi2.sf(statistic * trace / square, freedom)),
+    )
+    return one, float(np.sqrt(max(1.0 + (statistic - trace) / square, 0.0)))
+
+
+def _places(kind: str, keys: Sequence[Key]) -> list[int]:
+    return [number for number, key in enumerate(keys) if key[0] in KINDS[kind]]
+
+
+def _kind(kind: str, keys: Sequence[Key], size: FloatArray, covariance: FloatArray) -> OutsideKind:
+    """Return the test of one kind; ``size`` and ``covariance`` are of all ``keys``."""
+    at = _places(kind, keys)
+    own = covariance[np.ix_(at, at)]
+    statistic = float(size[at] @ np.linalg.solve(own, size[at]))
+    regions = sorted({keys[number][1] for number in at})
+    terms = [_term(kind, k, [n for n in at if keys[n][1] == k], size, covariance) for k in regions]
+    return OutsideKind(
+        kind=kind,
+        statistic=statistic,
+        freedom=len(at),
+        chance=float(chi2.sf(statistic, len(at))),
+        terms=tuple(terms),
+        std=float(np.sqrt(np.mean(np.diag(own)))),
+    )
+
+
+def _term(kind: str, region: int, at: list[int], size: FloatArray, covariance: FloatArray) -> OutsideTerm:
+    own, spread = size[at], covariance[np.ix_(at, at)]
+    if len(at) == 1:
+        return OutsideTerm(kind=kind, region=region, size=float(own[0]), std=float(np.sqrt(spread[0, 0])))
+    crest = float(np.hypot(*own))
+    along = own / max(crest, 1e-300)
+    return OutsideTerm(
+        kind=kind,
+        region=region,
+        size=crest,
+        std=float(np.sqrt(along @ spread @ along)),
+        crest=float(0.5 * np.arctan2(own[1], own[0]) % np.pi),
+    )
