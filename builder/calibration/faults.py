@@ -183,14 +183,18 @@ class _GaugeScatter:
     def chance(self, gauge: int, reading: FloatArray, of: int | None = None, factor: float = 1.0) -> float:
         """Return the probability that readings (n_cases,) of gauge ``of`` scatter as much as these.
 
-        ``factor`` is what readings were multiplied by, their noise with them.
+        ``factor`` is what readings were multiplied by, their noise with them; where it is stated for all gauges
+        alike, that makes them no more exact than others.
         """
         rows = self.used[:, gauge]
         if not rows.any():
             return 1.0
         at = gauge if of is None else of
         spread = self.columns[rows, at]
-        covariance = spread @ spread.T + np.diag((factor * self.noise[rows, gauge]) ** 2)
+        noise = factor * self.noise[rows, gauge]
+        if factor < 1.0:
+            noise = np.maximum(noise, np.median(self.noise))
+        covariance = spread @ spread.T + np.diag(noise**2)
         left = reading[rows] - self.predicted[rows, at]
         return float(chi2.sf(left @ np.linalg.solve(covariance, left), rows.sum()))
 
