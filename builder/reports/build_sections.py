@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from builder.figures import build_report as draw
+from builder.figures import hover_gauges
 from builder.figures import hover_report as hover
 from builder.figures.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.figures.scene import scene_of
@@ -247,7 +248,7 @@ def gauge_values(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "position on the unrolled body. Black, or black edge: the others do not identify the state.",
                 "Six unrolled bodies with gauges coloured by the cost of their loss.",
                 "svg",
-                hover=hover.gauge_values(
+                hover=hover_gauges.gauge_values(
                     report.inverse_map,
                     growth=report.gauges.growth,
                     detectable_bias=report.gauges.detectable_bias,
@@ -275,7 +276,7 @@ def losses(report: BuildReport, tables: dict[str, Table]) -> Section:
                 ),
                 "Loss of two gauges: growth of the sigma that grows most. On the diagonal: loss of one gauge.",
                 "Matrix of gauges by gauges coloured by the cost of losing both.",
-                hover=hover.pair_loss(
+                hover=hover_gauges.pair_loss(
                     report.inverse_map,
                     growth=report.gauges.growth,
                     pairs=report.gauges.pairs,

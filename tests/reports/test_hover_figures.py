@@ -14,7 +14,7 @@ from clipping import DRAWN, set_width, show
 from page_checks import assert_self_contained
 from report_case import ReportCase
 
-from builder.figures import hover_report
+from builder.figures import hover_gauges
 from builder.figures.hover import numbers
 from builder.figures.unrolled import roll_degrees
 from builder.reports.build_page import report_page
@@ -123,15 +123,15 @@ def test_gauges_without_substitute_and_large_layouts(report: BuildReport, monkey
     one, value = report.inverse_map, report.gauges
     growth = value.growth.copy()
     growth[3] = np.inf
-    drawn = hover_report.gauge_values(
+    drawn = hover_gauges.gauge_values(
         one, growth=growth, detectable_bias=value.detectable_bias, leverage=value.leverage
     )
     marks = drawn["data"][0]
     assert "lost: C_A not identified" in marks["text"][3]
     assert marks["marker"]["line"]["width"][3] > marks["marker"]["line"]["width"][2]
     assert all(np.isfinite(marks["marker"]["color"]))
-    monkeypatch.setattr(hover_report, "MAX_MATRIX", one.n_gauges - 1)
-    assert hover_report.pair_loss(one, growth=growth, pairs=value.pairs, pair_growth=value.pair_growth) is None
+    monkeypatch.setattr(hover_gauges, "MAX_MATRIX", one.n_gauges - 1)
+    assert hover_gauges.pair_loss(one, growth=growth, pairs=value.pairs, pair_growth=value.pair_growth) is None
 
 
 @pytest.mark.fast
