@@ -25,6 +25,7 @@ class OneGauge:
     """What the interfaces read of a map and of a flight model, for one gauge in place of n."""
 
     n_gauges: int = 1
+    n_strain_gauges: int = 1
     gauge_names: tuple[str, ...] = ("NAME",)
     gauge_position: Any = field(default_factory=lambda: np.array([[1.0, 0.0, -0.1]]))
     gauge_roll_angle: Any = field(default_factory=lambda: np.array([np.pi]))
@@ -38,6 +39,7 @@ class OneGauge:
     form: str = "dynamic_pressure"
     manifold: None = None
     thermal: None = None
+    sensors: None = None
     further: None = None
     envelope_score_limit: float = 1.5
     residual_degrees_of_freedom: int = 49

@@ -39,6 +39,7 @@ from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 from strainfmu.interface.parameter_variables import parameter_names
+from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
@@ -70,7 +71,9 @@ class EstimatorSlave(Fmi2Slave):
         self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
         self._pressure = references["dynamic_pressure"]
         self._parameters = [references[name] for name in PARAMETERS]
-        self._zeros = [references[name] for name in zero_names(inverse_map.n_gauges)]
+        self._sensors, self._n_strains = inverse_map.sensors, inverse_map.n_strain_gauges
+        self._thrust = references.get(THRUST)
+        self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
         self._filter: SwitchedFilter | None = None
@@ -78,7 +81,7 @@ class EstimatorSlave(Fmi2Slave):
         self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._tare, self._asked, self._tare_state = EdgeTare(inverse_map), references[TARE], references[TARE_STATE]
-        self._zeros_in_use = [references[name] for name in zero_in_use_names(inverse_map.n_gauges)]
+        self._zeros_in_use = [references[name] for name in zero_in_use_names(self._n_strains)]
         estimated = (v.name for v in interface if v.causality == "output" and v.name != TARE_STATE)
         self._outputs = [references[name] for name in estimated]
         self._inputs = [references[v.name] for v in interface if v.causality in ("input", "parameter")]
@@ -120,8 +123,8 @@ class EstimatorSlave(Fmi2Slave):
         if self._tare.follow(is_up):
             self._zeros_outdated = True
         if is_up:
-            strain = self._values[self._first_input : self._valid]
-            valid = self._values[self._valid : self._pressure]
+            strain = self._values[self._first_input :][: self._n_strains]
+            valid = self._values[self._valid :][: self._n_strains]
             in_use = (valid != 0.0) & (np.abs(strain) <= self._estimator.settings.sensor_range)
             (pressure,) = known_flow([float(self._values[self._pressure])])
             self._tare.take(np.where(in_use, strain, np.nan), pressure)
@@ -228,8 +231,16 @@ class EstimatorSlave(Fmi2Slave):
         self._values[self._outputs] = output_values(self._estimate(), self._has_further)
         self._outdated = False
 
+    def _readings(self) -> np.ndarray:
+        """Return (n_d,) strains, and what further sensors read less what thrust makes of it."""
+        readings = self._values[self._first_input : self._valid]
+        if self._sensors is None or self._thrust is None:
+            return readings
+        (thrust,) = known_flow([float(self._values[self._thrust])])
+        return self._sensors.without_thrust(readings, thrust)
+
     def _estimate(self) -> LoadEstimate:
-        strain = self._values[self._first_input : self._valid]
+        strain = self._readings()
         valid = self._values[self._valid : self._pressure] != 0.0
         flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
         temperature = self._temperature()

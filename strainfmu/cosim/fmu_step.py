@@ -20,6 +20,7 @@ from strainfmu.cosim.step import StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.zero_variables import zero_names
 
 _STRAIN = re.compile(r"strain\[(\d+)\]")
@@ -323,10 +324,13 @@ def _noise_std(contents: Path, n_gauges: int) -> FloatArray | None:
 def _inputs(path: Path, description: Any) -> list[Any]:
     """Return the inputs of an estimator FMU."""
     inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
-    names = {variable.name for variable in inputs}
+    names = [variable.name for variable in inputs]
     for name in ("strain[1]", "dynamic_pressure"):
         if name not in names:
             raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
+    sensor = next((name for name in names if name.startswith(SENSOR_PREFIX)), None)
+    if sensor is not None:
+        raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
     return inputs
 
 

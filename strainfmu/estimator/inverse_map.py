@@ -174,8 +174,13 @@ class InverseMap:
 
     @property
     def n_gauges(self) -> int:
-        """Number of gauges n_d."""
+        """Number of gauges n_d, further sensors among them."""
         return len(self.gauge_names)
+
+    @property
+    def n_strain_gauges(self) -> int:
+        """Number of strain gauges, the first rows; all of them in a map without further sensors."""
+        return self.n_gauges if self.sensors is None else self.sensors.n_strain_gauges
 
     @property
     def scaled_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -59,17 +59,32 @@ class SensorRows:
                 raise InputError(f"sensors: {name} has shape {value.shape}, must be ({n},) finite numbers")
         if len(self.unit) != n or not (np.all(self.scale > 0.0) and np.all(self.largest > 0.0)):
             raise InputError(f"sensors: {len(self.unit)} units, must be {n}, with positive scale and largest")
+        if STRAIN not in self.kind or not np.all(self.is_strain[: self.n_strain_gauges]):
+            raise InputError("sensors: expected strain gauges, then the other sensors, got another order")
 
     @property
     def is_strain(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """(n_d,) which rows are strain gauges."""
         return np.array([kind == STRAIN for kind in self.kind])
 
+    @property
+    def n_strain_gauges(self) -> int:
+        """Number of strain gauges, whose rows come first."""
+        return self.kind.count(STRAIN)
+
+    @property
+    def follows_thrust(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """(n_d,) which readings thrust moves."""
+        return self.thrust_response != 0.0
+
     def without_thrust(self, readings: ArrayLike, thrust: ArrayLike) -> FloatArray:
-        """Return ``readings`` (n_d,) or (k, n_d) less what ``thrust`` [N], a number or (k,), makes of them."""
-        return (
-            np.asarray(readings, dtype=float) - np.asarray(thrust, dtype=float)[..., None] * self.thrust_response
-        )
+        """Return ``readings`` (n_d,) or (k, n_d) less what ``thrust`` [N], a number or (k,), makes of them.
+
+        Thrust that is NaN leaves NaN in the readings that it moves, and the others alone.
+        """
+        found, moved = np.array(readings, dtype=float), self.follows_thrust
+        found[..., moved] -= np.asarray(thrust, dtype=float)[..., None] * self.thrust_response[moved]
+        return found
 
 
 def refuse_sensors(rows: SensorRows | None, what: str) -> None:

@@ -33,7 +33,7 @@ from strainfmu.estimator.map_parts import map_parts
 from strainfmu.estimator.masked_map import MaskedMap, complete_map, masked_map
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors
+from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
 
 BLOCK = 1024
 """Samples of a series that are computed together: few enough to stay in the processor's cache."""
@@ -72,7 +72,8 @@ class Estimator:
         InputError
             ``zeros`` are of another number of gauges.
         """
-        self.zeros = zeros or no_zeros(inverse_map.n_gauges)
+        self.zeros = zeros or no_zeros(inverse_map.n_strain_gauges)
+        self._zero = zero_of_rows(inverse_map, self.zeros)
         self._without_zeros, inverse_map = inverse_map, with_zero_errors(inverse_map, self.zeros)
         self.inverse_map = inverse_map
         self._parts = map_parts(inverse_map)
@@ -102,7 +103,7 @@ class Estimator:
         """
         if len(zeros.value) == len(self.zeros.value) and np.array_equal(zeros.covariance, self.zeros.covariance):
             other = copy(self)
-            other.zeros = zeros
+            other.zeros, other._zero = zeros, zero_of_rows(self.inverse_map, zeros)
             return other
         return Estimator(self._without_zeros, self.settings, zeros)
 
@@ -138,7 +139,8 @@ class Estimator:
 
         Parameters
         ----------
-        strain : (n_d,) or (k, n_d) readings [m/m], order of ``inverse_map.gauge_names``.
+        strain : (n_d,) or (k, n_d) readings [m/m], those of further sensors in units of their own, in the order of
+            ``inverse_map.gauge_names``.
         dynamic_pressure : q_inf [Pa], one for all samples or (k,).
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
         dynamic_pressure_std : standard deviation of q_inf's error [Pa], one for all samples or (k,); NaN takes the
@@ -208,7 +210,7 @@ class Estimator:
         used = np.abs(readings) <= self._largest_reading
         used = used if valid is None else used & valid
         scale = 1.0 if self.inverse_map.sensors is None else self.inverse_map.sensors.scale
-        strains = readings / scale - self.zeros.value
+        strains = readings / scale - self._zero
         parts = []
         for rows, key in self._warm.groups(known):
             estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
@@ -226,7 +228,7 @@ class Estimator:
         ``valid`` then.
         """
         sensors, further = self.inverse_map.sensors, self.inverse_map.further
-        d = (readings if sensors is None else readings / sensors.scale) - self.zeros.value
+        d = (readings if sensors is None else readings / sensors.scale) - self._zero
         stations = None if further is None else further.section_station
         inputs = self._field_inputs(d, flow)
         series = empty_estimates(

@@ -110,7 +110,7 @@ def tare(
     limits: TareLimits | None = None,
     known: KnownStrain | None = None,
 ) -> Tare:
-    """Return the zeros of ``inverse_map``'s gauges from the readings of a window.
+    """Return the zeros of ``inverse_map``'s strain gauges from the readings of a window.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def judged_tare(
 ) -> Tare:
     """Return the zeros that the statistics of a window give; arguments as :func:`tare`."""
     limits = limits or TareLimits()
-    n, n_d, reads = window.samples, inverse_map.n_gauges, window.reads
+    n, n_d, reads = window.samples, inverse_map.n_strain_gauges, window.reads
     of_loads = known or KnownStrain(value=np.zeros(n_d))
     memory, own = _memory(window)
     rise, rise_std = _rise(window)
@@ -243,10 +243,11 @@ def _drift_faults(held: InverseMap, rise: FloatArray, limits: TareLimits) -> lis
 
 
 def _scatter_faults(held: InverseMap, scatter: FloatArray) -> list[str]:
-    if np.all(scatter <= LOUD * held.noise_std):
+    noise_std = held.noise_std[: len(scatter)]
+    if np.all(scatter <= LOUD * noise_std):
         return []
-    worst = int(np.argmax(scatter / held.noise_std))
-    size, noise = 1e6 * scatter[worst], 1e6 * held.noise_std[worst]
+    worst = int(np.argmax(scatter / noise_std))
+    size, noise = 1e6 * scatter[worst], 1e6 * noise_std[worst]
     return [
         f"readings move: gauge '{held.gauge_names[worst]}' by {size:.3g} um/m rms, expected at most {LOUD:g} "
         f"times its noise of {noise:.3g} um/m"
@@ -263,13 +264,13 @@ def _size_faults(held: InverseMap, value: FloatArray, limits: TareLimits) -> lis
 
 def _load_faults(held: InverseMap, value: FloatArray, reads: BoolArray) -> list[str]:
     """Zeros are random from gauge to gauge; the strain of a flight has a pattern."""
-    along = held.mean_strain[reads]
+    along = held.mean_strain[: len(reads)][reads]
     n, size = len(along), float(np.linalg.norm(along))
     if n < 8 or not size > 0.0:
         return []
     part = float(value[reads] @ along) / size
     rest = np.sqrt(max(float(value[reads] @ value[reads]) - part**2, 0.0) / (n - 1))
-    limit = max(LIKE_LOAD * rest, LIKE_LOAD * float(np.median(held.noise_std)))
+    limit = max(LIKE_LOAD * rest, LIKE_LOAD * float(np.median(held.noise_std[: len(reads)])))
     if abs(part) <= limit:
         return []
     return [
@@ -283,7 +284,7 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = [
         f"gauge '{name}': reads in less than {100 * LEAST_PART:g} % of the window: no zero, not to be used"
-        for name, one in zip(held.gauge_names, reads, strict=True)
+        for name, one in zip(held.gauge_names[: len(reads)], reads, strict=True)
         if not one
     ]
     still = [held.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]

@@ -30,7 +30,7 @@ class TareState(IntEnum):
 
 
 class EdgeTare:
-    """Takes the tare of the gauges of ``held``.
+    """Takes the tare of the strain gauges of ``held``.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class EdgeTare:
         self._map, self._limits = held, TareLimits()
         self.state, self.is_up = TareState.IDLE, False
         self.zeros: GaugeZeros | None = None
-        self.window = ReadingWindow(n_gauges=held.n_gauges)
+        self.window = ReadingWindow(n_gauges=held.n_strain_gauges)
         self.text = ""
 
     def follow(self, is_up: bool) -> bool:
@@ -53,7 +53,7 @@ class EdgeTare:
         rises, falls = is_up and not self.is_up, self.is_up and not is_up
         self.is_up = is_up
         if rises:
-            self.state, self.window = TareState.AVERAGING, ReadingWindow(n_gauges=self._map.n_gauges)
+            self.state, self.window = TareState.AVERAGING, ReadingWindow(n_gauges=self._map.n_strain_gauges)
         return falls and self.state == TareState.AVERAGING and self._finish()
 
     def take(self, strain: FloatArray, dynamic_pressure: float) -> None:
@@ -90,7 +90,7 @@ class EdgeTare:
             It cannot be; then nothing has changed.
         """
         state, is_up = saved["flag"]
-        zeros, n = saved["zeros"], self._map.n_gauges
+        zeros, n = saved["zeros"], self._map.n_strain_gauges
         if zeros is not None:
             value, std, common = zeros
             zeros = GaugeZeros(

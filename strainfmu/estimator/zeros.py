@@ -1,4 +1,7 @@
-"""Zeros of the gauges: what each reads without strain, and how well that is known."""
+"""Zeros of the strain gauges: what each reads without strain, and how well that is known.
+
+Further sensors of a map have none: what they read without load is taken off before.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ LARGEST_ZERO = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GaugeZeros:
-    """Zeros of n_d gauges, taken off what they read.
+    """Zeros of n_d strain gauges, taken off what they read.
 
     Attributes
     ----------
@@ -70,6 +73,12 @@ def with_zero_errors(inverse_map: InverseMap, zeros: GaugeZeros) -> InverseMap:
     InputError
         They are of another number of gauges.
     """
-    if len(zeros.value) != inverse_map.n_gauges:
-        raise InputError(f"zeros: expected {inverse_map.n_gauges} values, got {len(zeros.value)}")
-    return with_added_noise(inverse_map, zeros.covariance)
+    n = inverse_map.n_strain_gauges
+    if len(zeros.value) != n:
+        raise InputError(f"zeros: expected {n} values, got {len(zeros.value)}")
+    return with_added_noise(inverse_map, np.pad(zeros.covariance, (0, inverse_map.n_gauges - n)))
+
+
+def zero_of_rows(inverse_map: InverseMap, zeros: GaugeZeros) -> FloatArray:
+    """Return (n_d,) what ``zeros`` take off the rows of ``inverse_map`` [m/m], 0 of further sensors."""
+    return np.pad(zeros.value, (0, inverse_map.n_gauges - inverse_map.n_strain_gauges))

@@ -8,11 +8,13 @@ from math import atan2, degrees
 import numpy as np
 
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.sensors import SensorRows
 from strainfmu.estimator.temperature import ThermalMap
 from strainfmu.estimator.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation import Section
 from strainfmu.fmu.reference_run import ReferenceRun, estimate_figure
 from strainfmu.fmu.reference_strains import failing_gauge, reference_strains
+from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
 from strainfmu.pages import table_html
 from strainfmu.version import __version__
 
@@ -70,9 +72,9 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
         (
             "What it computes",
             [
-                f"From the strains of {inverse_map.n_gauges} gauges it estimates the aerodynamic forces and "
-                f"moments {_how(inverse_map)}, each with its standard deviation. "
-                "A state of health states how far they can be trusted.",
+                f"From the strains of {inverse_map.n_strain_gauges} gauges{_and_sensors(inverse_map)} it "
+                f"estimates the aerodynamic forces and moments {_how(inverse_map)}, each with its standard "
+                "deviation. A state of health states how far they can be trusted.",
                 f"Vehicle: {escape(inverse_map.vehicle)}. S = {inverse_map.reference_area:.6g} m², "
                 f"L = {inverse_map.reference_length:.6g} m. Map: <code>{content_hash}</code>.",
                 "Body axes: x aft from the nose tip, y starboard, z up. SI units; strain in m/m.",
@@ -88,6 +90,7 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
         ("Gauges", [_gauge_table(inverse_map)]),
+        *([] if inverse_map.sensors is None else [("Sensors", _sensors(inverse_map, inverse_map.sensors))]),
         *([] if inverse_map.thermal is None else [("Temperature", _temperature(inverse_map.thermal))]),
         (
             "How to cite",
@@ -97,6 +100,12 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
     ]
+
+
+def _and_sensors(inverse_map: InverseMap) -> str:
+    """Return words for the further sensors, if there are any."""
+    count = inverse_map.n_gauges - inverse_map.n_strain_gauges
+    return f" and the readings of {count} further sensor{'s' if count > 1 else ''}" if count else ""
 
 
 def _how(inverse_map: InverseMap) -> str:
@@ -117,8 +126,8 @@ def _example_text(inverse_map: InverseMap, run: ReferenceRun) -> str:
     return (
         "The reference run in extra/org.fmi-standard.fmi-ls-ref: a motion within what the snapshots cover, with "
         "errors of the strains as large as the map states them. A step shows the inputs at its start. From "
-        f"{begin:g} to {end:g} s gauge {escape(inverse_map.gauge_names[gauge])} reads {1e6 * size:.3g} um/m too "
-        "much."
+        f"{begin:g} to {end:g} s {_kind(inverse_map, gauge)} {escape(inverse_map.gauge_names[gauge])} reads "
+        f"{_reading(inverse_map, gauge, size)} too much."
     )
 
 
@@ -157,26 +166,62 @@ def _temperature(thermal: ThermalMap) -> list[str]:
     return [text, table_html(("No.", "Sensor", "Sigma [K]"), rows, caption="Sensors in the order of temperature")]
 
 
-def _gauge_table(inverse_map: InverseMap) -> str:
+def _kind(inverse_map: InverseMap, row: int) -> str:
+    return "gauge" if row < inverse_map.n_strain_gauges else "sensor"
+
+
+def _reading(inverse_map: InverseMap, row: int, value: float) -> str:
+    """Return what a row of the map reads at ``value`` [m/m], with its unit."""
+    sensors = inverse_map.sensors
+    if sensors is None or row < inverse_map.n_strain_gauges:
+        return f"{1e6 * value:.3g} um/m"
+    return f"{sensors.scale[row] * value:.3g} {sensors.unit[row]}"
+
+
+def _sensors(inverse_map: InverseMap, sensors: SensorRows) -> list[str]:
+    """Return what the further sensors are, and how they are used."""
+    first = inverse_map.n_strain_gauges
     rows = [
         (
-            str(number),
+            str(row + 1),
             name,
-            f"{position[0]:.4g}",
-            f"{degrees(atan2(position[1], position[2])) % 360.0:.4g}",
-            ", ".join(f"{part:.3g}" for part in direction.round(9) + 0.0),
-            f"{1e6 * sigma:.3g}",
+            sensors.kind[row],
+            *_place(inverse_map, row),
+            _reading(inverse_map, row, float(inverse_map.noise_std[row])),
+            f"{sensors.largest[row]:.4g} {sensors.unit[row]}",
         )
-        for number, (name, position, direction, sigma) in enumerate(
-            zip(
-                inverse_map.gauge_names,
-                inverse_map.gauge_position,
-                inverse_map.gauge_direction,
-                inverse_map.noise_std,
-                strict=True,
-            ),
-            start=1,
-        )
+        for row, name in enumerate(sensor_names(inverse_map), start=first)
+    ]
+    text = (
+        "Each is an input with a unit of its own, and has a flag of valid behind those of the gauges: its number "
+        "is that in valid and in health.suspect_gauge. One that is not finite, beyond its range, or not valid is "
+        "left out as a gauge is. Zeros and tare are those of the strain gauges: give readings less zeros of their "
+        "own."
+    )
+    headings = ("No.", "Input", "Kind", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma", "Range")
+    return [
+        text + (_THRUST_TEXT if has_thrust(inverse_map) else ""),
+        table_html(headings, rows, caption="Further sensors"),
+    ]
+
+
+_THRUST_TEXT = (
+    f" The input {THRUST}, forward along the axis, is taken off what sensors read of it; where it is not known, "
+    "NaN or -1e9, those that it moves are left out."
+)
+
+
+def _place(inverse_map: InverseMap, row: int) -> tuple[str, str, str]:
+    """Return station, roll angle and direction of a row of the map."""
+    x, y, z = inverse_map.gauge_position[row].tolist()
+    direction = ", ".join(f"{part:.3g}" for part in inverse_map.gauge_direction[row].round(9) + 0.0)
+    return f"{x:.4g}", f"{degrees(atan2(y, z)) % 360.0:.4g}", direction
+
+
+def _gauge_table(inverse_map: InverseMap) -> str:
+    rows = [
+        (str(row + 1), name, *_place(inverse_map, row), f"{1e6 * inverse_map.noise_std[row]:.3g}")
+        for row, name in enumerate(inverse_map.gauge_names[: inverse_map.n_strain_gauges])
     ]
     headings = ("No.", "Gauge", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma [um/m]")
     return table_html(headings, rows, caption="Gauges in the order of the strains")

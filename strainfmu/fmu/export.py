@@ -17,7 +17,6 @@ from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
 from strainfmu.fmu.description import FmuDescription
@@ -33,6 +32,7 @@ from strainfmu.fmu.reference_run import layered_standard_files, reference_run
 from strainfmu.fmu.terminals import terminal_files
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.plant_variables import plant_interface
+from strainfmu.interface.sensor_variables import sensor_names
 from strainfmu.version import __version__
 
 KINDS = ("native", "python")
@@ -121,7 +121,6 @@ def export_estimator(
     map_path, fmu_path = Path(map_path), Path(fmu_path)
     check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
-    refuse_sensors(inverse_map.sensors, f"{map_path}: FMU")
     if options.estimator == "linear" and inverse_map.manifold is not None:
         with TemporaryDirectory() as folder:
             linear = Path(folder) / "map.h5"
@@ -144,7 +143,7 @@ def _native_estimator(
     interface = estimator_interface(inverse_map)
     description = FmuDescription(
         model_name=options.model_name,
-        description=f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
+        description=_described(inverse_map),
         interface=interface if version == "2" else estimator_arrays(interface),
         content_hash=hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
         stop_time=_STOP_TIME,
@@ -171,7 +170,7 @@ def _python_estimator(
     code = slave_code("estimator_slave", _ESTIMATOR_SOURCES)
     description = FmuDescription(
         model_name=options.model_name,
-        description=f"Aerodynamic loads from the strain of {inverse_map.n_gauges} gauges: {inverse_map.vehicle}",
+        description=_described(inverse_map),
         interface=estimator_interface(inverse_map),
         content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode()).hexdigest(),
         stop_time=_STOP_TIME,
@@ -186,25 +185,41 @@ def _python_estimator(
     }
 
 
+def _described(inverse_map: InverseMap) -> str:
+    """Return in one line what the FMU of ``inverse_map`` does."""
+    n = inverse_map.n_strain_gauges
+    further = inverse_map.n_gauges - n
+    sensors = f" and {further} further sensor{'s' if further > 1 else ''}" if further else ""
+    return f"Aerodynamic loads from the strain of {n} gauges{sensors}: {inverse_map.vehicle}"
+
+
+def _terminals(inverse_map: InverseMap) -> dict[str, tuple[tuple[str, ...], str]]:
+    """Return arrays or variables, and the description, of each connector."""
+    sensors = sensor_names(inverse_map)
+    found: dict[str, tuple[tuple[str, ...], str]] = {"gauges": (("strain",), "Strain of every gauge")}
+    return found | {"sensors": (sensors, "What every further sensor reads")} if sensors else found
+
+
 def _estimator_extras(
     description: FmuDescription, inverse_map: InverseMap, content_hash: str, kind: str
 ) -> dict[str, bytes]:
     """Return what both kinds hold besides code and data: page, pictures, terminals, reference run."""
-    run = reference_run(inverse_map)
+    run, n = reference_run(inverse_map), inverse_map.n_strain_gauges
     pages = documentation_files(description, estimator_sections(inverse_map, content_hash, run), kind)
     contents = {
         "kind": kind,
         "strainfmu_version": __version__,
         "map": content_hash,
         "vehicle": inverse_map.vehicle,
-        "gauges": list(inverse_map.gauge_names),
-        "gauge_noise_um_per_m": [float(f"{1e6 * std:.6g}") for std in inverse_map.noise_std],
+        "gauges": list(inverse_map.gauge_names[:n]),
+        "gauge_noise_um_per_m": [float(f"{1e6 * std:.6g}") for std in inverse_map.noise_std[:n]],
+        "sensors": dict(zip(inverse_map.gauge_names[n:], sensor_names(inverse_map), strict=True)),
         "validity": {one.quantity: one.text for one in all_ranges(inverse_map)},
     }
     return {
         CONTENTS: json.dumps(contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
-        **terminal_files(description, {"gauges": ("strain", "Strain of every gauge")}, "estimator"),
+        **terminal_files(description, _terminals(inverse_map), "estimator"),
         **layered_standard_files(run, description.interface),
     }
 
@@ -258,7 +273,7 @@ def export_plant(
         **python_entries(description, code, payload),
         CONTENTS: json.dumps(contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
-        **terminal_files(description, {"gauges": ("strain", "Strain of every gauge")}, "plant"),
+        **terminal_files(description, {"gauges": (("strain",), "Strain of every gauge")}, "plant"),
         **reference.files(description.interface),
     }
     write_archive(fmu_path, entries)

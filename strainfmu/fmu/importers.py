@@ -47,13 +47,26 @@ def write_table(path: Path, table: Table) -> None:
 
 
 def run_fmpy(fmu: Path, table: Table) -> Table:
-    """Simulate with FMPy."""
+    """Simulate with FMPy, whose tables hold arrays or scalars: scalars beside arrays are set on their own."""
     import fmpy
 
+    has_arrays = any(len(cells[0]) > 1 for cells in table.values())
+    scalars = [name for name, cells in table.items() if name != "time" and has_arrays and len(cells[0]) == 1]
+    together = {name: cells for name, cells in table.items() if name not in scalars}
+    references = [variable.valueReference for name, variable in _variables(fmu).items() if name in scalars]
+    names = [name for name in _variables(fmu) if name in scalars]
+
+    def set_scalars(time: float, recorder: Any) -> bool:
+        row = min(len(table["time"]) - 1, round(time / (table["time"][1][0] - table["time"][0][0])))
+        if scalars:
+            recorder.fmu.setFloat64(references, [table[name][row][0] for name in names])
+        return True
+
     shapes = [
-        (name, float) if len(cells[0]) == 1 else (name, float, (len(cells[0]),)) for name, cells in table.items()
+        (name, float) if len(cells[0]) == 1 else (name, float, (len(cells[0]),))
+        for name, cells in together.items()
     ]
-    rows = zip(*table.values(), strict=True)
+    rows = zip(*together.values(), strict=True)
     signals = np.array(
         [tuple(cell[0] if len(cell) == 1 else tuple(cell) for cell in row) for row in rows], dtype=shapes
     )
@@ -63,6 +76,8 @@ def run_fmpy(fmu: Path, table: Table) -> Table:
         stop_time=time[-1],
         output_interval=time[1] - time[0],
         input=signals,
+        start_values={name: table[name][0][0] for name in scalars},
+        step_finished=set_scalars,
         fmi_type="CoSimulation",
         debug_logging=True,  # some FMUs say what is wrong only then; fmpy prints it
     )

@@ -10,7 +10,8 @@ Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonl
 (:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), temperature modes
 (:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`), limits of
 a tare (:mod:`strainfmu.fmu.tare_resource`), further parameters of the flow
-(:mod:`strainfmu.fmu.parameter_resource`). A bound that the map does not state is the largest finite number.
+(:mod:`strainfmu.fmu.parameter_resource`), further sensors (:mod:`strainfmu.fmu.sensor_resource`). A bound that the
+map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -54,6 +55,7 @@ from strainfmu.fmu.filter_resource import filter_section
 from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
 from strainfmu.fmu.parameter_resource import parameter_section
+from strainfmu.fmu.sensor_resource import sensor_section
 from strainfmu.fmu.tare_resource import tare_section
 from strainfmu.fmu.thermal_resource import thermal_section
 from strainfmu.interface.filter_variables import has_filter
@@ -129,6 +131,8 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
     known = flow_parameters(inverse_map)
     if known.names:
         sections.append(parameter_section(known))
+    if inverse_map.sensors is not None:
+        sections.append(sensor_section(inverse_map.sensors))
     return sections
 
 

@@ -231,7 +231,7 @@ def _native_fmu(
     pages = documentation_files(description, [*sections, *reference.sections(interface)], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
     arrays = {variable.array for variable in interface}
-    terminals = {"gauges": ("strain", "Strain of every gauge")} if "strain" in arrays else {}
+    terminals = {"gauges": (("strain",), "Strain of every gauge")} if "strain" in arrays else {}
     icon = "plant" if kind is ModelKind.PLANT else None
     return {
         **native_entries(

@@ -23,8 +23,9 @@ from strainfmu.estimator.tare_edge import TareState
 from strainfmu.fmu.reference_strains import reference_strains, reference_truth
 from strainfmu.fmu.run_figure import Line, Panel, run_figure
 from strainfmu.interface.estimator_variables import estimator_interface, output_values
-from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable
 from strainfmu.interface.further_variables import has_further_outputs
+from strainfmu.interface.sensor_variables import reading_names
 
 STEP_SIZE = 0.05
 N_ROWS = 21
@@ -57,12 +58,14 @@ class ReferenceRun:
 def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     """Return a run within what the snapshots cover, with errors as the map states them, and a gauge that fails.
 
-    Strains are those of :func:`~strainfmu.fmu.reference_strains.reference_strains`, rounded to 9 digits, so that
-    files hold exactly what the outputs belong to. Navigation keeps its start values: FMPy 0.3 takes no table with
-    an array and a scalar of one type.
+    Strains, and readings of further sensors without thrust, are those of
+    :func:`~strainfmu.fmu.reference_strains.reference_strains`, rounded to 9 digits, so that files hold exactly
+    what the outputs belong to. Navigation keeps its start values: FMPy 0.3 takes no table with an array and a
+    scalar of one type, as that of FMI 3.0 is with further sensors.
     """
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
     rows, _ = reference_strains(inverse_map, N_ROWS)
+    rows = rows if inverse_map.sensors is None else rows * inverse_map.sensors.scale
     strain = np.array([[float(format(value, INPUT_FORMAT)) for value in row] for row in rows.tolist()])
     values = np.array(
         [
@@ -75,7 +78,7 @@ def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     signals = dict(zip(outputs, held.T, strict=True))
     # As many states as gauges leave no residual: then chi-square is round-off, whose digits follow the processor.
     signals["health.chi_square"] = np.round(signals["health.chi_square"], CHI_SQUARE_DECIMALS)
-    names = strain_names(inverse_map.n_gauges)
+    names = reading_names(inverse_map)
     return ReferenceRun(np.array(time), dict(zip(names, strain.T, strict=True)), signals)
 
 

@@ -19,6 +19,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
@@ -52,6 +53,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
     also in a C host, where a C compiler is found, beside the bare product in C.
     """
     inverse_map = load_inverse_map(map_path)
+    refuse_sensors(inverse_map.sensors, f"{map_path}: cost of a step")
     costs = {}
     with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
         for name, options in KINDS.items():

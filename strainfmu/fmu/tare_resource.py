@@ -18,7 +18,7 @@ SECTION = b"TARE\0\0\0\0"
 
 
 def tare_section(inverse_map: InverseMap) -> bytes:
-    """Return the section: limits, then the noise of each gauge of ``inverse_map`` (n_d,) [m/m]."""
+    """Return the section: limits, then the noise of each strain gauge of ``inverse_map`` [m/m]."""
     limits = TareLimits()
     numbers = [
         limits.dynamic_pressure,
@@ -32,5 +32,5 @@ def tare_section(inverse_map: InverseMap) -> bytes:
         LOUD,
         LIKE_LOAD,
     ]
-    values = np.concatenate([numbers, inverse_map.noise_std])
+    values = np.concatenate([numbers, inverse_map.noise_std[: inverse_map.n_strain_gauges]])
     return section(SECTION, values.astype("<f8").tobytes())

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import atan2, degrees
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
@@ -17,13 +16,15 @@ from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, 
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
-from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names, with_arrays
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, with_arrays
 from strainfmu.interface.further_variables import FURTHER_ARRAYS, further_outputs, with_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
 from strainfmu.interface.input_names import known_flow as known_flow
 from strainfmu.interface.parameter_variables import with_parameter_inputs
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import place_text, reading_names, sensor_inputs, with_thrust_input
 from strainfmu.interface.tare_variables import TARE_ARRAYS, with_tare_variables
 from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_temperature_inputs
 from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
@@ -52,7 +53,8 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     Outputs come first, the coefficients before all others, because FMI tools plot what comes first. A gauge that
     goes invalid changes the gain, so that every output depends on every strain and on every ``valid``.
     """
-    gauges = (*strain_names(inverse_map.n_gauges), *valid_names(inverse_map.n_gauges))
+    gauges = (*reading_names(inverse_map), *valid_names(inverse_map.n_gauges))
+    strain_gauges = inverse_map.gauge_names[: inverse_map.n_strain_gauges]
     linear = (
         *_estimated_coefficients(inverse_map, gauges),
         *_estimated_loads(inverse_map, gauges),
@@ -62,9 +64,9 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
         *_parameters(inverse_map),
     )
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
-    whole = with_zero_parameters(whole, inverse_map.gauge_names)
-    whole = with_filter_parameter(with_temperature_inputs(whole, inverse_map.thermal), inverse_map)
-    whole = with_tare_variables(with_further_outputs(whole, inverse_map), inverse_map.gauge_names)
+    whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges), inverse_map.thermal)
+    whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
+    whole = with_tare_variables(with_further_outputs(whole, inverse_map), strain_gauges)
     return with_parameter_inputs(whole, inverse_map)
 
 
@@ -97,7 +99,9 @@ def _linear_outputs(estimate: LoadEstimate) -> list[float]:
 
 def estimator_arrays(interface: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return the variables of the FMI 3.0 estimator in the order of their value references."""
-    return with_arrays(interface, ARRAYS)
+    has_sensors = any(one.name.startswith(SENSOR_PREFIX) for one in interface)
+    valid = "Whether each gauge, then each sensor, may be used; order of the inputs"
+    return with_arrays(interface, {**ARRAYS, "valid": valid} if has_sensors else ARRAYS)
 
 
 ARRAYS = {
@@ -118,14 +122,15 @@ ARRAYS = {
 
 def _gauge_text(gauge: str, x: float, y: float, z: float) -> str:
     """Return the description of the strain of ``gauge`` at x, y, z [m] in body axes."""
-    return f"Strain of gauge {gauge} at x = {x:.4g} m, roll angle {degrees(atan2(y, z)) % 360.0:.4g} deg"
+    return f"Strain of gauge {gauge} at {place_text(x, y, z)}"
 
 
 def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return strain and validity of every gauge.
+    """Return strain of every gauge, readings of further sensors, and whether each may be used.
 
     Strains have no minimum and no maximum: what lies beyond the sensor range is a state of health, not an error.
     """
+    n = inverse_map.n_strain_gauges
     strains = [
         Variable(
             name=f"strain[{i}]",
@@ -139,10 +144,10 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
         )
         for i, (gauge, (x, y, z), strain_range, noise) in enumerate(
             zip(
-                inverse_map.gauge_names,
-                inverse_map.gauge_position,
-                inverse_map.strain_range,
-                inverse_map.noise_std,
+                inverse_map.gauge_names[:n],
+                inverse_map.gauge_position[:n],
+                inverse_map.strain_range[:n],
+                inverse_map.noise_std[:n],
                 strict=True,
             ),
             start=1,
@@ -151,7 +156,7 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
     valid = [
         Variable(
             name=f"valid[{i}]",
-            description=f"Whether gauge {gauge} may be used",
+            description=f"Whether {'gauge' if i <= n else 'sensor'} {gauge} may be used",
             causality="input",
             variability="discrete",
             fmi_type="Boolean",
@@ -160,7 +165,7 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
         )
         for i, gauge in enumerate(inverse_map.gauge_names, start=1)
     ]
-    return [*strains, *valid]
+    return [*strains, *sensor_inputs(inverse_map), *valid]
 
 
 def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:

@@ -76,6 +76,8 @@ UNITS = (
     Unit("m2", (("m", 2),), (DisplayUnit("cm2", 1e4),)),
     Unit("rad", (("rad", 1),), (DisplayUnit("deg", 180.0 / pi),)),
     Unit("rad/s", (("rad", 1), ("s", -1)), (DisplayUnit("deg/s", 180.0 / pi),)),
+    Unit("m/s2", (("m", 1), ("s", -2))),
+    Unit("rad/s2", (("rad", 1), ("s", -2))),
     Unit("K", (("K", 1),)),
     Unit("s", (("s", 1),), (DisplayUnit("ms", 1e3),)),
     Unit("kg", (("kg", 1),)),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
@@ -25,11 +26,12 @@ from builder.vehicle.sensor_entries import (
     Ports,
     Sensors,
 )
+from strainfmu.cosim.estimator_source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimates
 from strainfmu.estimator.step import Estimator
-from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.export import ExportOptions, export_estimator
 
 PORTS = Ports(x_m=0.3, roll_deg=[0.0, 90.0, 180.0, 270.0], std_Pa=300.0, range_Pa=2e5, gain_percent=0.25)
 IMU = InertialUnit(x_m=1.2, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=130.0, thrust_std_N=5.0)
@@ -281,11 +283,23 @@ def test_faults_of_the_section(vehicle: Vehicle, snapshots: Snapshots, structure
         LoadCells(**(CELLS.model_dump() | {"components": ["axial", "axial"]}))
 
 
-def test_what_takes_strain_alone_refuses_such_a_map(
+def test_fmu_holds_the_sensors_and_the_bridge_refuses_them(
     tmp_path: Path, vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     inverse_map = build_inverse_map(with_sensors(vehicle, Sensors(ports=PORTS)), snapshots, structure)
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     assert load_inverse_map(tmp_path / "map.h5").sensors is not None
-    with pytest.raises(InputError, match="expected a map of strain gauges alone, got one with pressure sensors"):
-        export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu")
+    export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu", ExportOptions(platforms=["linux64"]))
+    variables = {one.name: one for one in read_model_description(str(tmp_path / "estimator.fmu")).modelVariables}
+    assert [name for name in variables if name.startswith("sensor.")] == [
+        f"sensor.port_{roll}deg" for roll in (0, 90, 180, 270)
+    ]
+    assert variables["sensor.port_90deg"].unit == "Pa"
+    assert "thrust" not in variables
+    sources = {
+        "map.h5": "expected a map of strain gauges alone, got one with pressure sensors",
+        "estimator.fmu": "expected an FMU of strain gauges alone, got one with the input 'sensor.port_0deg'",
+    }
+    for name, text in sources.items():
+        with pytest.raises(InputError, match=text), open_step(tmp_path / name):
+            pass

@@ -19,12 +19,21 @@ static const char *const SETTING_NAMES[] = {
 };
 
 size_t first_temperature(const Estimator *e) {
-    return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->map.n_gauges);
+    return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->sensors.n_strains);
+}
+
+/* The first input behind the temperatures. */
+static size_t behind_temperatures(const Estimator *e) {
+    return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0);
+}
+
+size_t thrust_input(const Estimator *e) {
+    return e->sensors.has_thrust ? behind_temperatures(e) : SIZE_MAX;
 }
 
 size_t first_parameter(const Estimator *e) {
     const int has_filter = e->map.section[FILTER_SECTION].content != NULL;
-    return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0) + (has_filter ? 1 : 0);
+    return behind_temperatures(e) + (has_filter || e->sensors.has_thrust ? 1 : 0);
 }
 
 size_t estimator_inputs(const Estimator *e) {
@@ -96,7 +105,8 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         estimator_free(e);
         return NULL;
     }
-    if (!flow_parameters_parse(&e->map.section[PARAMETER_SECTION], &e->parameters, text)) {
+    if (!flow_parameters_parse(&e->map.section[PARAMETER_SECTION], &e->parameters, text)
+        || !sensor_rows_parse(&e->map.section[SENSOR_SECTION], e->map.n_gauges, &e->sensors, text)) {
         estimator_free(e);
         return NULL;
     }
@@ -107,7 +117,8 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL
                           || section[FURTHER_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
-        || (e->parameters.count > 0 && section[FLIGHT_SECTION].content != NULL)
+        || ((e->parameters.count > 0 || section[SENSOR_SECTION].content != NULL)
+            && section[FLIGHT_SECTION].content != NULL)
         || (section[FILTER_SECTION].content != NULL && filters_else)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
@@ -126,7 +137,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         scaled_prepare(e);
     }
     if (!flight_create(e, text)
-        || !tare_create(&section[TARE_SECTION], e->map.n_gauges, e->map.largest_zero, &e->tare, text)) {
+        || !tare_create(&section[TARE_SECTION], e->sensors.n_strains, e->map.largest_zero, &e->tare, text)) {
         estimator_free(e);
         return NULL;
     }
@@ -159,9 +170,9 @@ void estimator_reset(Estimator *e) {
     scalar[REFERENCE_LENGTH] = e->map.reference_length;
     scalar[MOMENT_STATION] = e->map.moment_station;
     scalar[MACH_NUMBER_STD] = scalar[STATIC_PRESSURE] = scalar[STATIC_PRESSURE_STD] = e->map.not_known;
-    memset(scalar + N_ALL_SCALARS, 0, number_of_zeros(n) * sizeof *scalar);
+    memset(scalar + N_ALL_SCALARS, 0, number_of_zeros(e->sensors.n_strains) * sizeof *scalar);
     for (size_t k = first_temperature(e); k < estimator_inputs(e); k++) {
-        e->input[k] = e->map.not_known;
+        e->input[k] = k == thrust_input(e) ? 0.0 : e->map.not_known;
     }
     if (e->flight.filter.present) {
         e->input[filter_setting(e)] = 0.0;
@@ -173,7 +184,7 @@ void estimator_reset(Estimator *e) {
 
 /* Whether value may be given to one of the zeros or their deviations, by its index among them. */
 static int accepts_zero(const Estimator *e, size_t which, double value, char *text) {
-    const size_t n = e->map.n_gauges;
+    const size_t n = e->sensors.n_strains;
     const double largest = e->map.largest_zero, smallest = which < n ? -largest : 0.0;
     char name[32] = "zero_common_std";
     if (value >= smallest && value <= largest) {
@@ -217,9 +228,23 @@ int estimator_accepts(const Estimator *e, size_t index, double value, char text[
     return 0;
 }
 
+/* What a further sensor, by its number behind the strain gauges, reads without thrust. */
+static double sensor_reading(const Estimator *e, size_t which) {
+    const size_t place = thrust_input(e);
+    const double thrust = place == SIZE_MAX ? 0.0 : e->input[place];
+    const double reading = e->input[e->sensors.n_strains + which];
+    return without_thrust(&e->sensors, which, reading, thrust == e->map.not_known ? NAN : thrust);
+}
+
+/* Whether what a further sensor reads is a number within its range. */
+static int sensor_works(const Estimator *e, size_t which) {
+    return fabs(sensor_reading(e, which)) <= e->sensors.largest[which];
+}
+
 /* Whether a gauge is in use: the caller trusts it, and its strain is a number within the sensor range. */
 static inline unsigned char in_use(const Estimator *e, size_t i, double range) {
-    return (unsigned char)(e->valid[i] & (fabs(e->input[i]) <= range));
+    const size_t n = e->sensors.n_strains;
+    return (unsigned char)(e->valid[i] & (i < n ? fabs(e->input[i]) <= range : sensor_works(e, i - n)));
 }
 
 /* Whether the gauges in use are those of e->masked. */
@@ -229,8 +254,11 @@ static int same_mask(const Estimator *e, double range) {
         return 0;
     }
     int broken = 0;
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < e->sensors.n_strains; i++) {
         broken |= !(fabs(e->input[i]) <= range);
+    }
+    for (size_t k = 0; k < e->sensors.count; k++) {
+        broken |= !sensor_works(e, k);
     }
     if (!broken) {
         return memcmp(e->masked->mask, e->valid, n) == 0;
@@ -347,20 +375,20 @@ int estimator_linear_loads(Estimator *e, double dynamic_pressure, double deviati
     return found;
 }
 
-/* The covariance of the errors of the zeros in use. */
+/* The covariance of the errors of the zeros in use; further sensors have none. */
 static void set_added_noise(Estimator *e) {
-    const size_t n = e->map.n_gauges;
+    const size_t n = e->sensors.n_strains, stride = e->map.n_gauges;
     const double common = e->noise_std[n] * e->noise_std[n];
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j < n; j++) {
-            e->noise.added[i * n + j] = common + (i == j ? e->noise_std[i] * e->noise_std[i] : 0.0);
+            e->noise.added[i * stride + j] = common + (i == j ? e->noise_std[i] * e->noise_std[i] : 0.0);
         }
     }
 }
 
 /* The matrices for the temperature sensors that are known, and for the deviations of zeros. */
 static void renew_noise(Estimator *e, int other_sensors) {
-    const size_t n = e->map.n_gauges;
+    const size_t n = e->sensors.n_strains;
     const double *std = zeros_in_use(e) + n;
     e->noise_outdated = 0;
     if (other_sensors) {
@@ -383,10 +411,14 @@ static void renew_noise(Estimator *e, int other_sensors) {
     }
 }
 
-static void set_strain(Estimator *e) {
+void estimator_set_strain(Estimator *e) {
     const double *restrict zero = zeros_in_use(e);
-    for (size_t i = 0; i < e->map.n_gauges; i++) {
+    const size_t n = e->sensors.n_strains;
+    for (size_t i = 0; i < n; i++) {
         e->strain[i] = e->input[i] - zero[i];
+    }
+    for (size_t k = 0; k < e->sensors.count; k++) {
+        e->strain[n + k] = sensor_reading(e, k) / e->sensors.scale[k];
     }
 }
 
@@ -402,7 +434,7 @@ void estimator_follow_tare(Estimator *e) {
 void estimator_take_readings(Estimator *e) {
     const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
     if (tare_is_averaging(&e->tare)) {
-        for (size_t i = 0; i < e->map.n_gauges; i++) {
+        for (size_t i = 0; i < e->sensors.n_strains; i++) {
             e->tare.reading[i] = in_use(e, i, range) ? e->input[i] : NAN;
         }
         tare_take(&e->tare, known_input(e, DYNAMIC_PRESSURE));
@@ -415,7 +447,7 @@ const double *estimator_outputs(Estimator *e) {
         if (e->noise_outdated || other_sensors) {
             renew_noise(e, other_sensors);
         }
-        set_strain(e);
+        estimator_set_strain(e);
         if (e->thermal.present) {
             thermal_correct(&e->thermal, e->strain);
         }

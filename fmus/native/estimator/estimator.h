@@ -13,6 +13,7 @@
 #include "further_loads.h"
 #include "masked_map.h"
 #include "scaled_state.h"
+#include "sensor_rows.h"
 #include "tare.h"
 #include "thermal.h"
 
@@ -45,7 +46,7 @@ enum {
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
-/* Indices of the real inputs after the strains; the last five are settings. */
+/* Indices of the real inputs after the readings: strains, then further sensors; the last five are settings. */
 enum {
     DYNAMIC_PRESSURE,     /* [Pa] */
     DYNAMIC_PRESSURE_STD, /* [Pa]; this and the next two may be NaN or the map's not_known */
@@ -63,11 +64,12 @@ enum {
     N_ALL_SCALARS
 };
 
-/* After the scalars: zero of each gauge, deviation of each of them, deviation that they have in common [1]; then the
-   temperature of each sensor [K], which may be NaN or the map's not_known; or the time constant of the filter [s], 0 for
-   none, of a map that has one, which has no sensors. Then further parameters of the flow, as temperatures. */
-static inline size_t number_of_zeros(size_t n_gauges) {
-    return 2 * n_gauges + 1;
+/* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
+   the temperature of each sensor [K], which may be NaN or the map's not_known; thrust [N], as temperatures, of a map
+   with sensors that it moves; or the time constant of the filter [s], 0 for none, of a map that has one, which has
+   neither. Then further parameters of the flow, as temperatures. */
+static inline size_t number_of_zeros(size_t n_strains) {
+    return 2 * n_strains + 1;
 }
 
 typedef struct Estimator {
@@ -75,8 +77,9 @@ typedef struct Estimator {
     Map map;
     unsigned char *bytes; /* of map.bin */
     void *memory;         /* of all arrays below */
-    double *input;        /* (estimator_inputs) strains [1], scalars, zeros, temperatures */
-    double *strain;       /* (n_gauges) less zeros, at the reference temperature, since output was computed */
+    double *input;        /* (estimator_inputs) readings, scalars, zeros, temperatures, .. */
+    double *strain;       /* (n_gauges) less zeros, at the reference temperature, since output was computed; of further
+                             sensors the reading over its scale */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
     double output[N_OUTPUTS];
     HalfSpaces half_spaces;
@@ -84,12 +87,13 @@ typedef struct Estimator {
     size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
+    SensorRows sensors;   /* behind the strain gauges */
     FlowParameters parameters; /* of the flow */
     Further further;      /* of a map with loads beside the five */
     Thermal thermal;      /* of a map with temperature modes */
     Tare tare;
     AddedNoise noise;     /* errors of the zeros, */
-    double *noise_std;    /* (n_gauges + 1) the deviations that map holds for, */
+    double *noise_std;    /* (n_strains + 1) the deviations that map holds for, */
     int noise_outdated;   /* and whether those of the inputs may be others */
     MaskedMap *masked;
     MaskedMap cache[CACHED_MASKS];
@@ -117,8 +121,9 @@ void estimator_free(Estimator *estimator);
 /* Number of inputs and settings. */
 size_t estimator_inputs(const Estimator *estimator);
 
-/* Of the inputs, the first of the temperatures, and of the parameters of the flow. */
+/* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow. */
 size_t first_temperature(const Estimator *estimator);
+size_t thrust_input(const Estimator *estimator);
 size_t first_parameter(const Estimator *estimator);
 
 /* The parameter of the flow that leaves its range; SIZE_MAX for none. */
@@ -128,6 +133,9 @@ size_t estimator_outside(const Estimator *estimator);
 static inline const double *zeros_in_use(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : e->input + e->map.n_gauges + N_ALL_SCALARS;
 }
+
+/* Take the zeros in use off the strains of the inputs, and scale further sensors. */
+void estimator_set_strain(Estimator *estimator);
 
 /* A step or an event takes the input of the tare in; an accepted step also takes readings. */
 void estimator_follow_tare(Estimator *estimator);

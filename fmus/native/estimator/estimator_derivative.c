@@ -5,16 +5,19 @@
 
 /* Changes of the strains that the map sees, in place of those of the readings. */
 static void derive_strain(Estimator *e, double *d_input) {
-    const double *zero = zeros_in_use(e);
+    const SensorRows *rows = &e->sensors;
     const double *d_zero = d_input + e->map.n_gauges + N_ALL_SCALARS;
-    const int of_input = zero == e->input + e->map.n_gauges + N_ALL_SCALARS; /* not of a tare */
-    for (size_t i = 0; i < e->map.n_gauges; i++) {
+    const int of_input = zeros_in_use(e) == e->input + e->map.n_gauges + N_ALL_SCALARS; /* not of a tare */
+    const double d_thrust = rows->has_thrust ? d_input[thrust_input(e)] : 0.0;
+    for (size_t i = 0; i < rows->n_strains; i++) {
         d_input[i] -= of_input ? d_zero[i] : 0.0;
     }
+    for (size_t k = 0; k < rows->count; k++) {
+        double *d_reading = d_input + rows->n_strains + k;
+        *d_reading = without_thrust(rows, k, *d_reading, d_thrust) / rows->scale[k];
+    }
     if (e->thermal.present) {
-        for (size_t i = 0; i < e->map.n_gauges; i++) {
-            e->strain[i] = e->input[i] - zero[i];
-        }
+        estimator_set_strain(e);
         thermal_derive(&e->thermal, e->strain, d_input + first_temperature(e), d_input);
         thermal_correct(&e->thermal, e->strain);
     }

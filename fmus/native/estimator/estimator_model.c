@@ -254,7 +254,7 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
 
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    const size_t input = input_of(e, variable), first_std = 2 * e->map.n_gauges + N_ALL_SCALARS;
+    const size_t input = input_of(e, variable), first_std = e->map.n_gauges + N_ALL_SCALARS + e->sensors.n_strains;
     const int none = (input >= first_std && input < first_temperature(e)) || input == filter_setting(e);
     return none ? SIZE_MAX : input;
 }

@@ -1,6 +1,6 @@
 #include "estimator_variables.h"
 
-#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables; time follows them */
+#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and further sensors; time follows them */
 #define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 #define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
 #define OF_BODY 4u           /* M_R, its deviation, rolling moment, its deviation */
@@ -13,16 +13,21 @@ static size_t first_zero(const Estimator *e) {
 
 /* Value reference of FMI 3.0 of the first of the zeros. */
 static unsigned zero_reference(const Estimator *e) {
-    return LINEAR_REFERENCES + (e->flight.present ? FLIGHT_REFERENCES : 0);
+    return LINEAR_REFERENCES + (unsigned)e->sensors.count + (e->flight.present ? FLIGHT_REFERENCES : 0);
 }
 
-static int has_sensors(const Estimator *e) {
+static int has_temperatures(const Estimator *e) {
     return e->thermal.present && e->thermal.map.n_sensors > 0;
+}
+
+/* Value reference of FMI 3.0 of thrust, or of the time constant of the filter. */
+static unsigned thrust_reference(const Estimator *e) {
+    return zero_reference(e) + ZERO_REFERENCES + (unsigned)has_temperatures(e);
 }
 
 /* Value reference of FMI 3.0 of the first of the further loads. */
 static unsigned further_reference(const Estimator *e) {
-    return zero_reference(e) + ZERO_REFERENCES + (unsigned)(has_sensors(e) || e->flight.filter.present);
+    return thrust_reference(e) + (unsigned)(e->sensors.has_thrust || e->flight.filter.present);
 }
 
 static size_t n_sections(const Estimator *e) {
@@ -55,12 +60,12 @@ size_t tare_variable(const Estimator *e) {
 
 size_t zero_in_use(const Estimator *e, size_t variable) {
     const size_t number = variable - (tare_variable(e) + 2);
-    return e->tare.present && number < number_of_zeros(e->map.n_gauges) ? number : SIZE_MAX;
+    return e->tare.present && number < number_of_zeros(e->sensors.n_strains) ? number : SIZE_MAX;
 }
 
 /* Number of the first parameter of the flow; their scores follow. */
 static size_t first_parameter_variable(const Estimator *e) {
-    return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->map.n_gauges) : 0);
+    return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->sensors.n_strains) : 0);
 }
 
 size_t parameter_output(const Estimator *e, size_t variable) {
@@ -110,7 +115,7 @@ size_t input_of(const Estimator *e, size_t variable) {
         return variable - N_OUTPUTS;
     }
     const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
-    if (zero < first_parameter(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures */
+    if (zero < first_parameter(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures, then thrust or the filter's */
         return n + N_ALL_SCALARS + zero;
     }
     if (variable - first_parameter_variable(e) < e->parameters.count) {
@@ -138,9 +143,27 @@ Type model_type_of(const Model *model, size_t variable) {
 
 /* The flag, the state, then the zeros in use as those of the inputs. */
 static Selection tare_array(const Estimator *e, size_t which) {
-    const size_t n = e->map.n_gauges;
+    const size_t n = e->sensors.n_strains;
     const size_t first = tare_variable(e) + (which < 2 ? which : 2 + (which - 2) * n);
     return (Selection){NULL, first, which == 2 || which == 3 ? n : 1};
+}
+
+/* Zeros, their deviations, that in common, then temperatures, then a scalar. */
+static Selection input_array(const Estimator *e, unsigned reference) {
+    const size_t n = e->sensors.n_strains, which = reference - zero_reference(e), first = first_zero(e);
+    if (which < ZERO_REFERENCES) {
+        return (Selection){NULL, first + which * n, which < 2 ? n : 1};
+    }
+    const size_t n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
+    const int is_temperature = reference < thrust_reference(e);
+    return (Selection){NULL, first + number_of_zeros(n) + (is_temperature ? 0 : n_temperatures),
+                       is_temperature ? n_temperatures : 1};
+}
+
+static Selection further_array(const Estimator *e, size_t which) {
+    const size_t each = n_sections(e), section = which - OF_BODY;
+    return (Selection){NULL, first_further(e) + (which < OF_BODY ? which : OF_BODY + section * each),
+                       which < OF_BODY ? 1 : each};
 }
 
 /* Each array follows the one before it without a gap. */
@@ -149,34 +172,31 @@ Selection model_array(const Model *model, unsigned reference) {
         0,  5,                      /* coefficients, sigma_coefficients */
         10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
         20, 21, 22, 23, 24, 25, 26, /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
-        N_OUTPUTS,                  /* strain; valid, then scalar inputs and settings */
+        N_OUTPUTS,                  /* strain; further sensors; valid, then scalar inputs and settings */
     };
-    const size_t n = estimator_of(model)->map.n_gauges, strain = sizeof FIRST - 1;
-    Selection found = {NULL, 0, 0};
-    if (reference < strain) {
-        found.first = FIRST[reference];
-        found.count = (size_t)FIRST[reference + 1] - found.first;
-    } else if (reference < strain + 2) {
-        found.first = N_OUTPUTS + (reference - strain) * n;
-        found.count = n;
-    } else if (reference < zero_reference(estimator_of(model))) {
-        found.first = N_OUTPUTS + 2 * n + (reference - strain - 2);
-        found.count = 1;
-    } else if (reference >= parameter_reference(estimator_of(model)) && reference < model->time_reference) {
-        const size_t which = reference - parameter_reference(estimator_of(model));
-        found = (Selection){NULL, first_parameter_variable(estimator_of(model)) + which, 1};
-    } else if (reference >= tare_reference(estimator_of(model)) && reference < model->time_reference) {
-        found = tare_array(estimator_of(model), reference - tare_reference(estimator_of(model)));
-    } else if (reference >= further_reference(estimator_of(model)) && reference < model->time_reference) {
-        const size_t which = reference - further_reference(estimator_of(model));
-        const size_t each = n_sections(estimator_of(model)), section = which - OF_BODY;
-        found.first = first_further(estimator_of(model)) + (which < OF_BODY ? which : OF_BODY + section * each);
-        found.count = which < OF_BODY ? 1 : each;
-    } else if (reference < model->time_reference) {
-        const size_t which = reference - zero_reference(estimator_of(model)), after = which < ZERO_REFERENCES ? 0 : 1;
-        found.first = first_zero(estimator_of(model)) + (after ? number_of_zeros(n) : which * n);
-        const size_t last = estimator_of(model)->flight.filter.present ? 1 : estimator_of(model)->thermal.map.n_sensors;
-        found.count = after ? last : which < 2 ? n : 1;
+    const Estimator *e = estimator_of(model);
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, strain = sizeof FIRST - 1;
+    const size_t valid = strain + 1 + e->sensors.count;
+    if (reference >= model->time_reference) {
+        return (Selection){NULL, 0, 0};
     }
-    return found;
+    if (reference < strain) {
+        return (Selection){NULL, FIRST[reference], (size_t)(FIRST[reference + 1] - FIRST[reference])};
+    }
+    if (reference < valid) {
+        const size_t which = reference - strain; /* 0 for the strains */
+        return (Selection){NULL, N_OUTPUTS + (which ? n_strains + which - 1 : 0), which ? 1 : n_strains};
+    }
+    if (reference < zero_reference(e)) {
+        const size_t which = reference - valid;
+        return (Selection){NULL, N_OUTPUTS + n + (which ? n + which - 1 : 0), which ? 1 : n};
+    }
+    if (reference >= parameter_reference(e)) {
+        return (Selection){NULL, first_parameter_variable(e) + (reference - parameter_reference(e)), 1};
+    }
+    if (reference >= tare_reference(e)) {
+        return tare_array(e, reference - tare_reference(e));
+    }
+    return reference >= further_reference(e) ? further_array(e, reference - further_reference(e))
+                                             : input_array(e, reference);
 }

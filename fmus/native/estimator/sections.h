@@ -14,6 +14,7 @@ typedef enum {
     FILTER_SECTION,
     TARE_SECTION,
     PARAMETER_SECTION,
+    SENSOR_SECTION,
     N_SECTION_KINDS
 } SectionKind;
 

@@ -1,0 +1,31 @@
+/* Sensors that are no strain gauges: the rows of a map behind those of the gauges, whose readings have units and ranges
+   of their own.
+
+   The C counterpart of strainfmu/estimator/sensors.py; strainfmu/fmu/sensor_resource.py writes the section of
+   resources/map.bin. */
+
+#ifndef SENSOR_ROWS_H
+#define SENSOR_ROWS_H
+
+#include "sections.h"
+
+/* Arrays are those of the rows behind the strain gauges, and point into the bytes of the file. */
+typedef struct {
+    size_t n_strains;      /* strain gauges: all rows of a map without the section */
+    size_t count;          /* other rows */
+    int has_thrust;        /* whether thrust moves a reading */
+    const double *scale;   /* (count) reading per row [unit/(m/m)] */
+    const double *largest; /* (count) largest |reading| of a working sensor [unit] */
+    const double *thrust_response; /* (count) [unit/N] */
+} SensorRows;
+
+/* Read the section of a map of n_gauges rows, if there is one. 1; 0 after a message. */
+int sensor_rows_parse(const Section *section, size_t n_gauges, SensorRows *rows, char text[MODEL_TEXT_SIZE]);
+
+/* What a sensor reads [unit], less what thrust [N] makes of it. */
+static inline double without_thrust(const SensorRows *rows, size_t which, double reading, double thrust) {
+    const double response = rows->thrust_response[which];
+    return response == 0.0 ? reading : reading - thrust * response;
+}
+
+#endif

@@ -1,0 +1,98 @@
+"""Inputs of an FMU for sensors of a map that are no strain gauges, and for the thrust that some of them read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from math import atan2, degrees
+from typing import TYPE_CHECKING
+
+from strainfmu.interface.fmi_variables import Variable, strain_names
+from strainfmu.interface.input_names import NOT_KNOWN
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.inverse_map import InverseMap
+
+PREFIX = "sensor."
+THRUST = "thrust"
+
+_UNITS = {"m/m": "1", "N m": "N.m"}
+"""Units of a map that FMI writes otherwise."""
+
+_DISPLAY_UNITS = {"1": "um/m", "Pa": "kPa", "N": "kN", "N.m": "kN.m", "m": "mm"}
+
+
+def sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
+    """Return ``sensor.NAME`` of each sensor by its name in the map; none of a map of strain gauges alone.
+
+    What an identifier cannot hold is an underscore there; of two names that are the same then, the later one ends
+    by the number of its row.
+    """
+    found: dict[str, None] = {}
+    first = inverse_map.n_strain_gauges
+    for number, name in enumerate(inverse_map.gauge_names[first:], start=first + 1):
+        known = PREFIX + re.sub(r"[^A-Za-z0-9_]|^(?=[0-9])", "_", name)
+        found[f"{known}_{number}" if known in found else known] = None
+    return tuple(found)
+
+
+def reading_names(inverse_map: InverseMap) -> tuple[str, ...]:
+    """Return the names of the inputs of all rows of a map: strains, then further sensors."""
+    return (*strain_names(inverse_map.n_strain_gauges), *sensor_names(inverse_map))
+
+
+def has_thrust(inverse_map: InverseMap) -> bool:
+    """Return whether thrust moves a reading of the map."""
+    return inverse_map.sensors is not None and bool(inverse_map.sensors.follows_thrust.any())
+
+
+def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
+    """Return the inputs of the further sensors.
+
+    They have no minimum and no maximum: what lies beyond the range of a sensor is left out, and health states it.
+    """
+    sensors = inverse_map.sensors
+    if sensors is None:
+        return []
+    first, units = inverse_map.n_strain_gauges, [_UNITS.get(unit, unit) for unit in sensors.unit]
+    size = sensors.scale * inverse_map.strain_range
+    return [
+        Variable(
+            name=name,
+            description=f"{sensors.kind[i].capitalize()} of sensor {inverse_map.gauge_names[i]} at "
+            f"{place_text(*inverse_map.gauge_position[i])}; left out beyond {sensors.largest[i]:g} {units[i]}",
+            causality="input",
+            unit=units[i],
+            display_unit=_DISPLAY_UNITS.get(units[i]),
+            nominal=float(size[i]) if size[i] > 0.0 else None,
+            start=0.0,
+        )
+        for i, name in enumerate(sensor_names(inverse_map), start=first)
+    ]
+
+
+def place_text(x: float, y: float, z: float) -> str:
+    """Return in words where x, y, z [m] in body axes is."""
+    return f"x = {x:.4g} m, roll angle {degrees(atan2(y, z)) % 360.0:.4g} deg"
+
+
+def with_thrust_input(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the thrust behind it, on which every output depends; as it is without sensors
+    that thrust moves."""
+    if not has_thrust(inverse_map):
+        return tuple(interface)
+    thrust = Variable(
+        name=THRUST,
+        description="Thrust, forward along the axis, taken off what accelerometers and load cells read; "
+        f"{NOT_KNOWN:g} or NaN where not known: they are left out then",
+        causality="input",
+        unit="N",
+        display_unit="kN",
+        start=0.0,
+    )
+    outputs = (
+        replace(one, depends_on=(*one.depends_on, THRUST)) if one.causality == "output" else one
+        for one in interface
+    )
+    return (*outputs, thrust)

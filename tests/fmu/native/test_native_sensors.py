@@ -1,0 +1,279 @@
+"""Further sensors of the native library: numpy's numbers, lost sensors, thrust, zeros, tare; what is refused."""
+
+from __future__ import annotations
+
+import zlib
+from ctypes import byref, c_bool, c_double, c_int, c_size_t
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from agreement import Reference, Sample, random_samples
+from native_case import NativeCase
+from random_map import map_of, random_model
+from raw_fmu import GUID, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
+from scaled_maps import NOMINAL, whole_scaled_map
+from sensor_maps import LARGEST, ROWS, with_sensors
+from thermal_maps import with_temperature
+
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.sensors import SensorRows
+from strainfmu.estimator.tare_edge import EdgeTare, TareState
+from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
+from strainfmu.fmu.sensor_resource import SECTION
+from strainfmu.interface.input_names import NOT_KNOWN
+
+pytestmark = pytest.mark.fast
+
+N_S = len(ROWS)
+N_T = 4
+
+MAPS = {
+    "absolute": lambda: map_of(random_model(n_gauges=27, n_states=4)),
+    "case 1": lambda: whole_scaled_map(1, seed=4, n=26, n_states=4),
+    "case 2": lambda: whole_scaled_map(2, seed=4, n=24, n_states=30),
+    "warm": lambda: with_temperature(whole_scaled_map(1, seed=5, n=24, n_states=3), mode_strain=MODES),
+}
+MODES = 4e-7 * np.random.default_rng(3).normal(size=(24, 6))
+
+
+@pytest.fixture(scope="module", params=MAPS)
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
+    held = with_sensors(MAPS[request.param]())
+    return NativeCase(held, write_resource(held, tmp_path_factory.mktemp("sensors")))
+
+
+def rows_of(inverse_map: InverseMap) -> SensorRows:
+    assert inverse_map.sensors is not None
+    return inverse_map.sensors
+
+
+def thrust_reference(case: NativeCase) -> int:
+    zeros = 2 * case.inverse_map.n_strain_gauges + 1
+    return first_zero(case.n) + zeros + (0 if case.inverse_map.thermal is None else N_T)
+
+
+class Sensing(Reference):
+    """The numpy estimator with thrust; samples hold readings in units of their own, rows where growth asks."""
+
+    thrust = 0.0
+
+    def outputs(self, sample: Sample) -> np.ndarray:
+        rows = rows_of(self.estimator.inverse_map)
+        return super().outputs(replace(sample, strain=rows.without_thrust(sample.strain, self.thrust)))
+
+    def lost(self, sample: Sample) -> np.ndarray:
+        """(n_d,) rows beyond their range."""
+        rows = rows_of(self.estimator.inverse_map)
+        reading = rows.without_thrust(sample.strain, self.thrust)
+        range_ = np.where(rows.is_strain, self.settings.sensor_range, rows.largest)
+        return ~(np.abs(reading) <= range_)
+
+    def growth(self, sample: Sample) -> float:
+        return super().growth(self.in_rows(sample))
+
+    def cancelled(self, sample: Sample, chi_square: float) -> float:
+        return super().cancelled(self.in_rows(sample), chi_square)
+
+    def in_rows(self, sample: Sample) -> Sample:
+        rows = rows_of(self.estimator.inverse_map)
+        strain = rows.without_thrust(sample.strain, self.thrust) / rows.scale
+        return replace(sample, strain=np.where(self.lost(sample), np.nan, strain))
+
+
+def give(fmu: Fmu2, sample: Sample) -> None:
+    fmu.set_strain(sample.strain)
+    fmu.set_valid(sample.valid)
+    assert fmu.set_scalars(0, *sample.flow) == OK
+
+
+def readings(case: NativeCase, row: np.ndarray, thrust: float = 0.0) -> np.ndarray:
+    """(n_d,) what gauges and sensors read where the rows of the map are ``row``."""
+    rows = rows_of(case.inverse_map)
+    return np.asarray(row * rows.scale + (0.0 if np.isnan(thrust) else thrust) * rows.thrust_response)
+
+
+def test_as_numpy_while_sensors_and_thrust_come_and_go(case: NativeCase) -> None:
+    random, fmu, reference = np.random.default_rng(1), Fmu2(case.uri, case.n).start(), Sensing(case.inverse_map)
+    lost = set()
+    for k, sample in enumerate(random_samples(case.inverse_map, 60, seed=5)):
+        thrust = float(random.choice([0.0, 300.0, -40.0, np.nan, NOT_KNOWN])) if k % 3 else 0.0
+        reference.thrust = np.nan if thrust == NOT_KNOWN else thrust
+        strain = readings(case, sample.strain, reference.thrust)
+        if k % 2:  # each kind in turn
+            which = case.n - 1 - (k // 2) % N_S
+            strain[which] = random.choice(
+                [np.nan, np.inf, -1.01 * LARGEST * rows_of(case.inverse_map).scale[which]]
+            )
+            lost.add(which)
+        assert fmu.set_reals([thrust_reference(case)], [thrust]) == OK
+        moved = replace(sample, strain=strain)
+        give(fmu, moved)
+        reference.check(moved, fmu.outputs())
+    assert len(lost) == N_S
+
+
+def test_a_lost_sensor_does_not_count(case: NativeCase) -> None:
+    """Not valid, not finite, beyond its range: equal bits; thrust that is not known loses those that it moves."""
+    fmu, row = Fmu2(case.uri, case.n).start(), case.inverse_map.mean_strain
+    rows, valid = rows_of(case.inverse_map), np.ones(case.n, dtype=bool)
+    assert fmu.set_scalars(0, case.inverse_map.nominal_dynamic_pressure) == OK
+    for which in range(case.n - N_S, case.n):
+        found = []
+        for value in (np.nan, -np.inf, 1.01 * rows.largest[which], None):
+            strain = readings(case, row)
+            strain[which] = strain[which] if value is None else value
+            fmu.set_valid(valid if value is not None else np.arange(case.n) != which)
+            fmu.set_strain(strain)
+            found.append(fmu.outputs())
+        fmu.set_valid(valid)
+        assert found[0][23] == case.n - 1
+        assert found[0][20] == HealthState.DEGRADED
+        assert len({one.tobytes() for one in found}) == 1
+    fmu.set_strain(readings(case, row))
+    assert fmu.set_reals([thrust_reference(case)], [np.nan]) == OK
+    assert fmu.outputs()[23] == case.n - np.count_nonzero(rows.follows_thrust)
+
+
+def test_range_of_gauges_is_not_that_of_sensors(case: NativeCase) -> None:
+    fmu, reference = Fmu2(case.uri, case.n).start(), Sensing(case.inverse_map)
+    strain = readings(case, case.inverse_map.mean_strain)
+    smallest = 0.5 * float(np.abs(strain[: case.inverse_map.n_strain_gauges]).min())
+    assert fmu.set_scalars(4, smallest) == OK
+    reference.set(replace(reference.settings, sensor_range=smallest))
+    sample = Sample(strain, np.ones(case.n, dtype=bool), NOMINAL, np.nan)
+    give(fmu, sample)
+    assert fmu.outputs()[23] == N_S == reference.outputs(sample)[23]
+
+
+def test_derivatives_with_sensors_and_thrust(case: NativeCase) -> None:
+    fmu, random = Fmu2(case.uri, case.n).start(), np.random.default_rng(7)
+    scale = rows_of(case.inverse_map).scale
+    references = [*range(N_OUTPUTS, N_OUTPUTS + case.n), thrust_reference(case)]
+    noise = case.inverse_map.noise_std * random.normal(size=case.n)
+    point = np.append(readings(case, case.inverse_map.mean_strain + noise, 50.0), 50.0)
+    direction = np.append(1e-6 * scale * random.normal(size=case.n), 2.0)
+    assert fmu.set_scalars(0, case.inverse_map.nominal_dynamic_pressure) == OK
+    found = fmu.derivative(range(15), references, direction)
+    by_thrust = fmu.derivative(range(15), references[-1:], [1.0])
+    ends = []
+    for sign in (1.0, -1.0):
+        assert fmu.set_reals(references, point + sign * direction) == OK
+        ends.append(fmu.get_reals(range(15)))
+    assert fmu.set_reals(references, point) == OK
+    found = fmu.derivative(range(15), references, direction)
+    for group in (slice(0, 5), slice(10, 15)):
+        expected = 0.5 * (ends[0] - ends[1])[group]
+        np.testing.assert_allclose(found[group], expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
+    assert np.all(by_thrust[10:15] != 0.0)
+
+
+def test_zeros_and_tare_are_those_of_gauges(case: NativeCase) -> None:
+    """Zeros move the gauges' strains alone, their common error too; a tare leaves what sensors read alone."""
+    n, random = case.inverse_map.n_strain_gauges, np.random.default_rng(2)
+    fmu, reference = Fmu2(case.uri, case.n).start(), Sensing(case.inverse_map)
+    zeros = GaugeZeros(value=1e-5 * random.normal(size=n), std=np.full(n, 1e-6), common_std=2e-6)
+    first = first_zero(case.n)
+    assert fmu.set_reals(range(first, first + 2 * n + 1), [*zeros.value, *zeros.std, zeros.common_std]) == OK
+    reference.estimator = reference.estimator.with_zeros(zeros)
+    sample = next(iter(random_samples(case.inverse_map, 1, seed=6)))
+    sample = replace(sample, strain=readings(case, case.inverse_map.mean_strain), dynamic_pressure=NOMINAL)
+    give(fmu, sample)
+    reference.check(sample, fmu.outputs())
+
+
+def test_a_tare_of_the_gauges(case: NativeCase) -> None:
+    n, random = case.inverse_map.n_strain_gauges, np.random.default_rng(2)
+    fmu, tare = Fmu2(case.uri, case.n).start(), EdgeTare(case.inverse_map)
+    flag = thrust_reference(case) + 1
+    assert fmu.set_scalars(0, 0.0) == OK
+    zero = 1e-5 * random.normal(size=n)
+    for k in range(101):
+        is_up = k < 100
+        strain = np.append(zero + 0.1 * case.inverse_map.noise_std[:n] * random.normal(size=n), np.full(N_S, 1.0))
+        assert fmu.call("SetBoolean", fmu.references([flag]), c_size_t(1), (c_int * 1)(is_up)) == OK
+        fmu.set_strain(strain)
+        assert fmu.step(0.01 * k) == OK
+        tare.follow(is_up)
+        if is_up:
+            tare.take(strain[:n], 0.0)
+    assert tare.state == TareState.DONE, tare.text
+    assert tare.zeros is not None
+    assert fmu.get_integers([flag + 1])[0] == TareState.DONE
+    found = fmu.get_reals(range(flag + 2, flag + 2 + 2 * n + 1))
+    np.testing.assert_allclose(found[:n], tare.zeros.value, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(found[n:], [*tare.zeros.std, tare.zeros.common_std], rtol=1e-9, atol=1e-15)
+
+
+def test_state_and_reset(case: NativeCase) -> None:
+    fmu = Fmu2(case.uri, case.n).start()
+    place, q = thrust_reference(case), case.inverse_map.nominal_dynamic_pressure
+    assert fmu.get_reals([place]).tolist() == [0.0]
+    assert fmu.set_scalars(0, q) == OK
+    fmu.set_strain(readings(case, case.inverse_map.mean_strain, 80.0))
+    assert fmu.set_reals([place], [80.0]) == OK
+    state, held = fmu.get_state(), fmu.outputs()
+    content = fmu.serialise(state)
+    assert fmu.call("Reset") == OK
+    fmu.start()
+    assert fmu.get_reals([place]).tolist() == [0.0]
+    status, again = fmu.deserialise(content)
+    assert status == OK
+    assert fmu.call("SetFMUstate", again) == OK
+    assert fmu.outputs().tobytes() == held.tobytes()
+    for one in (state, again):
+        assert fmu.call("FreeFMUstate", byref(one)) == OK
+
+
+def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
+    """Strains are one array, each sensor is a scalar behind it: equal bits with FMI 2.0."""
+    n, held = case.inverse_map.n_strain_gauges, case.inverse_map
+    two, three = Fmu2(case.uri, case.n).start(), Fmu3(str(case.resources), case.n).start()
+    random, later = np.random.default_rng(4), Fmu3.STRAIN + N_S
+    thrust = Fmu3.ZERO + N_S + 3 + (0 if held.thermal is None else 1)
+    for lost in (None, *range(n - 1, case.n)):
+        strain = readings(case, held.mean_strain + held.noise_std * random.normal(size=case.n), 70.0)
+        valid = np.arange(case.n) != lost
+        two.set_strain(strain)
+        two.set_valid(valid)
+        assert two.set_scalars(0, 1.1 * held.nominal_dynamic_pressure) == OK
+        assert two.set_reals([thrust_reference(case)], [70.0]) == OK
+        inputs = [*range(Fmu3.STRAIN, later + 1), later + 2, thrust]
+        values = [*strain, 1.1 * held.nominal_dynamic_pressure, 70.0]
+        assert three.set("Float64", c_double, inputs, values) == OK
+        assert three.set("Boolean", c_bool, [later + 1], valid.tolist()) == OK
+        assert three.outputs().tobytes() == two.outputs().tobytes()
+        status, back = three.get("Float64", c_double, inputs, len(values))
+        assert status == OK
+        assert back.tolist() == values
+    status, time = three.get("Float64", c_double, [Fmu3.TIME + N_S + 1 + (0 if held.thermal is None else 1)], 1)
+    assert (status, time.tolist()) == (OK, [0.0])
+    status, change = three.differentiate("Directional", [0], [Fmu3.STRAIN + 1], [1.0], 5)
+    assert status == OK
+    np.testing.assert_array_equal(change, two.derivative(range(5), [N_OUTPUTS + n], [1.0]))
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "text"),
+    [
+        (24, b"\0", "whose number cannot be"),
+        (24, b"\x7f", "whose number cannot be"),
+        (24 + 32 + 6, b"\xf8\x7f", "a value that cannot be"),
+        (24 + 32, b"\0" * 8, "a value that cannot be"),  # a scale
+        (24 + 32 + 8 * N_S, b"\0" * 8, "a value that cannot be"),  # a range
+    ],
+)
+def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
+    content = bytearray(native_resource(case.inverse_map, GUID))
+    start = content.rindex(SECTION)
+    content[start + at : start + at + len(value)] = value
+    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 :]).to_bytes(4, "little")
+    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
+    write_resource(case.inverse_map, tmp_path).joinpath("map.bin").write_bytes(bytes(content))
+    fmu = Fmu2((tmp_path / "resources").as_uri(), case.n)
+    assert fmu.instance.value is None
+    assert "holds sensors" in fmu.messages[-1][2]
+    assert text in fmu.messages[-1][2]
