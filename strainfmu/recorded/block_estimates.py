@@ -208,7 +208,7 @@ class FlightBlocks:
     has_residuals = True
     parameter_names: tuple[str, ...] = ()
     envelope_score_limit = OUTSIDE_SCORE
-    further_columns = (
+    _own_columns = (
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"sigma.air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES),
@@ -219,6 +219,9 @@ class FlightBlocks:
     def __init__(self, estimator: ManifoldEstimator) -> None:
         self.estimator, self._tracker = estimator, FlightTracker(estimator)
         self.inverse_map: InverseMap | None = estimator.inverse_map
+        self._has_sections = estimator.manifold.further is not None
+        sections = _further_columns(estimator.inverse_map) if self._has_sections else ()
+        self.further_columns = (*self._own_columns, *sections)
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
         self.gauge_names = tuple(estimator.inverse_map.gauge_names)
         self.sensor_names = _sensor_names(estimator.inverse_map)
@@ -244,7 +247,7 @@ class FlightBlocks:
             envelope_score=np.array([one.envelope_score for one in found]),
             residual=np.array([one.standardised_residual for one in found]),
             residual_limit=np.full(k, self._threshold),
-            further=np.array([_further(one) for one in found]),
+            further=np.array([_further(one, self._has_sections) for one in found]),
             estimates=found,
         )
 
@@ -298,12 +301,14 @@ def _outside(names: Sequence[str], score: FloatArray) -> dict[str, BoolArray]:
     return {name: one > PARAMETER_TOLERANCE for name, one in zip(names, score.T, strict=True)}
 
 
-def _further(one: FlightEstimate) -> FloatArray:
+def _further(one: FlightEstimate, has_sections: bool) -> FloatArray:
     """Return the values of ``FlightBlocks.further_columns``."""
     air = one.air_data
-    return np.concatenate(
-        [air.value, air.std, air.is_identified, one.navigation_used, [float(one.is_linear)]]
-    ).astype(float)
+    parts = [air.value, air.std, air.is_identified, one.navigation_used, np.array([one.is_linear])]
+    if has_sections:
+        parts += [one.further_coefficients[:1], one.further_loads]
+        parts += [one.further_coefficients_std[:1], one.further_loads_std]
+    return np.concatenate(parts).astype(float)
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:

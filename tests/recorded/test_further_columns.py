@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from further_maps import with_further
+from flight_fmu import random_flight, whole_map
+from further_maps import with_further, with_further_tables
 from recorded_case import read_csv, samples, write_csv, write_flight
 from scaled_maps import NOMINAL, scaled_map
 from synthetic_vehicle import synthetic_inverse_map
@@ -54,6 +55,28 @@ def test_an_fmu_has_the_columns_of_its_map(tmp_path: Path) -> None:
     for name, values in of_map.items():
         if "M_R" in name or "rolling" in name or "section" in name:
             np.testing.assert_allclose(of_fmu[name], values, rtol=1e-9, err_msg=name)
+
+
+def test_the_nonlinear_estimator_has_those_of_its_fmu_and_of_its_filter(tmp_path: Path) -> None:
+    held = with_further_tables(whole_map())
+    save_inverse_map(held, tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions())
+    flight = random_flight(held, 8, seed=2)
+    strain, q = np.array([one.strain for one in flight]), flight[0].flow["dynamic_pressure"]
+    data = write_csv(tmp_path / "d.csv", ["time", *held.gauge_names], 1e-2 * np.arange(8), strain)
+    found = {}
+    for source, filtered in (("map.h5", None), ("e.fmu", None), ("map.h5", 1.0)):
+        estimate_file(tmp_path / source, data, tmp_path / "o.csv", q, time_constant=filtered)
+        found[source, filtered is None] = read_csv(tmp_path / "o.csv")
+    of_map, of_fmu = found["map.h5", True], found["e.fmu", True]
+    assert set(of_fmu) == set(of_map)
+    assert list(of_map) == list(found["map.h5", False])
+    further = [name for name in of_map if "M_R" in name or "rolling" in name or "section" in name]
+    assert len(further) == 2 + 2 + 12 * 3
+    for name in further:
+        np.testing.assert_allclose(of_fmu[name], of_map[name], rtol=1e-7, atol=1e-9, err_msg=name)
+    last = "sigma.section.normal[2] [N]"
+    assert 0.0 < found["map.h5", False][last][-1] < of_map[last][-1]
 
 
 def test_a_map_without_them_has_no_such_columns(tmp_path: Path) -> None:

@@ -87,18 +87,7 @@ class FlightFilter:
     def __init__(
         self, estimator: ManifoldEstimator, settings: FilterSettings, track: FilterTrack | None = None
     ) -> None:
-        """Begin with ``track``; None searches the tables in the first step.
-
-        Raises
-        ------
-        InputError
-            The map holds section loads, which no filter of the nonlinear estimator gives.
-        """
-        if estimator.manifold.further is not None:
-            raise InputError(
-                "inverse map: expected no section loads (map.section_stations_m) with a filter of the nonlinear "
-                "estimator, got some; take them without a filter, or filter the linear estimator"
-            )
+        """Begin with ``track``; None searches the tables in the first step."""
         self.estimator, self.settings = estimator, settings
         self.model: FlightModel = flight_model(estimator.inverse_map, estimator.manifold, settings)
         self.track = track or FilterTrack()

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.filter.further_step import SeenFurther, seen_further
 from strainfmu.estimator.filter.kalman import Measurement, Transition
 from strainfmu.estimator.filter.motion import decaying, with_rates
 from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, white_and_lasting
@@ -44,6 +45,7 @@ class FlightModel:
     of_gauge : (n_d, t, 6) errors of each gauge that last, per p_inf and c of
         :class:`~strainfmu.estimator.manifold.manifold_map.ManifoldMap` [1/Pa].
     own : (n_d,) standard deviation of what lasts in each gauge and does not follow strain.
+    further : errors of section loads; None for none.
     """
 
     manifold: ManifoldMap
@@ -53,6 +55,7 @@ class FlightModel:
     common: FloatArray
     of_gauge: FloatArray
     own: FloatArray
+    further: SeenFurther | None = None
 
     @property
     def n_considered(self) -> int:
@@ -78,14 +81,16 @@ def flight_model(inverse_map: InverseMap, manifold: ManifoldMap, settings: Filte
     beside = np.sum(np.abs(lasting), axis=1) - np.diagonal(lasting)
     own = np.sqrt(np.maximum(np.diagonal(lasting) - beside, 0.0))
     middle = float(np.exp(np.log(manifold.pressure_range).mean()))
+    seen = seen_errors(manifold.error_strain, manifold.error_load, middle, std)
     return FlightModel(
         manifold=manifold,
         settings=settings,
-        seen=seen_errors(manifold.error_strain, manifold.error_load, middle, std),
+        seen=seen,
         noise=np.diag(noise - own**2) + lasting,
         common=common,
         of_gauge=gauge_terms(manifold.gauge_error_product),
         own=own,
+        further=None if manifold.further is None else seen_further(manifold.further, seen, std),
     )
 
 

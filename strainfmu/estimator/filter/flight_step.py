@@ -16,6 +16,7 @@ from strainfmu.estimator.filter.flight_model import (
     error_columns,
     measurement,
 )
+from strainfmu.estimator.filter.further_step import PressureRow, StrainRows, further_solution
 from strainfmu.estimator.filter.kalman import Law, Measurement, gain, given, measured
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, evaluate
 from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP, kept_in_reach
@@ -102,7 +103,8 @@ def flight_solution(
     of_loads = by_state[n_d:] - turned @ by_state[:n_d][used]
     remaining = pressure**2 * model.seen.rest_load - turned @ cross.T
     mach = float(state[MACH])
-    scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach * mach * pressure * manifold.references)
+    dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * pressure
+    scale = 1.0 / (dynamic * manifold.references)
     coefficients = scale * loads
     of_pressure = np.zeros(n)
     of_pressure[MACH], of_pressure[LOG_PRESSURE] = 2.0 / mach, 1.0
@@ -112,7 +114,16 @@ def flight_solution(
     of_coefficients = scale[:, None] * of_loads - np.outer(coefficients, of_pressure)
     of_rest = scale[:, None] * remaining * scale
     chi_square, of_gauges, of_navigation = quality
-    none = np.zeros((1, 0))  # a filter refuses maps with section loads
+    further = further_solution(
+        manifold,
+        model.further,
+        covariance,
+        state,
+        used=used,
+        strain=StrainRows(errors=errors, residual=residual, jacobian=by_state[:n_d][used], noise=noise),
+        pressure=PressureRow(static=pressure, dynamic=dynamic, of_log=of_pressure, wider=wider),
+        discrepancy=slice(DISCREPANCY, model.hardware),
+    )
     return FlightSolution(
         state=state[None],
         state_covariance=covariance[None, :N_STATES, :N_STATES],
@@ -124,8 +135,8 @@ def flight_solution(
         standardised_residual=of_gauges[None],
         navigation_residual=of_navigation[None],
         shape_residual=np.zeros((1, manifold.shapes.shape[1])),  # the filter estimates them
-        further_loads=none,
-        further_variance=none,
-        further_coefficients=none,
-        further_coefficient_variance=none,
+        further_loads=further.loads,
+        further_variance=further.variance,
+        further_coefficients=further.coefficients,
+        further_coefficient_variance=further.coefficient_variance,
     )
