@@ -12,7 +12,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
-from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepResult
+from strainfmu.cosim.step import ENVELOPE_SCORE, FURTHER_LOADS, Step, StepResult
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
@@ -21,6 +21,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
 from strainfmu.interface.temperature_variables import temperature_names
 
 NAVIGATION = ("mach_number", "altitude")
@@ -47,7 +48,7 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        with FmuStep(source, (*NAVIGATION, TEMPERATURE), (ENVELOPE_SCORE,)) as fmu:
+        with FmuStep(source, (*NAVIGATION, TEMPERATURE), (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
@@ -70,6 +71,9 @@ class MapStep:
         self.further_inputs = (*NAVIGATION, *self._temperatures)
         self.set_zeros(zeros)
         self.noise_std = inverse_map.noise_std
+        self.section_stations = section_stations(inverse_map)
+        stations = self.section_stations
+        self._further = {} if stations is None else further_load_outputs(len(stations))
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on."""
@@ -96,10 +100,13 @@ class MapStep:
         found = self._estimator.step(
             strain, dynamic_pressure, mach_number=mach_number, altitude=altitude, temperature=warm
         )
+        further = {ENVELOPE_SCORE: found.envelope_score}
+        if self._further:
+            further |= zip(self._further, further_outputs(found), strict=True)
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,
             health=int(found.health),
             chi_square=found.chi_square,
-            further={ENVELOPE_SCORE: found.envelope_score},
+            further=further,
         )

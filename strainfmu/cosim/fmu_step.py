@@ -6,7 +6,7 @@ import json
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
-from strainfmu.cosim.step import StepRefused, StepResult
+from strainfmu.cosim.step import FURTHER_LOADS, StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.interface.further_variables import further_load_outputs
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.zero_variables import zero_names
 
@@ -28,6 +29,8 @@ _VALID = re.compile(r"valid\[(\d+)\]")
 _GAUGE = re.compile(r"Strain of gauge (.+) at x = ")
 _TEMPERATURE = re.compile(r"temperature\[(\d+)\]")
 _SENSOR = re.compile(r"Temperature of sensor (.+);")
+_SECTION = re.compile(r"section\.axial\[(\d+)\]")
+_STATION = re.compile(r".* ahead of x = (\S+) m")
 _NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
 _OUTPUTS = (
     *COEFFICIENT_NAMES,
@@ -58,6 +61,19 @@ def gauge_names_of(path: Path) -> tuple[str, ...]:
     return tuple(_gauge_name(variable) for variable in _numbered(_inputs(path, read_description(path)), _STRAIN))
 
 
+def section_stations_in(path: Path) -> tuple[float, ...] | None:
+    """Return x [m] of the sections whose loads the FMU at ``path`` gives beside the rolling moment.
+
+    None where it gives neither.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged.
+    """
+    return _section_stations(read_description(path))
+
+
 def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
     """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``, in its order.
 
@@ -81,6 +97,8 @@ class FmuStep:
     further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
+    section_stations : x of the sections [m] whose loads are among the outputs, if :data:`FURTHER_LOADS` was asked
+        for; None where it was not, or the FMU has neither rolling moment nor sections.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
     noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
@@ -115,7 +133,11 @@ class FmuStep:
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         self._first_mask = self.n_gauges + 1 + len(of_flow)
-        self._get = _outputs(path, self._description, further_outputs)
+        wanted = [name for name in further_outputs if name != FURTHER_LOADS]
+        self.section_stations = _section_stations(self._description) if FURTHER_LOADS in further_outputs else None
+        if self.section_stations is not None:
+            wanted += further_load_outputs(len(self.section_stations))
+        self._get = _outputs(path, self._description, dict.fromkeys(wanted))
         # The state of health, the only one that is no Real, stands last, so that the others are side by side.
         self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
@@ -334,7 +356,15 @@ def _inputs(path: Path, description: Any) -> list[Any]:
     return inputs
 
 
-def _outputs(path: Path, description: Any, further: Sequence[str]) -> list[Any]:
+def _section_stations(description: Any) -> tuple[float, ...] | None:
+    """Return x [m] of the sections whose loads an FMU states, None of one without rolling moment."""
+    outputs = [v for v in description.modelVariables if v.causality == "output"]
+    if not any(one.name == "M_R" for one in outputs):
+        return None
+    return tuple(float(_described(one, _STATION)) for one in _numbered(outputs, _SECTION))
+
+
+def _outputs(path: Path, description: Any, further: Iterable[str]) -> list[Any]:
     """Return the outputs that the bridge reads, with those of ``further`` that there are ahead of the last one."""
     found = {v.name: v for v in description.modelVariables if v.causality == "output"}
     missing = [name for name in _OUTPUTS if name not in found]

@@ -44,6 +44,9 @@ def health_name(state: int) -> str:
 ENVELOPE_SCORE = "health.envelope_score"
 """Output of :attr:`StepResult.further`: deviations by which the coefficients leave what the map covers [1]."""
 
+FURTHER_LOADS = "further_loads"
+"""Name that stands for rolling moment and section loads, with their deviations, among the outputs asked for."""
+
 Step = Callable[..., StepResult]
 """(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]; values of those of
 :func:`further_inputs` by name, NaN if not known. Raises StepRefused."""
@@ -60,6 +63,15 @@ def sensor_names_of(step: Step) -> tuple[str, ...]:
     They are ``step``'s attribute ``sensor_names``; none where it has none.
     """
     return tuple(getattr(step, "sensor_names", ()))
+
+
+def section_stations_of(step: Step) -> tuple[float, ...] | None:
+    """Return x [m] of the sections whose loads ``step`` gives, None of one without rolling moment.
+
+    They are ``step``'s attribute ``section_stations``; the loads are in :attr:`StepResult.further`.
+    """
+    stations: tuple[float, ...] | None = getattr(step, "section_stations", None)
+    return stations
 
 
 def noise_of(step: Step) -> FloatArray | None:

@@ -30,6 +30,13 @@ def has_further_outputs(inverse_map: InverseMap) -> bool:
     return inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and by_tables
 
 
+def section_stations(inverse_map: InverseMap) -> tuple[float, ...] | None:
+    """Return x [m] of the sections whose loads are outputs, with the rolling moment; None where neither is."""
+    if inverse_map.further is None or not has_further_outputs(inverse_map):
+        return None
+    return tuple(inverse_map.further.section_station.tolist())
+
+
 def has_section_loads_by_strain_alone(inverse_map: InverseMap) -> bool:
     """Return whether the linear map alone holds such loads, beside tables of an earlier version without them."""
     manifold = inverse_map.manifold
@@ -64,6 +71,21 @@ def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap)
         for i, station in enumerate(inverse_map.further.section_station.tolist(), start=1)
     ]
     return (*interface, *body, *sections, *(_deviation(one) for one in sections))
+
+
+def further_load_outputs(n_sections: int) -> dict[str, str]:
+    """Return name and unit of the outputs that :func:`with_further_outputs` adds, in its order."""
+    sections = {
+        f"section.{name}[{i}]": unit for name, (_, unit) in SECTION_LOADS.items() for i in range(1, n_sections + 1)
+    }
+    return {
+        "M_R": "1",
+        "sigma.M_R": "1",
+        "moment.roll": "N.m",
+        "sigma.moment.roll": "N.m",
+        **sections,
+        **{f"sigma.{name}": unit for name, unit in sections.items()},
+    }
 
 
 def further_outputs(estimate: LoadEstimate) -> list[float]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, nan
 
+from strainfmu.can.bridge.further_layouts import FurtherSignals
 from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
@@ -63,6 +64,7 @@ class ResultFrames:
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._configuration = configuration
+        self._further = FurtherSignals(layouts)
         self._of_result = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is not None]
         no_result = [layout for layout in layouts if layout.cycle_time is None]
         self._of_status = [_ResultFrame(layout) for layout in no_result if layout.name != DETAIL]
@@ -71,6 +73,8 @@ class ResultFrames:
     def of_result(self, result: CycleResult) -> list[Frame]:
         """Return the frames of one result; those of a result with further causes hold their details too."""
         values = _result_values(result, self._configuration)
+        if self._further:
+            values |= self._further.values(result.further if result.quality.has_coefficients else {})
         frames = [frame.compose(values) for frame in self._of_result]
         if int(result.causes) >> 16:
             details = _detail_values(result.quality, result.causes, result.age_uncertainty, result.counter)

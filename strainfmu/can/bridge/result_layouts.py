@@ -1,9 +1,11 @@
-"""Layouts of result and status frames: three FD frames, or nine frames of 8 bytes."""
+"""Layouts of result and status frames: three FD frames, or nine frames of 8 bytes; further loads behind them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from strainfmu.can.bridge import further_layouts
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.wire.crc import Protection
@@ -29,18 +31,25 @@ _CAUSES_TEXT = f"Why it is not Valid, one bit each; bit 15: further ones in {DET
 _DETAIL_TEXT = "Of the last result: every 100 ms, and with every result that has causes above bit 15"
 
 
-def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tuple[FrameLayout, ...]:
+def result_layouts(
+    form: str, identifiers: Identifiers, cycle_time: float, stations: Sequence[float] | None = None
+) -> tuple[FrameLayout, ...]:
     """Return the frames that the bridge sends.
 
     Parameters
     ----------
     form : "fd", "classic-le" or "classic-be".
     cycle_time : nominal period of the results [s]. Status frames have none: they are sent every STATUS_PERIOD.
+    stations : x of the sections whose loads are sent, with the rolling moment [m]; None for neither.
     """
-    if form == "fd":
-        layouts = _fd_layouts(cycle_time)
-    else:
-        layouts = _classic_layouts(BIG if form == "classic-be" else LITTLE, cycle_time)
+    order = BIG if form == "classic-be" else LITTLE
+    layouts = _fd_layouts(cycle_time) if form == "fd" else _classic_layouts(order, cycle_time)
+    if stations is not None and form == "fd":
+        first = (*header_5(), _quality(24), _sample_time())
+        layouts += further_layouts.fd_layouts(first, _answered(0), stations, cycle_time)
+    elif stations is not None:
+        head = (*header_1(), _quality(12))
+        layouts += further_layouts.classic_layouts(head, _answered(0), order, stations, cycle_time)
     return tuple(
         replace(
             layout,
@@ -56,6 +65,17 @@ def result_layouts(form: str, identifiers: Identifiers, cycle_time: float) -> tu
 def _quality(start: int) -> SignalLayout:
     return SignalLayout(
         name="Quality", start=start, length=4, choices=_QUALITY_CHOICES, comment="How far to trust it"
+    )
+
+
+def _sample_time() -> SignalLayout:
+    return SignalLayout(
+        name="SampleTime",
+        start=32,
+        length=32,
+        unit="us",
+        not_available=2**32 - 1,
+        comment="Of the strains answered",
     )
 
 
@@ -83,14 +103,7 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
         *header_5(),
         _quality(24),
         _health(28, 4),
-        SignalLayout(
-            name="SampleTime",
-            start=32,
-            length=32,
-            unit="us",
-            not_available=2**32 - 1,
-            comment="Of the strains answered",
-        ),
+        _sample_time(),
         *floats,
         _age(416, LITTLE),
         SignalLayout(name="Causes", start=432, length=16, comment=_CAUSES_TEXT),

@@ -22,7 +22,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configuration_of, profile_layout
-from strainfmu.cosim.step import Step, sensor_names_of
+from strainfmu.cosim.step import FURTHER_LOADS, Step, section_stations_of, sensor_names_of
 from strainfmu.errors import InputError
 
 UNPROTECTED_TEXT = (
@@ -149,7 +149,8 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     taps = taps or Taps()
     bus = bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
-    with FmuStep(fmu, (*NAVIGATION, TEMPERATURE), (ENVELOPE_SCORE, *taps.outputs)) as step, ExitStack() as stack:
+    outputs = (ENVELOPE_SCORE, FURTHER_LOADS, *taps.outputs)
+    with FmuStep(fmu, (*NAVIGATION, TEMPERATURE), outputs) as step, ExitStack() as stack:
         if options.zeros is not None:
             step.set_zeros(load_zeros(options.zeros, step.gauge_names))
         start = taps.clock()
@@ -222,7 +223,8 @@ def make_core(
         synchronised_shift=options.synchronised_shift,
     )
     layout, configuration = input_layout(options, gauge_names, sensor_names_of(step))
-    results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time)
+    stations = section_stations_of(step)
+    results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time, stations)
     options.identifiers.checked(1, len(results))
     own_keys = [frame.key for frame in results]
     core = bridge_core(
@@ -329,6 +331,18 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
     from strainfmu.estimator.inverse_map import load_inverse_map
 
     return tuple(load_inverse_map(source).gauge_names)
+
+
+def map_section_stations(source: Path) -> tuple[float, ...] | None:
+    """Return x [m] of the sections whose loads a map or an FMU gives, with rolling moment; None for neither."""
+    if source.suffix == ".fmu":
+        from strainfmu.cosim.fmu_step import section_stations_in
+
+        return section_stations_in(source)
+    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.interface.further_variables import section_stations
+
+    return section_stations(load_inverse_map(source))
 
 
 def form_of_profile(profile: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from strainfmu.can.bridge.result_layouts import result_layouts
-from strainfmu.can.bridge.setup import form_of_profile, map_gauge_names
+from strainfmu.can.bridge.setup import form_of_profile, map_gauge_names, map_section_stations
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
@@ -36,19 +36,31 @@ def write_dbc(
 
     checked_cycle_time(cycle_time, "cycle time")
     names = map_gauge_names(source)
-    layouts = all_layouts(profile, names, cycle_time=cycle_time, identifiers=identifiers, has_tare=has_tare)
+    layouts = all_layouts(
+        profile,
+        names,
+        cycle_time=cycle_time,
+        identifiers=identifiers,
+        has_tare=has_tare,
+        stations=map_section_stations(source),
+    )
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))
     return len(layouts)
 
 
 def all_layouts(
-    profile: str, gauge_names: Sequence[str], cycle_time: float, identifiers: Identifiers, has_tare: bool = False
+    profile: str,
+    gauge_names: Sequence[str],
+    cycle_time: float,
+    identifiers: Identifiers,
+    has_tare: bool = False,
+    stations: Sequence[float] | None = None,
 ) -> list[FrameLayout]:
-    """Return every frame of a profile: input, then results."""
+    """Return every frame of a profile: input, then results; ``stations`` as of :func:`result_layouts`."""
     layout = profile_layout(
         profile, gauge_names, cycle_time=cycle_time, identifiers=identifiers, has_tare=has_tare
     )
-    results = result_layouts(form_of_profile(profile), identifiers, cycle_time)
+    results = result_layouts(form_of_profile(profile), identifiers, cycle_time, stations)
     identifiers.checked(len(layout.frames), len(results))
     return [*(frame.layout for frame in layout.frames), *results]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,9 @@ from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimator_source import open_step
+from strainfmu.cosim.step import section_stations_of
+from strainfmu.interface.further_variables import further_load_outputs
+from strainfmu.recorded.fmu_columns import further_outputs_of
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 
 LOG_COLUMNS = (
@@ -26,7 +29,7 @@ LOG_COLUMNS = (
     ("health.envelope_score", "1"),
     ("age_uncertainty", "s"),
 )
-"""Columns of a replay's output."""
+"""Columns of a replay's output; rolling moment and section loads follow where the estimator gives them."""
 
 _BLOCK = 2000
 
@@ -52,30 +55,36 @@ def estimate_log(
     recorded = load_description(log)
     if zeros is None and recorded is not None:
         zeros = recorded["options"].zeros
-    with open_step(source, zeros) as ready, estimate_writer(output, LOG_COLUMNS) as writer:
-        rows = _Rows(writer)
-        summary = replay_log(
-            log,
-            source,
-            step=ready.step,
-            gauge_names=ready.gauge_names,
-            options=options,
-            on_result=rows.add,
-            progress=progress,
-        )
-        rows.flush()
+    with open_step(source, zeros) as ready:
+        stations = section_stations_of(ready.step)
+        further = () if stations is None else further_outputs_of(further_load_outputs(len(stations)).items())
+        columns = (*LOG_COLUMNS, *((one.column, one.unit) for one in further))
+        with estimate_writer(output, columns) as writer:
+            rows = _Rows(writer, [one.output for one in further])
+            summary = replay_log(
+                log,
+                source,
+                step=ready.step,
+                gauge_names=ready.gauge_names,
+                options=options,
+                on_result=rows.add,
+                progress=progress,
+            )
+            rows.flush()
     return summary
 
 
 class _Rows:
-    """Collects results and writes them block by block."""
+    """Collects results and writes them block by block, with the outputs ``further`` behind the other columns."""
 
-    def __init__(self, writer: EstimateWriter) -> None:
-        self._writer = writer
+    def __init__(self, writer: EstimateWriter, further: Sequence[str]) -> None:
+        self._writer, self._further = writer, further
         self._rows: list[list[float]] = []
 
     def add(self, result: CycleResult) -> None:
-        self._rows.append(_row(result))
+        # As coefficients, those of a result that has none are not known.
+        held = result.further if result.quality.has_coefficients else {}
+        self._rows.append([*_row(result), *(held.get(name, float("nan")) for name in self._further)])
         if len(self._rows) == _BLOCK:
             self.flush()
 
