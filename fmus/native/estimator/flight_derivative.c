@@ -87,6 +87,25 @@ static void derive_set_loads(const Estimator *e, const double *d_scalar, const S
     }
 }
 
+/* Deviations by which u and w leave their ranges. */
+static Dual crossflow_excess(const FlightMap *map, const Dual *state, const Dual *std) {
+    const double slack = 1.0 + map->range_tolerance;
+    const Dual one = {1.0, 0.0};
+    if (map->has_crossflow_range == 0.0) {
+        const Dual u = state[STATE_U], w = state[STATE_W];
+        const Dual incidence = dual_root(dual_sum(1.0, dual_product(u, u), 1.0, dual_product(w, w)));
+        const Dual angle = dual_sum(1.0, incidence, -slack * map->incidence_limit, one);
+        return dual_ratio(angle, dual_larger(std[STATE_U], std[STATE_W]));
+    }
+    Dual excess[2];
+    for (size_t k = 0; k < 2; k++) {
+        const Dual off = dual_sum(1.0, state[STATE_U + k], -map->crossflow_middle[k], one);
+        const Dual size = dual_sum(off.value < 0.0 ? -1.0 : 1.0, off, -slack * map->crossflow_half[k], one);
+        excess[k] = dual_ratio(size, std[STATE_U + k]);
+    }
+    return dual_larger(excess[0], excess[1]);
+}
+
 /* Of the deviations by which the flight state leaves the ranges of the map. */
 static double derive_range_score(const Flight *flight, const SolutionChange *change) {
     const FlightMap *map = &flight->map;
@@ -98,16 +117,13 @@ static double derive_range_score(const Flight *flight, const SolutionChange *cha
         state[k] = dual(found->state[k], change->state[k]);
         std[k] = dual_root(dual(found->state_covariance[at], change->state_covariance[at]));
     }
-    const Dual one = {1.0, 0.0}, none = {0.0, 0.0}, u = state[STATE_U], w = state[STATE_W];
-    const Dual incidence = dual_root(dual_sum(1.0, dual_product(u, u), 1.0, dual_product(w, w)));
+    const Dual one = {1.0, 0.0}, none = {0.0, 0.0};
     const Dual mach =
         dual_larger(dual_sum(map->mach_range[0] * (1.0 - tolerance), one, -1.0, state[STATE_MACH]),
                     dual_sum(1.0, state[STATE_MACH], -map->mach_range[1] * (1.0 + tolerance), one));
     const Dual pressure = dual_larger(dual_sum(map->log_pressure_range[0], one, -1.0, state[STATE_PRESSURE]),
                                       dual_sum(1.0, state[STATE_PRESSURE], -map->log_pressure_range[1], one));
-    const Dual angle = dual_sum(1.0, incidence, -(1.0 + tolerance) * map->incidence_limit, one);
-    const Dual score =
-        dual_larger(dual_ratio(mach, std[STATE_MACH]), dual_ratio(angle, dual_larger(std[STATE_U], std[STATE_W])));
+    const Dual score = dual_larger(dual_ratio(mach, std[STATE_MACH]), crossflow_excess(map, state, std));
     return dual_larger(dual_larger(score, dual_ratio(pressure, std[STATE_PRESSURE])), none).change;
 }
 

@@ -150,10 +150,15 @@ def test_against_differences_of_its_own_outputs(
     check_directions(fmu, KNOWNS, directions + [one for one in alone if one.any()])
 
 
-def test_beyond_the_ranges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    """At large incidence the envelope score is above zero, and has a derivative."""
+@pytest.mark.parametrize("of_both", [False, True])
+def test_beyond_the_ranges(inverse_map: InverseMap, tmp_path: Path, of_both: bool) -> None:
+    """At large incidence the envelope score has a derivative, with ranges ``of_both`` angles too."""
     sample, manifold = sample_of(inverse_map, 1), inverse_map.manifold
     assert manifold is not None
+    ranges = manifold.incidence_limit * np.array([[-0.9, 1.1], [-0.8, 1.0]])
+    held = replace(inverse_map, manifold=replace(manifold, crossflow_range=ranges if of_both else None))
+    fmu = FlightFmu(write_resource(held, tmp_path).as_uri(), N_D)
+    fmu.start()
     state = np.array([[6.0, 0.0, 1.12 * manifold.incidence_limit, 9.0]])
     strain = sample.strain - random_strain(inverse_map, 1) + evaluate(manifold.tables, state).value[0, :N_D]
     fmu.give(replace(sample, strain=strain, flow={"mach_number": 6.0}))
@@ -161,6 +166,7 @@ def test_beyond_the_ranges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     assert fmu.outputs()[26] > 0.0
     assert fmu.derivative([26], KNOWNS, sizes(fmu))[0] != 0.0
     check_directions(fmu, KNOWNS, [sizes(fmu)])
+    fmu.free()
 
 
 def test_navigation_that_is_dropped(fmu: FlightFmu, inverse_map: InverseMap) -> None:
