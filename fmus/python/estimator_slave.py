@@ -24,6 +24,7 @@ from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
+from strainfmu.estimator.tare import KnownStrain
 from strainfmu.estimator.tare_edge import EdgeTare
 from strainfmu.estimator.temperature import known_sensors
 from strainfmu.estimator.zeros import GaugeZeros, zero_fault
@@ -80,7 +81,8 @@ class EstimatorSlave(Fmi2Slave):
         self._thermal = inverse_map.thermal
         self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
-        self._tare, self._asked, self._tare_state = EdgeTare(inverse_map), references[TARE], references[TARE_STATE]
+        self._tare = EdgeTare(inverse_map, _known_strain(resources / "tare_known.json"))
+        self._asked, self._tare_state = references[TARE], references[TARE_STATE]
         self._zeros_in_use = [references[name] for name in zero_in_use_names(self._n_strains)]
         estimated = (v.name for v in interface if v.causality == "output" and v.name != TARE_STATE)
         self._outputs = [references[name] for name in estimated]
@@ -312,6 +314,14 @@ class EstimatorSlave(Fmi2Slave):
             self._track, self._stepped, self._time, self._end = track, stepped, time, end
         self._values[self._tare_state] = self._tare.state
         self._outdated = True
+
+
+def _known_strain(path: Path) -> KnownStrain | None:
+    """Return what the export wrote of the loads that act while a tare is taken; None if it wrote none."""
+    if not path.exists():
+        return None
+    value, std = json.loads(path.read_text(encoding="utf-8"))
+    return KnownStrain(value=np.array(value, dtype=float), own_std=np.array(std, dtype=float))
 
 
 def _indices(interface: Sequence[Variable], *types: str) -> frozenset[int]:

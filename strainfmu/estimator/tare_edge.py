@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.reading_window import ReadingWindow
-from strainfmu.estimator.tare import LEAST_SAMPLES, TareLimits, judged_tare
+from strainfmu.estimator.tare import LEAST_SAMPLES, KnownStrain, TareLimits, judged_tare
 from strainfmu.estimator.tare_verdict import loads_fault, refusal, refused_text, taken_text
 from strainfmu.estimator.zeros import GaugeZeros
 
@@ -30,7 +30,7 @@ class TareState(IntEnum):
 
 
 class EdgeTare:
-    """Takes the tare of the strain gauges of ``held``.
+    """Takes the tare of the strain gauges of ``held``; ``known`` is the strain of the loads that act meanwhile.
 
     Attributes
     ----------
@@ -41,8 +41,8 @@ class EdgeTare:
     text : the last outcome, one line; "" if there was none since :attr:`text` was emptied.
     """
 
-    def __init__(self, held: InverseMap) -> None:
-        self._map, self._limits = held, TareLimits()
+    def __init__(self, held: InverseMap, known: KnownStrain | None = None) -> None:
+        self._map, self._limits, self._known = held, TareLimits(), known
         self.state, self.is_up = TareState.IDLE, False
         self.zeros: GaugeZeros | None = None
         self.window = ReadingWindow(n_gauges=held.n_strain_gauges)
@@ -107,7 +107,7 @@ class EdgeTare:
     def _finish(self) -> bool:
         if self.window.samples < LEAST_SAMPLES:
             return self._refuse(f"window: expected at least {LEAST_SAMPLES} steps, got {self.window.samples}")
-        found = judged_tare(self._map, self.window.statistics(), np.zeros(1), self._limits)
+        found = judged_tare(self._map, self.window.statistics(), np.zeros(1), self._limits, self._known)
         why = refusal(found)
         if why:
             return self._refuse(why)

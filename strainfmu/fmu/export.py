@@ -15,8 +15,10 @@ from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.tare import KnownStrain
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
 from strainfmu.fmu.description import FmuDescription
@@ -76,6 +78,8 @@ class ExportOptions:
     model_name : name of the model that tools show.
     estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
         that which the map was built for.
+    tare_known : file, in the form of zeros, of the strain of the loads that act while the FMU takes a tare, as own
+        weight; None for none.
     """
 
     kind: str = "native"
@@ -83,6 +87,7 @@ class ExportOptions:
     platforms: Sequence[str] | None = None
     model_name: str = "StrainLoadEstimator"
     estimator: Literal["linear"] | None = None
+    tare_known: Path | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -132,6 +137,18 @@ def export_estimator(
     return "linear" if inverse_map.manifold is None else "manifold"
 
 
+def _known_strain(options: ExportOptions, inverse_map: InverseMap) -> KnownStrain | None:
+    if options.tare_known is None:
+        return None
+    stated = load_zeros(options.tare_known, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
+    return KnownStrain(value=stated.value, own_std=stated.std)
+
+
+def _known_bytes(known: KnownStrain | None) -> bytes:
+    """Return what the slave of kind python reads of ``known``, and what its hash is taken of; b"" for None."""
+    return b"" if known is None else json.dumps([known.value.tolist(), known.std.tolist()]).encode()
+
+
 def _native_estimator(
     _: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
 ) -> dict[str, bytes]:
@@ -140,12 +157,13 @@ def _native_estimator(
     version = options.fmi_version
     libraries = chosen_libraries("estimator", options.platforms)
     sources = native_sources("estimator", version)
-    interface = estimator_interface(inverse_map)
+    interface, known = estimator_interface(inverse_map), _known_strain(options, inverse_map)
+    digest = f"{content_hash}{sources_digest(sources)}".encode() + _known_bytes(known)
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
         interface=interface if version == "2" else estimator_arrays(interface),
-        content_hash=hashlib.sha256(f"{content_hash}{sources_digest(sources)}".encode()).hexdigest(),
+        content_hash=hashlib.sha256(digest).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
         capabilities=native_package.CAPABILITIES[version],
@@ -153,7 +171,7 @@ def _native_estimator(
         source_files=compiled_files(sources),
         model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,
     )
-    resource_files = {"map.bin": native_resource(inverse_map, description.guid)}
+    resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
     return {
         **native_entries(
             description=description, libraries=libraries, sources=sources, resource_files=resource_files
@@ -168,17 +186,19 @@ def _python_estimator(
     map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
 ) -> dict[str, bytes]:
     code = slave_code("estimator_slave", _ESTIMATOR_SOURCES)
+    known = _known_bytes(_known_strain(options, inverse_map))
+    payload = {"map.h5": map_path.read_bytes()} | ({"tare_known.json": known} if known else {})
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
         interface=estimator_interface(inverse_map),
-        content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode()).hexdigest(),
+        content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode() + known).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,
     )
     return {
-        **python_entries(description, code, {"map.h5": map_path.read_bytes()}),
+        **python_entries(description, code, payload),
         **_estimator_extras(
             description=description, inverse_map=inverse_map, content_hash=content_hash, kind="python"
         ),

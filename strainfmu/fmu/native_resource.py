@@ -50,6 +50,7 @@ from strainfmu.estimator.loads_from_strain import MIN_EXPECTED_RATIO, error_mode
 from strainfmu.estimator.map_parts import MapParts, map_parts
 from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.estimator.tare import KnownStrain
 from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.filter_resource import filter_section
 from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
@@ -73,8 +74,10 @@ _FORM, _N_FREE, _N_HALF_SPACES, _N_ALTITUDES, _HAS_ERRORS, _N_TERMS, _N_SECTIONS
 """Places of the form, 0 or 1, and of the sizes; the last is zero."""
 
 
-def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
+def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | None = None) -> bytes:
     """Return the content of ``map.bin`` for ``inverse_map``, which instances with another ``guid`` refuse.
+
+    ``known`` is the strain of the loads that act while a tare is taken; None for none.
 
     Raises
     ------
@@ -102,7 +105,7 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
         sizes[_FORM], sizes[_N_FREE] = 1, parts.n_free
         sizes[_HAS_ERRORS] = inverse_map.common_error is not None
         sizes[_N_TERMS] = _rows(inverse_map.common_error)
-    sections = _sections(inverse_map)
+    sections = [tare_section(inverse_map, known), *_sections(inverse_map)]
     sizes[_N_SECTIONS] = len(sections)
     checked += struct.pack("<8I", *sizes)
     checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *numbers))
@@ -114,8 +117,8 @@ def native_resource(inverse_map: InverseMap, guid: str) -> bytes:
 
 
 def _sections(inverse_map: InverseMap) -> list[bytes]:
-    """Return what a tare needs, and what not every map has."""
-    sections = [tare_section(inverse_map)]
+    """Return what not every map has."""
+    sections = list[bytes]()
     if inverse_map.manifold is not None:
         sections.append(flight_section(inverse_map, inverse_map.manifold))
         if has_filter(inverse_map):

@@ -10,15 +10,19 @@ import numpy as np
 
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.reading_window import LEAST_PART
-from strainfmu.estimator.tare import LEAST_SAMPLES, LIKE_LOAD, LOUD, MOVED, OWN_FACTOR, TareLimits
+from strainfmu.estimator.tare import LEAST_SAMPLES, LIKE_LOAD, LOUD, MOVED, OWN_FACTOR, KnownStrain, TareLimits
 from strainfmu.estimator.tare_verdict import LEAST_GAUGES
 from strainfmu.fmu.resource_sections import section
 
 SECTION = b"TARE\0\0\0\0"
 
 
-def tare_section(inverse_map: InverseMap) -> bytes:
-    """Return the section: limits, then the noise of each strain gauge of ``inverse_map`` [m/m]."""
+def tare_section(inverse_map: InverseMap, known: KnownStrain | None = None) -> bytes:
+    """Return the section: limits, the noise of each strain gauge (n_s,) [m/m], then what is known.
+
+    That is the strain (n_s,) [m/m] of the loads that act meanwhile and its standard deviation (n_s,).
+    """
+    known = known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))
     limits = TareLimits()
     numbers = [
         limits.dynamic_pressure,
@@ -32,5 +36,6 @@ def tare_section(inverse_map: InverseMap) -> bytes:
         LOUD,
         LIKE_LOAD,
     ]
-    values = np.concatenate([numbers, inverse_map.noise_std[: inverse_map.n_strain_gauges]])
+    noise = inverse_map.noise_std[: inverse_map.n_strain_gauges]
+    values = np.concatenate([numbers, noise, known.value, known.std])
     return section(SECTION, values.astype("<f8").tobytes())

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
-from fmu_host import COEFFICIENTS, STRAINS, Host, loaded
+from fmu_host import COEFFICIENTS, OPTIONS, STRAINS, Host, loaded
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
+from strainfmu.cosim.zeros_file import write_zeros
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.tare import tare
+from strainfmu.estimator.tare import KnownStrain, tare
 from strainfmu.estimator.tare_edge import TareState
+from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.tare_variables import zero_in_use_names
 from strainfmu.interface.zero_variables import zero_names
 
@@ -80,6 +84,41 @@ def test_every_kind_takes_the_zeros_of_the_window(hosts: list[Host], synthetic: 
         host.set([zero_names(N_GAUGES)[0]], [1e-5])
         assert state(host) == TareState.IDLE
         assert host.get(IN_USE).tolist() == [1e-5, *[0.0] * (2 * N_GAUGES)]
+
+
+@pytest.mark.parametrize("kind", ["native", "python"])
+def test_known_loads_are_taken_off(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """Exported with the strain of own weight: zeros of numpy with the same, its deviation in theirs."""
+    held, random = load_inverse_map(synthetic.map_1), np.random.default_rng(5)
+    known = KnownStrain(value=3e-5 * random.normal(size=N_GAUGES), own_std=np.full(N_GAUGES, 2e-7))
+    stated = GaugeZeros(value=known.value, std=known.std, common_std=0.0)
+    write_zeros(tmp_path / "known.toml", held.gauge_names, stated, {})
+    plain, fmu = tmp_path / "plain.fmu", tmp_path / "known.fmu"
+    export_estimator(synthetic.map_1, plain, OPTIONS[kind])
+    export_estimator(synthetic.map_1, fmu, replace(OPTIONS[kind], tare_known=tmp_path / "known.toml"))
+    guids = [fmpy.read_model_description(str(path)).guid for path in (plain, fmu)]
+    assert guids[0] != guids[1]
+    strain = readings()
+    expected = tare(held, strain, np.zeros(N), known=known).zeros
+    assert np.abs(expected.value - tare(held, strain, np.zeros(N)).zeros.value).max() > 1e-5
+    signals = np.zeros(N + 1, dtype=[("time", float), ("tare", bool), *((name, float) for name in STRAINS)])
+    signals["time"] = 0.1 * np.arange(N + 1)
+    signals["tare"] = signals["time"] < 0.1 * N - 0.05
+    for name, one in zip(STRAINS, strain.T, strict=True):
+        signals[name] = [*one, one[-1]]
+    result = fmpy.simulate_fmu(
+        str(fmu),
+        start_values={"dynamic_pressure": 0.0},
+        input=signals,
+        stop_time=0.1 * (N + 1),
+        output_interval=0.1,
+        output=["tare_state", *IN_USE],
+    )
+    found = np.array([result[name][-1] for name in IN_USE])
+    assert result["tare_state"][-1] == TareState.DONE
+    np.testing.assert_allclose(found[:N_GAUGES], expected.value, rtol=1e-9)
+    np.testing.assert_allclose(found[N_GAUGES:-1], expected.std, rtol=1e-9)
+    assert np.all(expected.std > 2e-7)
 
 
 def test_refused_in_flight_and_where_pressure_is_not_known(hosts: list[Host]) -> None:

@@ -11,9 +11,11 @@
 
 static int parse(const Section *section, size_t n, TareLimits *limits, char *text) {
     const double *next = (const double *)(const void *)section->content;
-    int good = section->length == (N_LIMITS + n) * sizeof *next;
-    for (size_t k = 0; good && k < N_LIMITS + n; k++) {
-        good = isfinite(next[k]) && next[k] >= 0.0 && (k < N_LIMITS || next[k] > 0.0);
+    int good = section->length == (N_LIMITS + 3 * n) * sizeof *next;
+    for (size_t k = 0; good && k < N_LIMITS + 3 * n; k++) {
+        const int is_noise = k >= N_LIMITS && k < N_LIMITS + n;
+        const int is_known = k >= N_LIMITS + n && k < N_LIMITS + 2 * n;
+        good = isfinite(next[k]) && (is_known || next[k] >= 0.0) && (!is_noise || next[k] > 0.0);
     }
     if (!good) {
         snprintf(text, MODEL_TEXT_SIZE, "holds limits of a tare that cannot be");
@@ -30,6 +32,8 @@ static int parse(const Section *section, size_t n, TareLimits *limits, char *tex
     limits->loud = *take_doubles(&next, 1);
     limits->like_load = *take_doubles(&next, 1);
     limits->noise_std = take_doubles(&next, n);
+    limits->known = take_doubles(&next, n);
+    limits->known_std = take_doubles(&next, n);
     if (limits->least_samples < 4.0 * LEAST_STRETCHES) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a tare of fewer samples than there can be");
         return 0;

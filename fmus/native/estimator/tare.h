@@ -15,7 +15,8 @@ enum { TARE_IDLE, TARE_AVERAGING, TARE_DONE, TARE_REFUSED };
 typedef struct {
     double dynamic_pressure, zero, drift; /* largest [Pa], [1], and rise over the window [1] */
     double least_samples, least_part, least_gauges, own_factor, moved, loud, like_load;
-    const double *noise_std; /* (n_gauges) [1] */
+    const double *noise_std;         /* (n_gauges) [1] */
+    const double *known, *known_std; /* (n_gauges) strain of the loads that act meanwhile, and its deviation [1] */
 } TareLimits;
 
 /* What is serialised, as float64, with the arrays of the zeros and of the window behind it. */

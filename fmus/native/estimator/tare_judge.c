@@ -95,7 +95,9 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     }
     for (size_t i = 0; i < n; i++) {
         const double own = found->scatter[i] > 0.0 && j->fine[i] > limit && j->fine[i] > all ? j->fine[i] : all;
-        j->std[i] = sqrt(own * found->scatter[i] * found->scatter[i] / samples + j->rise[i] * j->rise[i] / 12.0);
+        const double of_known = tare->limits.known_std[i] * tare->limits.known_std[i];
+        j->std[i] =
+            sqrt(own * found->scatter[i] * found->scatter[i] / samples + j->rise[i] * j->rise[i] / 12.0 + of_known);
     }
 }
 
@@ -210,6 +212,7 @@ int tare_judge(Tare *tare, const double *mean_strain, char text[MODEL_TEXT_SIZE]
     for (size_t i = 0; i < n; i++) {
         n_reading += found->reads[i];
         n_known += found->reads[i] && j.std[i] < tare->largest_zero;
+        found->mean[i] -= found->reads[i] ? tare->limits.known[i] : 0.0;
     }
     if (drifts(tare, j.rise, text) || moves(tare, text) || too_large(tare, text)
         || looks_like_load(tare, mean_strain, n_reading, j.sorted, text)) {

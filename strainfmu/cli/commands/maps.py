@@ -78,6 +78,10 @@ def export(
         Literal["linear"] | None,
         typer.Option(help="linear: the linear estimator of a map that holds the nonlinear one too."),
     ] = None,
+    tare_known: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Strain of own weight and air during a tare, of 'tare --known-output'."),
+    ] = None,
 ) -> None:
     """Package an inverse map as an FMU. Two exports of one map are equal to the byte.
 
@@ -90,6 +94,8 @@ def export(
         strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
 
         strainfmu export results/map.h5 -o estimator.fmu --estimator linear
+
+        strainfmu export results/map.h5 -o estimator.fmu --tare-known known.toml
     """
     from strainfmu.estimator.inverse_map import load_inverse_map
     from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -97,7 +103,9 @@ def export(
 
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
     version = fmi.removesuffix(".0")
-    options = ExportOptions(kind=kind, fmi_version=version, platforms=chosen, estimator=estimator)
+    options = ExportOptions(
+        kind=kind, fmi_version=version, platforms=chosen, estimator=estimator, tare_known=tare_known
+    )
     found = export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "manifold":
