@@ -8,12 +8,13 @@ from math import degrees
 import numpy as np
 
 from builder.reports.tables import Column, Table, make_table
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import linearise_anew
 from strainfmu.estimator.manifold.navigation import NAVIGATION as QUANTITIES
@@ -23,7 +24,7 @@ NAVIGATION = (ALL, PRESSURE_ALONE)
 """What is known beside strain, each with the deviation of the map."""
 
 MACHS, INCIDENCES, ROLLS = 13, 12, 8
-"""Flight states of the envelope; deviations are rms values over the roll angles of the wind."""
+"""Flight states of the envelope; deviations are rms values over the roll angles of the wind that it holds."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,7 +65,8 @@ def flight_accuracy(inverse_map: InverseMap) -> FlightAccuracy | None:
     manifold = estimator.manifold
     low, high = manifold.mach_range.tolist()
     mach = np.linspace(low, high, MACHS)
-    incidence = manifold.incidence_limit * np.arange(1, INCIDENCES + 1) / INCIDENCES
+    middle, half = manifold.crossflow
+    incidence = float((np.abs(middle) + half).max()) * np.arange(1, INCIDENCES + 1) / INCIDENCES
     roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
     states = np.zeros((INCIDENCES, MACHS, ROLLS, 4))
     states[..., MACH] = mach[:, None]
@@ -72,15 +74,15 @@ def flight_accuracy(inverse_map: InverseMap) -> FlightAccuracy | None:
     states[..., W] = incidence[:, None, None] * np.sin(roll)
     states[..., LOG_PRESSURE] = np.log(manifold.pressure_range).mean()
     state = states.reshape(-1, 4)
+    inside = np.all(np.abs(states[..., U : W + 1] - middle) <= (1.0 + RANGE_TOLERANCE) * half, axis=-1)
     flown = [_estimated(estimator, state, navigation) for navigation in NAVIGATION]
-    shape = states.shape[:-1]
     return FlightAccuracy(
         mach_number=mach,
         total_incidence=incidence,
         static_pressure=float(np.exp(state[0, LOG_PRESSURE])),
-        coefficient_std=np.stack([_over_rolls(one.coefficients_std, shape) for one in flown]),
-        air_data_std=np.stack([_over_rolls(one.air_data.std, shape) for one in flown]),
-        identified=np.stack([one.air_data.is_identified.reshape(*shape, -1).mean(axis=2) for one in flown]),
+        coefficient_std=np.sqrt(np.stack([_over_rolls(one.coefficients_std**2, inside) for one in flown])),
+        air_data_std=np.sqrt(np.stack([_over_rolls(one.air_data.std**2, inside) for one in flown])),
+        identified=np.stack([_over_rolls(one.air_data.is_identified, inside) for one in flown]),
     )
 
 
@@ -97,9 +99,12 @@ def _estimated(estimator: ManifoldEstimator, state: FloatArray, navigation: str)
     return estimator.estimated(inputs, lambda samples, rows: linearise_anew(manifold, state[rows], samples))
 
 
-def _over_rolls(std: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return the rms value of ``std`` (k, n) over the last axis of ``shape``."""
-    return np.asarray(np.sqrt(np.mean(std.reshape(*shape, -1) ** 2, axis=2)))
+def _over_rolls(values: FloatArray | BoolArray, inside: BoolArray) -> FloatArray:
+    """Return (i, m, n) the mean of ``values`` (k, n) over the roll angles that are ``inside`` (i, m, r) the ranges
+    of the map, NaN where none is."""
+    count = inside.sum(axis=2)[:, :, None]
+    total = np.sum(values.reshape(*inside.shape, -1), axis=2, where=inside[..., None])
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def flight_accuracy_table(of: FlightAccuracy) -> Table:

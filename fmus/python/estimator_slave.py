@@ -247,12 +247,12 @@ class EstimatorSlave(Fmi2Slave):
         flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
         temperature = self._temperature()
         if isinstance(self._estimator, ManifoldEstimator):
-            estimator, inputs = self._estimator, self._estimator.checked_inputs(strain, valid, flow)
+            estimator = self._estimator
+            inputs = estimator.checked_inputs(strain, valid, flow, self._given_parameters())
             if temperature is not None:
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
             found, self._next = self._switched(estimator).step(inputs, self._track, self._time)
             return found
-        values = known_flow(self._values[self._flow_parameters].tolist())
         return self._estimator.step(
             strain,
             flow["dynamic_pressure"],
@@ -261,8 +261,13 @@ class EstimatorSlave(Fmi2Slave):
             mach_number=flow["mach_number"],
             altitude=flow["altitude"],
             temperature=temperature,
-            parameters=dict(zip(self._estimator.parameters.names, values, strict=True)),
+            parameters=self._given_parameters(),
         )
+
+    def _given_parameters(self) -> dict[str, float]:
+        """Return the further parameters of the flow by name, NaN where not known."""
+        values = known_flow(self._values[self._flow_parameters].tolist())
+        return dict(zip(self._estimator.parameters.names, values, strict=True))
 
     def _switched(self, estimator: ManifoldEstimator) -> SwitchedFilter:
         """Return the filter of ``estimator``, that of the last step if neither has changed."""

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import per_sample
 
 if TYPE_CHECKING:
     from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.load_estimate import LoadEstimates
 
 PARAMETER_TOLERANCE = 0.01
 """Part of its range by which a parameter may leave it: errors of a sensor of deflection, and of rounding."""
@@ -80,3 +81,13 @@ def flow_parameters(inverse_map: InverseMap) -> FlowParameters:
     ranges: dict[str, list[float]] = inverse_map.provenance.get("parameters", {})
     bounds = np.array([*ranges.values()], dtype=float).reshape(-1, 2)
     return FlowParameters(names=tuple(ranges), minimum=bounds[:, 0], maximum=bounds[:, 1])
+
+
+def write_parameters(series: LoadEstimates, known: FlowParameters, score: FloatArray) -> BoolArray:
+    """Write into ``series`` what the further parameters of k samples say by their ``score`` (k, n_p); return (k,)
+    whether one leaves its range."""
+    series.parameter_score[:] = score
+    outside = np.any(score > PARAMETER_TOLERANCE, axis=1)
+    for row in np.flatnonzero(outside):
+        series.outside_parameters[row] = known.outside(score[row])
+    return np.asarray(outside)

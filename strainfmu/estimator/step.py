@@ -14,9 +14,9 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.arguments import checked_mask, strain_of_one, strain_of_samples
 from strainfmu.estimator.at_temperature import SensorSets, scattered
 from strainfmu.estimator.envelope import envelope_score, flight_ranges, half_spaces
-from strainfmu.estimator.flow import Flow, flow_of, known_pressure, parameters_outside
+from strainfmu.estimator.flow import Flow, flow_of, known_pressure
 from strainfmu.estimator.flow import outside as outside_by_flow
-from strainfmu.estimator.flow_parameters import flow_parameters
+from strainfmu.estimator.flow_parameters import flow_parameters, write_parameters
 from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
@@ -239,7 +239,7 @@ class Estimator:
             n_parameters=len(self.parameters.names),
         )
         if self.parameters.names:
-            self._fill_parameters(series, flow)
+            write_parameters(series, self.parameters, flow.parameter_score)
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
@@ -259,11 +259,6 @@ class Estimator:
                 else:
                     self._fill(series, of_mask, masked, d, flow)
         return series
-
-    def _fill_parameters(self, series: LoadEstimates, flow: Flow) -> None:
-        series.parameter_score[:] = flow.parameter_score
-        for row in np.flatnonzero(parameters_outside(flow)):
-            series.outside_parameters[row] = self.parameters.outside(flow.parameter_score[row])
 
     def _field_inputs(self, d: FloatArray, flow: Flow) -> FieldInputs | None:
         if self.inverse_map.field_modes is None:

@@ -147,7 +147,8 @@ class MapBlocks:
 
     def __init__(self, estimator: Estimator) -> None:
         inverse_map = estimator.inverse_map
-        self.further_columns = _further_columns(inverse_map)
+        self._has_loads = inverse_map.further is not None
+        self.further_columns = _further_columns(inverse_map, self._has_loads)
         self.estimator = estimator
         self.inverse_map: InverseMap | None = inverse_map
         self.gauge_names = tuple(inverse_map.gauge_names)
@@ -185,7 +186,7 @@ class MapBlocks:
             residual=found.standardised_residual,
             residual_limit=self._residual_limit(found),
             outside=_outside(self.parameter_names, found.parameter_score),
-            further=_further_values(self.estimator.inverse_map, found) if self.further_columns else None,
+            further=_further_values(found, self._has_loads) if self.further_columns else None,
             estimates=found,
         )
 
@@ -206,9 +207,8 @@ class FlightBlocks:
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
-    parameter_names: tuple[str, ...] = ()
     envelope_score_limit = OUTSIDE_SCORE
-    _own_columns = (
+    _columns = (
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"sigma.air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES),
@@ -219,10 +219,10 @@ class FlightBlocks:
     def __init__(self, estimator: ManifoldEstimator) -> None:
         self.estimator, self._tracker = estimator, FlightTracker(estimator)
         self.inverse_map: InverseMap | None = estimator.inverse_map
-        self._has_sections = estimator.manifold.further is not None
-        sections = _further_columns(estimator.inverse_map) if self._has_sections else ()
-        self.further_columns = (*self._own_columns, *sections)
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
+        self.parameter_names = estimator.parameters.names
+        self._has_loads = estimator.manifold.further is not None
+        self.further_columns = (*self._columns, *_further_columns(estimator.inverse_map, self._has_loads))
         self.gauge_names = tuple(estimator.inverse_map.gauge_names)
         self.sensor_names = _sensor_names(estimator.inverse_map)
         self.reference = _level_reference(estimator.inverse_map)
@@ -247,14 +247,23 @@ class FlightBlocks:
             envelope_score=np.array([one.envelope_score for one in found]),
             residual=np.array([one.standardised_residual for one in found]),
             residual_limit=np.full(k, self._threshold),
-            further=np.array([_further(one, self._has_sections) for one in found]),
+            further=np.array([self._further(one) for one in found]),
+            outside=_outside(self.parameter_names, np.array([one.parameter_score for one in found])),
             estimates=found,
         )
+
+    def _further(self, one: FlightEstimate) -> FloatArray:
+        """Return the values of ``further_columns``."""
+        air, of_map = one.air_data, _further_values(one, self._has_loads)
+        flags = [*one.navigation_used, one.is_linear]
+        return np.concatenate([air.value, air.std, air.is_identified, flags, of_map]).astype(float)
 
     def _step(self, block: StrainBlock, row: int) -> FlightEstimate:
         flow = {name: float(values[row]) for name, values in block.flow.items()}
         warm = None if block.temperature is None else block.temperature[row]
-        return self._tracker.step(block.strain[row], float(block.dynamic_pressure[row]), temperature=warm, **flow)
+        parameters = {name: values[row] for name, values in block.parameters.items()}
+        pressure = float(block.dynamic_pressure[row])
+        return self._tracker.step(block.strain[row], pressure, temperature=warm, parameters=parameters, **flow)
 
 
 class _FlowArguments(TypedDict, total=False):
@@ -274,13 +283,13 @@ def _sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
     return () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
 
 
-def _further_columns(inverse_map: InverseMap) -> tuple[tuple[str, str], ...]:
+def _further_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[str, str], ...]:
     """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads.
 
     Between the two stand the scores of further parameters of the flow.
     """
     scores = tuple((f"{OUTSIDE_PREFIX}{name}", "1") for name in flow_parameters(inverse_map).names)
-    if inverse_map.further is None:
+    if inverse_map.further is None or not has_loads:
         return scores
     stations = inverse_map.further.section_station
     units = np.where(is_moment(len(stations)), "N m", "N").tolist()
@@ -288,27 +297,18 @@ def _further_columns(inverse_map: InverseMap) -> tuple[tuple[str, str], ...]:
     return (*named, *scores, *((f"sigma.{name}", unit) for name, unit in named))
 
 
-def _further_values(inverse_map: InverseMap, found: LoadEstimates) -> FloatArray:
-    """Return the values (n, n_f) of :func:`_further_columns`."""
-    if inverse_map.further is None:
+def _further_values(found: LoadEstimate | LoadEstimates, has_loads: bool) -> FloatArray:
+    """Return the values (n_f,) or (n, n_f) of :func:`_further_columns`."""
+    if not has_loads:
         return found.parameter_score
-    rolling, std = found.further_coefficients[:, :1], found.further_coefficients_std[:, :1]
-    return np.hstack([rolling, found.further_loads, found.parameter_score, std, found.further_loads_std])
+    rolling, std = found.further_coefficients[..., :1], found.further_coefficients_std[..., :1]
+    parts = (rolling, found.further_loads, found.parameter_score, std, found.further_loads_std)
+    return np.concatenate(parts, axis=-1)
 
 
 def _outside(names: Sequence[str], score: FloatArray) -> dict[str, BoolArray]:
     """Return (n,) whether each parameter leaves its range, by their ``score`` (n, n_p)."""
     return {name: one > PARAMETER_TOLERANCE for name, one in zip(names, score.T, strict=True)}
-
-
-def _further(one: FlightEstimate, has_sections: bool) -> FloatArray:
-    """Return the values of ``FlightBlocks.further_columns``."""
-    air = one.air_data
-    parts = [air.value, air.std, air.is_identified, one.navigation_used, np.array([one.is_linear])]
-    if has_sections:
-        parts += [one.further_coefficients[:1], one.further_loads]
-        parts += [one.further_coefficients_std[:1], one.further_loads_std]
-    return np.concatenate(parts).astype(float)
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:

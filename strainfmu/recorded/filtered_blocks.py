@@ -62,7 +62,8 @@ class FilteredFlight(FlightBlocks):
         for row, seconds in enumerate(_time_steps(block, last)):
             flow = {name: float(values[row]) for name, values in block.flow.items()}
             flow["dynamic_pressure"] = float(block.dynamic_pressure[row])
-            found.append(_lean(self._filter.recorded(seconds, block.strain[row], flow)))
+            parameters = {name: values[row] for name, values in block.parameters.items()}
+            found.append(_lean(self._filter.recorded(seconds, block.strain[row], flow, parameters=parameters)))
         return found
 
     def of_laws(self, steps: Sequence[FilteredStep], laws: Sequence[Law]) -> BlockEstimates:

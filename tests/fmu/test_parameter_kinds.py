@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_fmu import N_D, fresh_tracker, random_flight, whole_map
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from fmu_host import OPTIONS, loaded
@@ -63,3 +64,30 @@ def test_health_and_scores(paths: dict[str, Path], tmp_path: Path, kind: str) ->
             host.set(inputs, values)
             assert host.health() == state
             np.testing.assert_allclose(host.get(outputs), scores, rtol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["native", "python"])
+def test_the_nonlinear_estimator_is_outside_by_a_parameter(tmp_path: Path, kind: str) -> None:
+    """Its loads stay what they are: the tables hold all values of the snapshots."""
+    held = with_parameters(whole_map())
+    save_inverse_map(held, tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "flight.fmu", OPTIONS[kind])
+    assert validate_fmu(str(tmp_path / "flight.fmu")) == []
+    tracker = fresh_tracker(held)
+    with loaded(tmp_path / "flight.fmu", tmp_path / kind) as host:
+        host.initialize()
+        for k, sample in enumerate(random_flight(held, 4, seed=3)):
+            values = dict(zip(PARAMETERS, ([1.0, 0.25, 2.0], [6.0, 0.25, np.nan])[k % 2], strict=True))
+            found = tracker.step(sample.strain, valid=sample.valid, parameters=values, **sample.flow)
+            assert (found.health == HealthState.OUTSIDE) == bool(k % 2)
+            assert found.outside_parameters == (("fin_deg",) if k % 2 else ())
+            assert found.fits
+            host.set([f"strain[{i + 1}]" for i in range(N_D)], sample.strain)
+            host.set(list(sample.flow), list(sample.flow.values()))
+            host.set([f"parameter.{name}" for name in values], list(values.values()))
+            host.fmu.doStep(0.01 * k, 0.01)
+            assert host.health() == found.health
+            np.testing.assert_allclose(host.get(["C_A", "C_N", "M_P"]), found.coefficients[[0, 1, 3]], rtol=1e-9)
+            np.testing.assert_allclose(
+                host.get([f"health.outside.{name}" for name in PARAMETERS]), found.parameter_score, rtol=1e-14
+            )

@@ -117,8 +117,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL
                           || section[FURTHER_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
-        || ((e->parameters.count > 0 || section[SENSOR_SECTION].content != NULL)
-            && section[FLIGHT_SECTION].content != NULL)
+        || (section[SENSOR_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL)
         || (section[FILTER_SECTION].content != NULL && filters_else)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);

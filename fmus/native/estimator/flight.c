@@ -267,7 +267,8 @@ static int judge(Estimator *e, size_t used) {
     output[ENVELOPE_SCORE] = range_score(flight);
     const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT]
                   && found->largest_shape <= map->shape_threshold * sqrt(alarm_scale);
-    const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight);
+    const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
+                     || estimator_outside(e) != SIZE_MAX;
     const int missing = used < e->map.n_gauges || navigation_alarms(flight);
     output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : missing ? DEGRADED : OK;
     return fits;

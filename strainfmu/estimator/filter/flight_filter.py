@@ -22,10 +22,11 @@ from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_samp
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.flight_tables import N_STATES
 from strainfmu.estimator.manifold.gauss_newton import Samples, without_navigation
+from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.navigation import NAVIGATION, inconsistent_navigation, state_measurement
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
@@ -105,6 +106,7 @@ class FlightFilter:
         altitude: float = np.nan,
         static_pressure: float = np.nan,
         static_pressure_std: float = np.nan,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate:
         """Estimate the loads of one sample, ``time_step`` [s] after the last one.
 
@@ -125,7 +127,7 @@ class FlightFilter:
             "dynamic_pressure_std": dynamic_pressure_std,
             "altitude": altitude,
         }
-        return self.recorded(time_step, strain, flow, valid=valid).estimate[0]
+        return self.recorded(time_step, strain, flow, valid=valid, parameters=parameters).estimate[0]
 
     def recorded(
         self,
@@ -134,12 +136,14 @@ class FlightFilter:
         flow: Mapping[str, ArrayLike],
         *,
         valid: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> FilteredStep:
         """Return the step of one sample, as much of it as smoothing needs.
 
         Arguments and errors as :meth:`step`; ``flow`` holds what is known of navigation, by name.
         """
-        inputs = self.estimator.checked_inputs(strain, valid, dict.fromkeys(_FLOW, np.nan) | dict(flow))
+        flow = dict.fromkeys(_FLOW, np.nan) | dict(flow)
+        inputs = self.estimator.checked_inputs(strain, valid, flow, parameters)
         if len(inputs.strain) != 1:
             raise InputError(f"strain: expected one sample, got {len(inputs.strain)}")
         return self.stepped(checked_time_step(time_step), inputs)

@@ -15,8 +15,9 @@ from strainfmu.estimator.filter.consistency import Consistency
 from strainfmu.estimator.filter.flight_filter import FilterTrack, FlightFilter
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
-from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.tracker import Track, tracked
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
 from strainfmu.estimator.at_temperature import SensorSets, scattered
 from strainfmu.estimator.envelope import static_pressure_at
+from strainfmu.estimator.flow_parameters import write_parameters
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates, set_unknown
@@ -22,6 +23,7 @@ from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData, air_d
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import flight_health
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples, without_navigation
+from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.navigation import (
     LEAST_RELATIVE_STD,
     NAVIGATION,
@@ -59,27 +61,6 @@ _OF_LOADS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EstimatorInputs:
-    """Checked inputs of k samples.
-
-    Attributes
-    ----------
-    strain, used : (k, n_d) readings less zeros [m/m], and which gauges to use.
-    navigation : with a standard deviation for every value.
-    """
-
-    strain: FloatArray
-    used: BoolArray
-    navigation: Navigation
-
-    def rows(self, rows: slice | IntArray) -> EstimatorInputs:
-        """Return the samples ``rows``."""
-        return EstimatorInputs(
-            strain=self.strain[rows], used=self.used[rows], navigation=self.navigation.rows(rows)
-        )
-
-
 class ManifoldEstimator:
     """A map with tables over the flight state, prepared for the loop.
 
@@ -106,15 +87,15 @@ class ManifoldEstimator:
         self.inverse_map, self.manifold = inverse_map, inverse_map.manifold
         # Of strain: the zeros are taken off before it.
         self.linear = Estimator(inverse_map, settings)
-        self.settings = self.linear.settings
+        self.settings, self.parameters = self.linear.settings, self.linear.parameters
         self._warm = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
         self._search = search_table(self.manifold)
         _, precision = prior(self.manifold)
         self._prior_std = 1.0 / np.sqrt(precision)
         shift = self.settings.moment_station - default_settings(inverse_map).moment_station
         self._transfer = moment_transfer(shift)
-        area, length = self.settings.reference_area, self.settings.reference_length
-        self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
+        length = self.settings.reference_length
+        self._reference = self.settings.reference_area * np.array([1.0, 1.0, 1.0, length, length])
 
     def with_zeros(self, zeros: GaugeZeros) -> ManifoldEstimator:
         """Return an estimator of the same map with ``zeros`` in place of its own, as
@@ -142,6 +123,7 @@ class ManifoldEstimator:
         static_pressure: ArrayLike = np.nan,
         static_pressure_std: ArrayLike = np.nan,
         temperature: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate | FlightEstimates:
         """Estimate the loads of one sample, or of k samples at once, each on its own.
 
@@ -156,6 +138,8 @@ class ManifoldEstimator:
         altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none. What the wall's temperature strains is taken off, as far as they tell.
+        parameters : further parameters of the flow by the names of the map, one for all samples or (k,), in the
+            units of the vehicle file; out of their range health is ``OUTSIDE``.
 
         Raises
         ------
@@ -175,6 +159,7 @@ class ManifoldEstimator:
                 "dynamic_pressure_std": dynamic_pressure_std,
                 "altitude": altitude,
             },
+            parameters,
         )
         found = self._at_temperature(inputs, temperature)
         return found if np.ndim(strain) == 2 else found[0]
@@ -232,7 +217,11 @@ class ManifoldEstimator:
         return ManifoldEstimator(inverse_map, self.settings, none)
 
     def checked_inputs(
-        self, strain: ArrayLike, valid: ArrayLike | None, flow: Mapping[str, ArrayLike]
+        self,
+        strain: ArrayLike,
+        valid: ArrayLike | None,
+        flow: Mapping[str, ArrayLike],
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> EstimatorInputs:
         """Return the inputs of :meth:`estimate` as arrays over the samples; errors as there."""
         n = self.inverse_map.n_gauges
@@ -249,7 +238,12 @@ class ManifoldEstimator:
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(of[name]):g}")
         std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
         navigation = Navigation(value=value, std=self._stds(value, std))
-        return EstimatorInputs(strain=d - self.zeros.value, used=used, navigation=navigation)
+        return EstimatorInputs(
+            strain=d - self.zeros.value,
+            used=used,
+            navigation=navigation,
+            parameter_score=self.parameters.score(self.parameters.values(parameters, len(d))),
+        )
 
     def _stds(self, value: FloatArray, std: FloatArray) -> FloatArray:
         """Return (k, 3) ``std``, those of the map where it is NaN."""
@@ -307,9 +301,11 @@ class ManifoldEstimator:
             alarm_scale=self.settings.alarm_scale,
         )
         out = self._loads(found, used, self._field_inputs(inputs))
+        outside = write_parameters(out, self.parameters, inputs.parameter_score)
+        out.health[:] = np.where(outside, HealthState.OUTSIDE, judged.health)
         out.chi_square[:], out.standardised_residual[:] = found.chi_square, found.standardised_residual
         out.degrees_of_freedom[:], out.chi_square_limit[:] = judged.degrees_of_freedom, judged.chi_square_limit
-        out.envelope_score[:], out.health[:] = judged.range_score, judged.health
+        out.envelope_score[:] = judged.range_score
         for row, suspect in enumerate(judged.suspect.tolist()):
             out.suspects[row] = () if suspect < 0 else (suspect,)
         some = np.asarray(used.any(axis=1))
@@ -344,7 +340,13 @@ class ManifoldEstimator:
     def _loads(self, found: FlightSolution, used: BoolArray, field_inputs: FieldInputs | None) -> LoadEstimates:
         """Return estimates with loads and coefficients of ``found`` at the references of the settings."""
         sections = None if self.inverse_map.further is None else self.inverse_map.further.section_station
-        out = empty_estimates(len(used), used.shape[1], field_inputs=field_inputs, section_station=sections)
+        out = empty_estimates(
+            len(used),
+            used.shape[1],
+            field_inputs=field_inputs,
+            section_station=sections,
+            n_parameters=len(self.parameters.names),
+        )
         turn = self._transfer * self.manifold.references / self._reference[:, None]
         of_load = self._transfer @ found.load_covariance @ self._transfer.T
         of_coefficient = turn @ found.coefficient_covariance @ turn.T

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +11,9 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.arguments import strain_of_one
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.solve import solve_warm
 
 SEARCH_EVERY = 10
@@ -58,6 +60,7 @@ class FlightTracker:
         static_pressure: float = np.nan,
         static_pressure_std: float = np.nan,
         temperature: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`ManifoldEstimator.estimate`."""
         inputs = self.estimator.checked_inputs(
@@ -72,6 +75,7 @@ class FlightTracker:
                 "dynamic_pressure_std": dynamic_pressure_std,
                 "altitude": altitude,
             },
+            parameters,
         )
         estimator = self.estimator
         if temperature is not None:

@@ -11,8 +11,9 @@ from flight_fmu import N_D, random_flight, whole_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.manifold.air_data import air_data_of_state
 from strainfmu.estimator.manifold.derivative import EstimateDerivative, estimate_derivative
-from strainfmu.estimator.manifold.estimator import EstimatorInputs, ManifoldEstimator
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.gauss_newton import Samples, linearise_anew
+from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.navigation import state_measurement
 from strainfmu.estimator.manifold.solve import solution, solve_from
 
