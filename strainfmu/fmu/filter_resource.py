@@ -1,6 +1,6 @@
 """The filter of the nonlinear estimator as the native FMU reads it: a section of ``resources/map.bin``.
 
-Its content is eight 32-bit sizes, of which the last four are zero, and float64 values: the scalars, then the
+Its content is eight 32-bit sizes, of which the last three are zero, and float64 values: the scalars, then the
 arrays in the order of :func:`filter_section`. ``fmus/native/estimator/filter_map.h`` describes them to the C code.
 """
 
@@ -44,6 +44,8 @@ def filter_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         SMALLEST_TIME,
         LARGEST_TIME,
     )
+    errors = model.further
+    further = () if errors is None else (errors.load, errors.rest_cross, errors.rest_variance)
     numbers = (
         np.array(scalars),
         seen.strain.T,
@@ -55,6 +57,8 @@ def filter_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         model.common.T,
         np.moveaxis(model.of_gauge, 0, 2),
         own,
+        *further,
     )
-    sizes = (seen.strain.shape[1], model.common.shape[1], model.of_gauge.shape[1], len(own))
+    n_further = 0 if model.further is None else len(model.further.load)
+    sizes = (seen.strain.shape[1], model.common.shape[1], model.of_gauge.shape[1], len(own), n_further)
     return section(SECTION, sized_numbers(sizes, numbers))

@@ -25,6 +25,7 @@ from __future__ import annotations
 import struct
 import sys
 import zlib
+from dataclasses import replace
 
 import numpy as np
 
@@ -122,7 +123,9 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
     if inverse_map.manifold is not None:
         sections.append(flight_section(inverse_map, inverse_map.manifold))
         if has_filter(inverse_map):
-            sections.append(filter_section(inverse_map, inverse_map.manifold))
+            stated = has_further_outputs(inverse_map)
+            tables = inverse_map.manifold if stated else replace(inverse_map.manifold, further=None)
+            sections.append(filter_section(inverse_map, tables))
     if inverse_map.thermal is not None:
         sections.append(thermal_section(inverse_map, inverse_map.thermal))
     if has_further_outputs(inverse_map) and inverse_map.further is not None:

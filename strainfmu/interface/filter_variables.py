@@ -14,12 +14,11 @@ FILTER_TIME_CONSTANT = "filter_time_constant"
 
 
 def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: maps with tables over the flight state alone.
+    """Return whether FMUs of ``inverse_map`` can filter: maps with tables over the flight state.
 
-    The filter takes neither temperatures nor section loads.
+    The filter takes no temperatures.
     """
-    manifold = inverse_map.manifold
-    return manifold is not None and manifold.further is None and inverse_map.thermal is None
+    return inverse_map.manifold is not None and inverse_map.thermal is None
 
 
 def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:

@@ -23,7 +23,7 @@ size_t law_doubles(const Filter *filter) {
 static size_t sample_doubles(const Filter *filter) {
     const size_t rows = filter->rows, order = filter->order;
     return 7 * order * rows + 3 * LANES * rows + filter->n_considered + 6 * rows * rows + 3 * rows
-         + larger(rows, order) * order + 3 * order * order;
+         + larger(rows, order) * order + 3 * order * order + filter->map.n_further * rows + 2 * order;
 }
 
 size_t filter_doubles(Filter *filter, FlightSolver *solver) {
@@ -72,6 +72,8 @@ void filter_arrays(Filter *filter, double **doubles) {
     filter->turned = taken(doubles, larger(rows, order) * order);
     filter->kept = taken(doubles, order * order);
     filter->joseph = taken(doubles, 2 * order * order);
+    filter->further_turned = taken(doubles, filter->map.n_further * rows);
+    filter->further_by_state = taken(doubles, 2 * order);
 }
 
 void filter_reset(Filter *filter) {

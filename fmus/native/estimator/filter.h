@@ -43,6 +43,7 @@ typedef struct {
     FilterTrack base, next;       /* that the outputs follow from, and that they leave, */
     Law law, next_law;            /* with their laws */
     Law predicted, stationary;
+    Law found;                    /* of the solution: one of these, wherever it is kept */
     /* Scratch: a sample about a state. */
     double scale[N_NAVIGATION]; /* 1 over the deviation of navigation; 0 where not known */
     double *read;      /* (order, rows) H' */
@@ -64,6 +65,8 @@ typedef struct {
     double *turned;       /* (rows or order, order), */
     double *kept;         /* (order, order) I - K H, */
     double *joseph;       /* (2, order, order) */
+    double *further_turned;   /* (n_further, rows), */
+    double *further_by_state; /* (2, order) of filter_further.c */
 } Filter;
 
 /* Fill in the sizes, and how many doubles it takes; handing them out. */
@@ -96,6 +99,13 @@ double filter_give(Filter *filter, Law *law, const double *state);
 
 /* solver->solution at the law in filter->next_law, the last sample's. For filter_sample.c. */
 void filter_solution(Filter *filter);
+
+/* What the gauges in use read beside all states of a law, (rows) in filter->product. */
+double *filter_left(Filter *filter, const Law *law);
+
+/* The outputs in estimator->further for the law of the last update. */
+struct Estimator;
+void filter_further_update(struct Estimator *e);
 
 /* One more normalised innovation, of so many degrees of freedom. */
 void filter_note(Filter *filter, double chi_square, double degrees_of_freedom);

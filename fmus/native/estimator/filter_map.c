@@ -7,12 +7,14 @@
 #define N_FILTER_SCALARS 14
 #define LARGEST_NUMBER 64 /* of directions, errors and terms */
 
-enum { N_SEEN, N_SHARED, N_TERMS, N_OWN };
+#define MOST_LOADS 4096 /* of sections */
+
+enum { N_SEEN, N_SHARED, N_TERMS, N_OWN, N_FURTHER_LOADS };
 
 static size_t number_of_doubles(const FilterMap *map, size_t n) {
     const size_t loads = N_LOADS;
     return N_FILTER_SCALARS + map->n_seen * (n + loads) + 2 * n * n + loads * (loads + n) + map->n_shared * n
-         + map->n_terms * (1 + loads) * n + map->n_own * n;
+         + map->n_terms * (1 + loads) * n + map->n_own * n + map->n_further * (map->n_seen + n + 1);
 }
 
 static void take_scalars(FilterMap *map, const double **next) {
@@ -39,6 +41,9 @@ static void take_arrays(FilterMap *map, const double **next, size_t n) {
     map->shared = take_doubles(next, map->n_shared * n);
     map->of_gauge = take_doubles(next, map->n_terms * (1 + N_LOADS) * n);
     map->own = take_doubles(next, map->n_own * n);
+    map->further_load = take_doubles(next, map->n_further * map->n_seen);
+    map->further_cross = take_doubles(next, map->n_further * n);
+    map->further_variance = take_doubles(next, map->n_further);
 }
 
 static int sensible_values(const FilterMap *map, const double *values, size_t count, size_t n) {
@@ -64,13 +69,14 @@ int filter_map_parse(const Section *section, size_t n_gauges, FilterMap *map, ch
     int good = section->length >= 4 * N_FILTER_SIZES;
     for (size_t k = 0; good && k < N_FILTER_SIZES; k++) {
         sizes[k] = u32_at(content, 4 * k);
-        good = sizes[k] <= LARGEST_NUMBER;
+        good = sizes[k] <= (k == N_FURTHER_LOADS ? MOST_LOADS : LARGEST_NUMBER);
     }
     if (good) {
         map->n_seen = sizes[N_SEEN];
         map->n_shared = sizes[N_SHARED];
         map->n_terms = sizes[N_TERMS];
         map->n_own = sizes[N_OWN];
+        map->n_further = sizes[N_FURTHER_LOADS];
         good = map->n_own <= 1 && section->length == 4 * N_FILTER_SIZES + 8 * number_of_doubles(map, n_gauges);
     }
     if (!good) {

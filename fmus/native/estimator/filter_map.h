@@ -12,6 +12,7 @@ typedef struct {
     size_t n_seen;   /* directions of pressure off the tables that are estimated */
     size_t n_shared; /* errors that gauges have in common and that do not follow strain */
     size_t n_terms;  /* errors of each gauge that last, per p_inf */
+    size_t n_further; /* rolling moment and section loads */
     size_t n_own;    /* 1 if gauges have errors that last and do not follow strain, or 0 */
     double rate[N_STATES];      /* standard deviations of the rates [1/s] */
     double rate_time, slow;     /* [s], [1] */
@@ -28,6 +29,9 @@ typedef struct {
     const double *shared;       /* (n_shared, n_gauges) */
     const double *of_gauge;     /* (n_terms, 6, n_gauges) */
     const double *own;          /* (n_own, n_gauges) */
+    const double *further_load;     /* (n_further, n_seen) per p_inf */
+    const double *further_cross;    /* (n_further, n_gauges) covariances with strain, of the other directions, */
+    const double *further_variance; /* (n_further) and of the loads */
 } FilterMap;
 
 /* Read the section. 1; 0 with a text that states what is wrong. */

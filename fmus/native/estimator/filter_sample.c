@@ -267,4 +267,5 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
         lane_dot(filter->rows, filter->innovation, weighted) + filter_give(filter, &filter->next_law, state);
     set_residuals(filter);
     filter_solution(filter);
+    filter->found = filter->next_law;
 }

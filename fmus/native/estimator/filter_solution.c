@@ -32,8 +32,7 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
     solve_upper(solver->wide, rows, filter->white_factor, N_LOADS, turned);
 }
 
-/* What the gauges in use read beside all states, as a row behind those of the gains. */
-static double *set_left(Filter *filter) {
+double *filter_left(Filter *filter, const Law *law) {
     const FlightSolver *solver = filter->solver;
     const size_t rows = filter->rows;
     double *left = filter->product;
@@ -43,7 +42,7 @@ static double *set_left(Filter *filter) {
     }
     for (size_t k = N_STATES; k < filter->n_read; k++) {
         for (size_t g = 0; g < solver->n_gauges; g++) {
-            left[g] -= filter->next_law.mean[k] * filter->read[k * rows + g];
+            left[g] -= law->mean[k] * filter->read[k * rows + g];
         }
     }
     return left;
@@ -53,7 +52,7 @@ static double *set_left(Filter *filter) {
 static void set_loads(Filter *filter) {
     FlightSolver *solver = filter->solver;
     const size_t rows = filter->rows, order = filter->order;
-    const double *left = set_left(filter), *mean = filter->next_law.mean;
+    const double *left = filter_left(filter, &filter->next_law), *mean = filter->next_law.mean;
     double *by_state = filter->joseph, *by_row = filter->product + rows, *by_read = filter->turned;
     memset(by_state, 0, N_LOADS * order * sizeof *by_state);
     memset(by_row, 0, rows * TURNED_LANES * sizeof *by_row);

@@ -30,6 +30,10 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     if (of_filter->content != NULL && !filter_map_parse(of_filter, n, &filter->map, text)) {
         return 0;
     }
+    if (of_filter->content != NULL && filter->map.n_further != n_loads) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other section loads");
+        return 0;
+    }
     flight->solver.map = &flight->map;
     flight->solver.n = in_lanes(n);
     filter->present = of_filter->content != NULL;

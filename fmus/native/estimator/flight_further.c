@@ -87,6 +87,10 @@ void flight_further_update(Estimator *e) {
     const FlightSolver *solver = &flight->solver;
     const FlightFurtherMap *map = &flight->further.map;
     const size_t m = map->tables.n_rows;
+    if (flight_filters(e)) {
+        filter_further_update(e);
+        return;
+    }
     if (e->output[VALID_GAUGES] == 0.0) {
         for (size_t j = 0; j < N_FURTHER * m; j++) {
             e->further.value[0][j] = NAN; /* all arrays, which follow each other */
