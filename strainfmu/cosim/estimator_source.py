@@ -7,12 +7,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
-from strainfmu.cosim.step import ENVELOPE_SCORE, FURTHER_LOADS, Step, StepResult
+from strainfmu.cosim.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
@@ -22,6 +23,8 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, parameter_names
+from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 
 NAVIGATION = ("mach_number", "altitude")
@@ -48,7 +51,7 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if source.suffix.lower() == ".fmu":
-        with FmuStep(source, (*NAVIGATION, TEMPERATURE), (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
+        with FmuStep(source, (*NAVIGATION, TEMPERATURE, PARAMETERS), (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
@@ -68,8 +71,9 @@ class MapStep:
         self._map = inverse_map
         self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
-        self.further_inputs = (*NAVIGATION, *self._temperatures)
         self.set_zeros(zeros)
+        self._parameters = parameter_names(inverse_map)
+        self.further_inputs = (*NAVIGATION, *self._temperatures, *self._parameters)
         self.noise_std = inverse_map.noise_std
         self.section_stations = section_stations(inverse_map)
         stations = self.section_stations
@@ -88,19 +92,25 @@ class MapStep:
         *,
         mach_number: float = nan,
         altitude: float = nan,
-        **temperature: float,
+        **others: float,
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``.
 
-        ``temperature`` [K] is by name of the FMU's input; one that is not given is not known.
+        ``others`` are temperatures [K] and further parameters of the flow by name of the FMU's input; one that is
+        not given is not known.
         """
         warm = None
-        if temperature:
-            warm = np.array([temperature.get(name, nan) for name in self._temperatures])
-        found = self._estimator.step(
-            strain, dynamic_pressure, mach_number=mach_number, altitude=altitude, temperature=warm
-        )
+        if self._temperatures and others:
+            warm = np.array([others.get(name, nan) for name in self._temperatures])
+        of_flow: dict[str, Any] = {"mach_number": mach_number, "altitude": altitude, "temperature": warm}
+        names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
+        if names:
+            of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}
+        found = self._estimator.step(strain, dynamic_pressure, **of_flow)
         further = {ENVELOPE_SCORE: found.envelope_score}
+        further |= {
+            OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)
+        }
         if self._further:
             further |= zip(self._further, further_outputs(found), strict=True)
         return StepResult(

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
-from strainfmu.cosim.step import FURTHER_LOADS, StepRefused, StepResult
+from strainfmu.cosim.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
+from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.zero_variables import zero_names
 
@@ -127,13 +129,16 @@ class FmuStep:
         by_name = {variable.name: variable for variable in inputs}
         sensors = _numbered(inputs, _TEMPERATURE) if TEMPERATURE in further_inputs else []
         self.sensor_names = tuple(_described(variable, _SENSOR) for variable in sensors)
-        asked = (*further_inputs, *(variable.name for variable in sensors))
+        of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]
+        parameters = of_parameters if PARAMETERS in further_inputs else []
+        asked = (*further_inputs, *(variable.name for variable in sensors), *parameters)
         self.further_inputs = tuple(name for name in asked if name in by_name)
         of_flow = tuple(by_name[name] for name in self.further_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in further_outputs if name != FURTHER_LOADS]
+        wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
         self.section_stations = _section_stations(self._description) if FURTHER_LOADS in further_outputs else None
         if self.section_stations is not None:
             wanted += further_load_outputs(len(self.section_stations))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
+from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 
 
 class StepRefused(StrainfmuError):
@@ -44,6 +45,9 @@ def health_name(state: int) -> str:
 ENVELOPE_SCORE = "health.envelope_score"
 """Output of :attr:`StepResult.further`: deviations by which the coefficients leave what the map covers [1]."""
 
+PARAMETERS = "parameters"
+"""Name that stands for all further parameters of the flow among the further inputs that are asked for."""
+
 FURTHER_LOADS = "further_loads"
 """Name that stands for rolling moment and section loads, with their deviations, among the outputs asked for."""
 
@@ -63,6 +67,11 @@ def sensor_names_of(step: Step) -> tuple[str, ...]:
     They are ``step``'s attribute ``sensor_names``; none where it has none.
     """
     return tuple(getattr(step, "sensor_names", ()))
+
+
+def parameter_names_of(step: Step) -> tuple[str, ...]:
+    """Return the inputs ``parameter.NAME`` of further parameters of the flow among :func:`further_inputs`."""
+    return tuple(name for name in further_inputs(step) if name.startswith(PARAMETER_PREFIX))
 
 
 def section_stations_of(step: Step) -> tuple[float, ...] | None:

@@ -19,10 +19,12 @@ from strainfmu.can.cycle.gauge_verdicts import gauge_reasons
 from strainfmu.can.cycle.quality import Cause
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
+from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.fmu.package import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 
 CHI_SQUARE_LIMIT, GAUGES_USED = "health.chi_square_limit", "health.valid_gauges"
 SUSPECT_GAUGE, SUSPECTS = "health.suspect_gauge", "health.suspects"
@@ -132,6 +134,13 @@ def health_text(result: CycleResult, score_limit: float | None) -> str | None:
     """
     if result.health != HealthState.OUTSIDE:
         return None
+    outside = [
+        name.removeprefix(OUTSIDE_PREFIX)
+        for name, score in result.further.items()
+        if name.startswith(OUTSIDE_PREFIX) and score > PARAMETER_TOLERANCE
+    ]
+    if outside:
+        return f"{', '.join(outside)} outside the map's range"
     if score_limit is None or not isfinite(result.envelope_score):
         return "outside what the map covers"
     if result.envelope_score > score_limit:

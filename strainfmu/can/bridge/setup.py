@@ -22,7 +22,14 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configuration_of, profile_layout
-from strainfmu.cosim.step import FURTHER_LOADS, Step, section_stations_of, sensor_names_of
+from strainfmu.cosim.step import (
+    FURTHER_LOADS,
+    PARAMETERS,
+    Step,
+    parameter_names_of,
+    section_stations_of,
+    sensor_names_of,
+)
 from strainfmu.errors import InputError
 
 UNPROTECTED_TEXT = (
@@ -150,7 +157,7 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     bus = bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
     outputs = (ENVELOPE_SCORE, FURTHER_LOADS, *taps.outputs)
-    with FmuStep(fmu, (*NAVIGATION, TEMPERATURE), outputs) as step, ExitStack() as stack:
+    with FmuStep(fmu, (*NAVIGATION, TEMPERATURE, PARAMETERS), outputs) as step, ExitStack() as stack:
         if options.zeros is not None:
             step.set_zeros(load_zeros(options.zeros, step.gauge_names))
         start = taps.clock()
@@ -222,7 +229,7 @@ def make_core(
         synchronised=options.synchronised,
         synchronised_shift=options.synchronised_shift,
     )
-    layout, configuration = input_layout(options, gauge_names, sensor_names_of(step))
+    layout, configuration = input_layout(options, gauge_names, sensor_names_of(step), parameter_names_of(step))
     stations = section_stations_of(step)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time, stations)
     options.identifiers.checked(1, len(results))
@@ -264,11 +271,15 @@ def _taring(
 
 
 def input_layout(
-    options: BridgeOptions, gauge_names: Sequence[str], sensor_names: Sequence[str] = ()
+    options: BridgeOptions,
+    gauge_names: Sequence[str],
+    sensor_names: Sequence[str] = (),
+    parameter_names: Sequence[str] = (),
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
-    ``sensor_names`` are the temperature sensors of the estimator, which a mapping may name.
+    ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for further
+    parameters of the flow, which a mapping may name.
 
     Raises
     ------
@@ -297,6 +308,7 @@ def input_layout(
         gauge_names=gauge_names,
         name=str(options.mapping),
         sensor_names=sensor_names,
+        parameter_names=parameter_names,
     )
     return layout, configuration_of(options.dbc.name, gauge_names)
 

@@ -19,6 +19,7 @@ from strainfmu.can.wire.frame_layout import (
     MACH_NUMBER,
     FlowSignal,
     InputFrame,
+    is_parameter,
     is_temperature,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
@@ -33,6 +34,9 @@ _SENSIBLE = {
 
 _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 """The same of a temperature [K]."""
+
+_LARGEST_PARAMETER = 1e8
+"""Largest size of a further parameter in its own unit; the estimator has -1e9 for one that is not known."""
 
 
 _NOTHING_LOST = Cause.NONE
@@ -49,8 +53,8 @@ class FlowState:
     ----------
     dynamic_pressure : q_inf [Pa].
     mach_number, altitude : by navigation [1] and [m].
-    lost : causes of what was known before and is not any more: navigation, a temperature.
-    temperature : of the sensors that frames hold [K], by name of the estimator's input.
+    lost : causes of what was known before and is not any more: navigation, a temperature, a further parameter.
+    further : temperatures [K] and further parameters of the flow, by name of the estimator's input.
     hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
@@ -59,7 +63,7 @@ class FlowState:
     altitude: float = nan
     lost: Cause = Cause.NONE
     hides_delay: bool = False
-    temperature: dict[str, float] = field(default_factory=dict)
+    further: dict[str, float] = field(default_factory=dict)
 
 
 class HeldValue:
@@ -96,7 +100,7 @@ class HeldValue:
         self._no_value = signal.no_value_codes
         self._low = -inf if signal.minimum is None else signal.minimum
         self._high = inf if signal.maximum is None else signal.maximum
-        self._smallest, self._largest = _SENSIBLE.get(source.quantity, _SENSIBLE_TEMPERATURE)
+        self._smallest, self._largest = _sensible(source.quantity)
         self._ends = raw_ends(signal) or ()
         self._value_of = self._plan.value_reader(source.index)
         self._doubtful = frozenset((*self._no_value, *self._ends))
@@ -211,7 +215,7 @@ class HeldValue:
 
 
 class HeldFlow:
-    """Holds q_inf, Mach number, altitude and temperatures, each for itself.
+    """Holds q_inf, Mach number, altitude, temperatures and further parameters, each for itself.
 
     Parameters
     ----------
@@ -230,7 +234,8 @@ class HeldFlow:
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
-        self._sensors = [value for value in values if is_temperature(value.quantity)]
+        of_loss = {is_temperature: Cause.TEMPERATURE, is_parameter: Cause.NAVIGATION}
+        self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
         self._state = FlowState()
 
     def reset(self) -> None:
@@ -273,10 +278,10 @@ class HeldFlow:
             state.altitude = altitude.value(now)
             if altitude.was_known and isnan(state.altitude):
                 lost = Cause.NAVIGATION
-        for held in self._sensors:
-            kelvin = state.temperature[held.quantity] = held.value(now)
-            if held.was_known and isnan(kelvin):
-                lost |= Cause.TEMPERATURE
+        for held, cause in self._further:
+            number = state.further[held.quantity] = held.value(now)
+            if held.was_known and isnan(number):
+                lost |= cause
         state.lost = lost
         return state
 
@@ -285,3 +290,10 @@ class HeldFlow:
         if self._fixed is not None:
             return self._fixed
         return nan if self._pressure is None else self._pressure.stated(now)
+
+
+def _sensible(quantity: str) -> tuple[float, float]:
+    """Return the smallest and largest value of a quantity that may be used."""
+    if is_parameter(quantity):
+        return -_LARGEST_PARAMETER, _LARGEST_PARAMETER
+    return _SENSIBLE.get(quantity, _SENSIBLE_TEMPERATURE)

@@ -356,8 +356,8 @@ class CycleJudge:
     ) -> tuple[StepResult | None, Quality, Cause]:
         """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
         further = self._further
-        if flow.temperature:
-            further.update(flow.temperature)
+        if flow.further:
+            further.update(flow.further)
         for name in self._navigation:
             further[name] = getattr(flow, name)
         try:

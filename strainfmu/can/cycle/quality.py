@@ -74,8 +74,8 @@ class Cause(IntFlag):
     BUS = 1 << 13
     """The bus is passive, off, or was reopened."""
     NAVIGATION = 1 << 14
-    """Mach number or altitude was known and is not any more: fewer tests of the envelope, the quality is as
-    before."""
+    """Mach number, altitude or a further parameter of the flow was known and is not any more: fewer tests of the
+    envelope, the quality is as before."""
     HIDDEN_DELAY = 1 << 16
     """As much delay as is allowed was taken for a slow clock of the sender; more of it may hide."""
     UNPROVEN_RESTART = 1 << 17

@@ -35,7 +35,7 @@ CAUSE_WORDS = {
     Cause.STEP_FAILED: "the estimator refused the step",
     Cause.OVERLOAD: "frames were dropped: no time for them",
     Cause.BUS: "the bus is passive, off or was reopened",
-    Cause.NAVIGATION: "Mach number or altitude is no longer known",
+    Cause.NAVIGATION: "Mach number, altitude or a parameter is no longer known",
     Cause.TEMPERATURE: "a temperature is no longer known: sigma is larger",
     Cause.NOT_AUTHENTIC: "a frame is not from the sender that holds the key, or is older than one seen before",
     Cause.TARE_RUNNING: "strains are collected for a tare",

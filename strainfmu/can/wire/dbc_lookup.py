@@ -26,6 +26,7 @@ _TABLES = {
     "mach_number",
     "altitude",
     "temperature",
+    "parameter",
     "units",
     "end_to_end",
     "sample_time",
@@ -107,7 +108,7 @@ class MappedDatabase:
 
     def check_timeouts(self) -> None:
         """Refuse a time-out of a frame that is not held."""
-        held = "frame of q_inf, navigation, temperatures or slow strains"
+        held = "frame of q_inf, navigation, temperatures, parameters or slow strains"
         self.check_keys("timeout_ms", held, self._with_timeout)
 
     def check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:

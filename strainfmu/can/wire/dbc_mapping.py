@@ -22,6 +22,7 @@ from strainfmu.can.wire.frame_layout import (
     FrameLayout,
     InputFrame,
     InputLayout,
+    is_parameter,
     is_temperature,
     temperature_name,
 )
@@ -32,6 +33,9 @@ from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_U
 
 _Key = TypeVar("_Key")
 """What a signal is of: the number of a gauge, or the name of a quantity."""
+
+_ABSENT = {"temperature": "temperature sensors", "parameter": "further parameters"}
+"""What an estimator lacks to which a table of the mapping cannot map."""
 
 _UNITS_OF = {
     DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
@@ -47,6 +51,7 @@ def mapped_layout(
     gauge_names: Sequence[str],
     name: str,
     sensor_names: Sequence[str] = (),
+    parameter_names: Sequence[str] = (),
 ) -> InputLayout:
     """Return the frames that ``mapping`` names in ``database``.
 
@@ -55,13 +60,18 @@ def mapped_layout(
     gauge_names : gauges in the order of the FMU's strains; the mapping may also call them strain[1], strain[2] ...
     name : of the mapping, for messages.
     sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
+    parameter_names : inputs ``parameter.NAME`` of the estimator for further parameters of the flow.
 
     Raises
     ------
     InputError
         The mapping names what does not exist, leaves a gauge out, or a signal cannot be used.
     """
-    return _Mapper(database, mapping, gauge_names=gauge_names, name=name, sensor_names=sensor_names).layout()
+    mapper = _Mapper(database, mapping, gauge_names=gauge_names, name=name)
+    numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
+    mapper.may_hold("temperature", "sensor", dict(zip(sensor_names, numbered, strict=True)))
+    mapper.may_hold("parameter", "name", {one.partition(".")[2]: one for one in parameter_names})
+    return mapper.layout()
 
 
 class _Mapper:
@@ -73,16 +83,18 @@ class _Mapper:
         mapping: Mapping[str, Any],
         gauge_names: Sequence[str],
         name: str,
-        sensor_names: Sequence[str],
     ) -> None:
         self._file = MappedDatabase(database, mapping, name)
         self._database, self._mapping, self._name = database, mapping, name
         self._gauges = {gauge: index for index, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         self._names = tuple(gauge_names)
-        numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
-        self._sensors = dict(zip(sensor_names, numbered, strict=True)) | {one: one for one in numbered}
+        self._further: dict[str, tuple[str, dict[str, str]]] = {}
         self._frames_in_use: set[str] = set()
+
+    def may_hold(self, table: str, kind: str, inputs: Mapping[str, str]) -> None:
+        """Let ``table`` map signals to ``inputs`` of the estimator, by names of what they are of, a ``kind``."""
+        self._further[table] = kind, {**inputs, **{one: one for one in inputs.values()}}
 
     def layout(self) -> InputLayout:
         """Return the whole input."""
@@ -151,12 +163,13 @@ class _Mapper:
         )
 
     def _flow_frames(self, cycle_time: float) -> tuple[InputFrame, ...]:
-        """Return the frames of q_inf, navigation and temperatures; quantities of one frame are decoded together.
+        """Return the frames of q_inf, navigation and further inputs; quantities of one frame are decoded together.
 
         Those of a frame that is slower than the cycle [s] are held for two of its own periods.
         """
         by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
-        for quantity, path in (*self._flow_paths(), *self._temperature_paths()):
+        further = (pair for table in self._further for pair in self._further_paths(table))
+        for quantity, path in (*self._flow_paths(), *further):
             message, signal = self._file.signal(path, quantity)
             by_frame.setdefault((message.name, selector_value(signal, self._name)), []).append((quantity, signal))
         frames = [self._flow_frame(*key, items) for key, items in _with_every_page(by_frame).items()]
@@ -181,16 +194,17 @@ class _Mapper:
             found.append((quantity, table["signal"]))
         return found
 
-    def _temperature_paths(self) -> list[tuple[str, Any]]:
-        """Return the temperatures that are mapped, and "Message.Signal" of each."""
+    def _further_paths(self, table: str) -> list[tuple[str, Any]]:
+        """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""
         found: dict[str, Any] = {}
-        for sensor, path in self._file.table("temperature", optional=True).items():
-            if sensor not in self._sensors:
-                known = ", ".join(self._sensors)[:200] or "none, the estimator has no temperature sensors"
-                raise InputError(f"{self._name}: temperature: expected a sensor ({known}), got '{sensor}'")
-            quantity = self._sensors[sensor]
+        kind, inputs = self._further[table]
+        for name, path in self._file.table(table, optional=True).items():
+            if name not in inputs:
+                known = ", ".join(inputs)[:200] or f"none, the estimator has no {_ABSENT[table]}"
+                raise InputError(f"{self._name}: {table}: expected a {kind} ({known}), got '{name}'")
+            quantity = inputs[name]
             if quantity in found:
-                raise InputError(f"{self._name}: temperature: expected one signal for '{sensor}', got 2")
+                raise InputError(f"{self._name}: {table}: expected one signal for '{name}', got 2")
             found[quantity] = path
         return list(found.items())
 
@@ -203,6 +217,8 @@ class _Mapper:
             if is_temperature(quantity):
                 unit = self._file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")
                 factor, offset = TEMPERATURE_UNITS[unit]
+            elif is_parameter(quantity):
+                factor, offset = 1.0, 0.0  # their unit is that of the vehicle file, which nobody states
             else:
                 units, what, unless_stated = _UNITS_OF[quantity]
                 factor = self._file.factor(message, signal, units=units, what=what, unless_stated=unless_stated)

@@ -26,6 +26,14 @@ def temperature_name(number: int) -> str:
     return f"{_TEMPERATURE}{number}]"
 
 
+_PARAMETER = "parameter."
+
+
+def is_parameter(quantity: str) -> bool:
+    """Return whether ``quantity`` is a further parameter of the flow, by the name of the FMU's input."""
+    return quantity.startswith(_PARAMETER)
+
+
 def is_temperature(quantity: str) -> bool:
     """Return whether ``quantity`` is the temperature of a sensor."""
     return quantity.startswith(_TEMPERATURE)
@@ -117,13 +125,13 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowSignal:
-    """A signal that holds a quantity of the flow or of navigation, or a temperature.
+    """A signal that holds a quantity of the flow or of navigation, a temperature or a further parameter.
 
     Attributes
     ----------
-    quantity : one of :data:`FLOW_QUANTITIES`, or :func:`temperature_name`.
+    quantity : one of :data:`FLOW_QUANTITIES`, :func:`temperature_name`, or as of :func:`is_parameter`.
     index : of the signal in its frame.
-    to_si, offset : factor from the signal's unit to Pa, 1, m or K, and what is added then.
+    to_si, offset : factor from the signal's unit to Pa, 1, m, K or a parameter's own, and what is added then.
     """
 
     quantity: str
